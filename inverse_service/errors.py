@@ -1,0 +1,62 @@
+"""One tree of errors: what is wrong, where, and what to do instead.
+
+Mathematics that ends (undetermined, no closed form) is an outcome and never an exception.
+"""
+
+from __future__ import annotations
+
+
+class InverseServiceError(Exception):
+    """Root of all errors; `code` is stable, `retry` says whether the same call can succeed later."""
+
+    code = "error"
+    retry = False
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(detail)
+        self.detail = detail
+
+
+class InputError(InverseServiceError):
+    """The document cannot be accepted.
+
+    `detail` is one clear sentence (what, where, what instead) that never echoes raw input at
+    length; `pointer` is an RFC 6901 JSON pointer into the document; `column` counts characters
+    from 1 in the string that the pointer names.
+    """
+
+    code = "bad-input"
+
+    def __init__(self, detail: str, pointer: str = "", column: int | None = None) -> None:
+        super().__init__(detail)
+        self.pointer = pointer
+        self.column = column
+
+    def at(self, pointer: str) -> InputError:
+        """The same error at a place further down in the document."""
+        return type(self)(self.detail, pointer + self.pointer, self.column)
+
+
+class LimitError(InputError):
+    """A documented limit (characters, tokens, depth, digits, exponent, coordinates) is passed."""
+
+    code = "limit"
+
+
+class IrreducibleAtoms(InverseServiceError):
+    """Atoms of f whose algebraic relations cannot be settled; becomes `undetermined`."""
+
+    code = "irreducible-atoms"
+
+
+class CertificateRefused(InverseServiceError):
+    """Our own checker refused our own certificate: a fault of ours."""
+
+    code = "certificate-refused"
+
+
+class WorkerFailed(InverseServiceError):
+    """A worker process ended without a result (deadline, memory, crash)."""
+
+    code = "worker-failed"
+    retry = True

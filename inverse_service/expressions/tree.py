@@ -1,0 +1,219 @@
+"""Syntax trees of formulas: frozen data, exact numbers, no evaluation of text.
+
+A tree is built by the readers (`text.py`, `latex.py`) or by the functions `add`, `multiply`,
+`power`, `apply` here, which flatten, fold numbers and drop neutral elements; they never expand.
+Names are plain data: what a `Symbol` stands for (coordinate, parameter, time `t`, the number
+`pi`) is known only to the system that holds the tree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+ELEMENTARY = frozenset(
+    "exp log sin cos tan cot sec csc sinh cosh tanh coth sech csch asin acos atan asinh acosh atanh".split()
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """An exact rational number."""
+
+    value: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """A coordinate, a parameter, the time `t`, or the number `pi`."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """The first time derivative of a coordinate."""
+
+    coordinate: str
+
+
+@dataclass(frozen=True, slots=True)
+class Acceleration:
+    """The second time derivative of a coordinate; only in equations not yet solved."""
+
+    coordinate: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """a + b + …, at least two terms, none a Sum, at most one a Number."""
+
+    terms: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """a b …, at least two factors, none a Product, at most one a Number and that one first."""
+
+    factors: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Power:
+    """base ^ exponent; sqrt(u) is Power(u, 1/2), u/w is a Product with Power(w, -1)."""
+
+    base: Expression
+    exponent: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Apply:
+    """An elementary function (a name in ELEMENTARY) of one argument."""
+
+    function: str
+    argument: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Arbitrary:
+    """A declared function or one of its partial derivatives: A'(u) has orders (1,)."""
+
+    name: str
+    arguments: tuple[Expression, ...]
+    orders: tuple[int, ...]
+
+
+Expression = Number | Symbol | Velocity | Acceleration | Sum | Product | Power | Apply | Arbitrary
+
+ZERO, ONE, MINUS_ONE, HALF = (Number(Fraction(k)) for k in ("0", "1", "-1", "1/2"))
+TIME = Symbol("t")
+PI = Symbol("pi")
+
+
+def number(value: int | Fraction) -> Number:
+    """The exact number as a tree."""
+    return Number(Fraction(value))
+
+
+def add(*terms: Expression) -> Expression:
+    """The sum, flattened, numbers folded, zero dropped."""
+    total, rest = Fraction(0), []
+    for term in terms:
+        for part in term.terms if isinstance(term, Sum) else (term,):
+            if isinstance(part, Number):
+                total += part.value
+            else:
+                rest.append(part)
+    if total:
+        rest.append(Number(total))
+    if not rest:
+        return ZERO
+    return rest[0] if len(rest) == 1 else Sum(tuple(rest))
+
+
+def multiply(*factors: Expression) -> Expression:
+    """The product, flattened, numbers folded and put first."""
+    total, rest = Fraction(1), []
+    for factor in factors:
+        for part in factor.factors if isinstance(factor, Product) else (factor,):
+            if isinstance(part, Number):
+                total *= part.value
+            else:
+                rest.append(part)
+    if not total:
+        return ZERO
+    if total != 1:
+        rest.insert(0, Number(total))
+    if not rest:
+        return ONE
+    return rest[0] if len(rest) == 1 else Product(tuple(rest))
+
+
+def power(base: Expression, exponent: Expression | int | Fraction) -> Expression:
+    """base ^ exponent; exact for numbers to small integer exponents; 0 to a negative power stays."""
+    if isinstance(exponent, int | Fraction):
+        exponent = number(exponent)
+    if exponent == ZERO:
+        return ONE
+    if exponent == ONE or base == ONE:
+        return base
+    if isinstance(exponent, Number) and exponent.value.denominator == 1:
+        if isinstance(base, Number) and abs(exponent.value) <= 64 and (base.value or exponent.value > 0):
+            return Number(base.value ** int(exponent.value))
+        if isinstance(base, Power) and isinstance(base.exponent, Number) and base.exponent.value.denominator == 1:
+            return power(base.base, base.exponent.value * exponent.value)
+    return Power(base, exponent)
+
+
+def negate(expression: Expression) -> Expression:
+    return multiply(MINUS_ONE, expression)
+
+
+def subtract(left: Expression, right: Expression) -> Expression:
+    return add(left, negate(right))
+
+
+def divide(left: Expression, right: Expression) -> Expression:
+    return multiply(left, power(right, -1))
+
+
+def square_root(expression: Expression) -> Expression:
+    return power(expression, Fraction(1, 2))
+
+
+def apply(function: str, argument: Expression) -> Expression:
+    """An elementary function; raises ValueError for a name that is not in ELEMENTARY."""
+    if function not in ELEMENTARY:
+        raise ValueError(f"{function} is not an elementary function")
+    return Apply(function, argument)
+
+
+def children(expression: Expression) -> tuple[Expression, ...]:
+    """The direct parts of a node."""
+    match expression:
+        case Sum(terms):
+            return terms
+        case Product(factors):
+            return factors
+        case Power(base, exponent):
+            return (base, exponent)
+        case Apply(_, argument):
+            return (argument,)
+        case Arbitrary(_, arguments, _):
+            return arguments
+        case _:
+            return ()
+
+
+def walk(expression: Expression) -> Iterator[Expression]:
+    """Every node, the root first; no recursion, so depth is no danger."""
+    stack = [expression]
+    while stack:
+        node = stack.pop()
+        yield node
+        stack.extend(reversed(children(node)))
+
+
+def rebuild(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
+    """The node with `change` applied to each direct part, put together by the constructors."""
+    match expression:
+        case Sum(terms):
+            return add(*map(change, terms))
+        case Product(factors):
+            return multiply(*map(change, factors))
+        case Power(base, exponent):
+            return power(change(base), change(exponent))
+        case Apply(function, argument):
+            return Apply(function, change(argument))
+        case Arbitrary(name, arguments, orders):
+            return Arbitrary(name, tuple(map(change, arguments)), orders)
+        case _:
+            return expression
+
+
+def substitute(expression: Expression, table: dict[Expression, Expression]) -> Expression:
+    """Every node that is a key of `table` replaced by its value, all at once."""
+    if expression in table:
+        return table[expression]
+    return rebuild(expression, lambda part: substitute(part, table))
