@@ -1,0 +1,91 @@
+"""What a solved inverse problem is, as data: trees and integers, no text documents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from inverse_service.expressions.tree import Expression
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+Verdict = Literal["variational", "not_variational", "undetermined"]
+Matrix = tuple[tuple[Expression, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SolutionSpace:
+    """Size of the space of multipliers: D_0, D_1, … at `order`, Cartan characters, a sentence."""
+
+    order: int
+    dimensions: tuple[int, ...]
+    characters: tuple[int, ...]
+    involutive: bool
+    statement: str
+
+
+@dataclass(frozen=True, slots=True)
+class Lagrangian:
+    """A regular Lagrangian, its Hessian g, the functions that must not vanish, and its family."""
+
+    expression: Expression
+    multiplier: Matrix
+    nonzero: tuple[Expression, ...]
+    family: str
+    positive: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Hamiltonian:
+    """H over (q, p), p of coordinate x being Symbol("p_x"); over (q, v) where `implicit`.
+
+    `momenta[i]` is p_i(t, q, v).
+    """
+
+    expression: Expression
+    momenta: tuple[Expression, ...]
+    implicit: bool
+    constraints: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of an explanation: a sentence, and a formula in LaTeX (may be empty)."""
+
+    text: str
+    latex: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The answer to one question: is there L(q, q'), or is there L(t, q, q')?"""
+
+    verdict: Verdict
+    reason: str = ""
+    lagrangian: Lagrangian | None = None
+    other_lagrangians: tuple[Lagrangian, ...] = ()
+    hamiltonian: Hamiltonian | None = None
+    space: SolutionSpace | None = None
+    certificate: Mapping[str, Any] | None = None
+    checked: Literal["valid", "incomplete", "invalid"] | None = None
+    explanation: tuple[Step, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Phi and nabla_Phi as n x n trees, R as n x n x n trees (R[j][k][l] = R^j_kl)."""
+
+    Phi: Matrix
+    nabla_Phi: Matrix
+    R: tuple[Matrix, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Everything found out about one system; `autonomous` is None where f contains t."""
+
+    system: SecondOrderSystem
+    autonomous: Answer | None
+    with_time: Answer | None
+    conditions: Conditions | None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
