@@ -1,0 +1,32 @@
+# The two commands: `make run` and `make test`. Both make .venv first and need only Python 3.11 and make.
+PORT ?= 8000
+HOST ?= 127.0.0.1
+STAMP := .venv/.installed
+
+.PHONY: install run test lint
+
+install: $(STAMP)
+
+# The first interpreter that is new enough; `make PYTHON=/path/to/python` overrules the search.
+$(STAMP): pyproject.toml constraints.txt
+	@set -e; \
+	for candidate in $(PYTHON) python3 python3.11 python3.12 python3.13 python; do \
+	  if $$candidate -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then found=$$candidate; break; fi; \
+	done; \
+	if [ -z "$$found" ]; then echo "Python 3.11 or newer is needed; none was found." >&2; exit 1; fi; \
+	if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then \
+	  $$found -m venv --clear .venv || { \
+	    echo "This Python cannot make an environment: install its venv package (Debian: python3-venv)." >&2; exit 1; }; \
+	fi
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $(STAMP)
+
+run: install
+	.venv/bin/inverse-service serve --host $(HOST) --port $(PORT)
+
+test: install
+	.venv/bin/python -m pytest -m "not slow and not browser and not nightly"
+
+lint: install
+	.venv/bin/ruff check .
+	.venv/bin/mypy
