@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from inverse_service.errors import InputError
 
-VERSION = "0.1.0"
 PREFIX = "INVERSE_SERVICE_"
 
 

@@ -1,0 +1,86 @@
+"""Problem documents (RFC 9457) and the other small answers of the service."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from api_schemas.base import Document
+
+
+class ProblemPlace(Document):
+    """One fault: RFC 6901 pointer, column from 1 in the string there, and what to write instead."""
+
+    pointer: str
+    column: int | None = None
+    detail: str
+
+
+class ProblemDocument(Document):
+    """`type` is stable and names the kind of problem; raw input is never part of the text."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    errors: list[ProblemPlace] = Field(default_factory=list)
+
+
+class ParsedFormula(Document):
+    """A formula in the three written forms."""
+
+    text: str
+    latex: str
+    mathml: str
+
+
+class ParseAnswer(Document):
+    """What was understood: each acceleration, and the names by what they stand for."""
+
+    name: str
+    coordinates: list[str]
+    parameters: list[str]
+    functions: dict[str, list[str]]
+    equations: dict[str, ParsedFormula]
+    depends_on_time: bool
+
+
+class CheckAnswer(Document):
+    """The independent checker's verdict on a result."""
+
+    verdict: Literal["valid", "incomplete", "invalid"]
+    reasons: list[str]
+
+
+class LimitsAnswer(Document):
+    """Every limit that a refusal can name; seconds, MiB, bytes, counts."""
+
+    document: dict[str, int]
+    formula: dict[str, int]
+    service: dict[str, float]
+
+
+class CatalogueEntry(Document):
+    """One named system with what is known about it."""
+
+    name: str
+    title: str
+    group: str = ""
+    source: str = ""
+    document: dict[str, Any]
+    expected: dict[str, Any] = Field(default_factory=dict)
+
+
+class CatalogueLine(Document):
+    """One line of the list of named systems."""
+
+    name: str
+    title: str
+    group: str = ""
+
+
+class CatalogueList(Document):
+    """All named systems."""
+
+    systems: list[CatalogueLine]

@@ -1,0 +1,99 @@
+"""The Result document."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from api_schemas.base import Document
+
+FORMAT = "inverse-service/result/1"
+Verdict = Literal["variational", "not_variational", "undetermined"]
+Checked = Literal["valid", "incomplete", "invalid"]
+TextMatrix = list[list[str]]
+
+
+class Formula(Document):
+    """A formula in plain text and in LaTeX."""
+
+    text: str
+    latex: str
+
+
+class ExplanationStep(Document):
+    """One step of the explanation: a sentence, and a formula in LaTeX or nothing."""
+
+    text: str
+    latex: str = ""
+
+
+class LagrangianPart(Formula):
+    """A Lagrangian, the set where it is regular, and where it comes from."""
+
+    domain: list[str] = Field(default_factory=list)
+    family: str = ""
+
+
+class HamiltonianPart(Formula):
+    """H(q, p), or H(q, q') with the momenta where p = dL/dq' has no closed inverse (`implicit`)."""
+
+    momenta: dict[str, str]
+    implicit: bool
+    constraints: list[str] = Field(default_factory=list)
+
+
+class SolutionSpacePart(Document):
+    """Size of the space of multipliers."""
+
+    order: int
+    dimensions: list[int]
+    characters: list[int]
+    involutive: bool
+    statement: str
+
+
+class ConditionsPart(Document):
+    """Phi and nabla_Phi as n x n texts, R as n x n x n texts."""
+
+    Phi: TextMatrix
+    nabla_Phi: TextMatrix
+    R: list[TextMatrix]
+
+
+class UnderstoodSystem(Document):
+    """The system as understood: canonical equations, one text and one LaTeX line a coordinate."""
+
+    name: str = ""
+    coordinates: list[str]
+    equations: dict[str, str]
+    latex: dict[str, str]
+    parameters: list[str]
+    functions: dict[str, list[str]]
+    given: dict[str, Any]
+
+
+class OtherAnswer(Document):
+    """The answer to the other question, L(t, q, q'), where it differs from the main one."""
+
+    verdict: Verdict
+    lagrangian: LagrangianPart | None = None
+    other_lagrangians: list[LagrangianPart] = Field(default_factory=list)
+    multiplier: TextMatrix | None = None
+    hamiltonian: HamiltonianPart | None = None
+    solution_space: SolutionSpacePart | None = None
+    certificate: dict[str, Any] | None = None
+    explanation: list[ExplanationStep] = Field(default_factory=list)
+    checked: Checked | None = None
+    reason: str = ""
+
+
+class ResultDocument(OtherAnswer):
+    """Everything found out about one system; the main fields answer L(q, q') unless time is asked for."""
+
+    format: Literal["inverse-service/result/1"] = FORMAT
+    system: UnderstoodSystem | None
+    verdict_with_time: Verdict | None = None
+    conditions: ConditionsPart | None = None
+    with_time: OtherAnswer | None = None
+    provenance: dict[str, Any] = Field(default_factory=dict)

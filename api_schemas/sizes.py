@@ -1,0 +1,13 @@
+"""Sizes that the documents are held to; formulas have further limits where they are read."""
+
+from __future__ import annotations
+
+MAX_COORDINATES = 8
+MAX_PARAMETERS = 32
+MAX_FUNCTIONS = 16
+MAX_FUNCTION_ARGUMENTS = 8
+MAX_NAME_CHARACTERS = 64
+MAX_TITLE_CHARACTERS = 500
+MAX_FORMULA_CHARACTERS = 20_000
+MAX_EQUATIONS = 16
+MAX_VALUE_CHARACTERS = 200

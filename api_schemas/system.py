@@ -1,0 +1,77 @@
+"""The System document: q'' = f(t, q, q') in any form of the contract."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
+
+from api_schemas.base import Document
+from api_schemas.sizes import (
+    MAX_COORDINATES,
+    MAX_EQUATIONS,
+    MAX_FORMULA_CHARACTERS,
+    MAX_FUNCTION_ARGUMENTS,
+    MAX_FUNCTIONS,
+    MAX_NAME_CHARACTERS,
+    MAX_PARAMETERS,
+    MAX_TITLE_CHARACTERS,
+    MAX_VALUE_CHARACTERS,
+)
+
+TAGS = ("<mapping>", "<list>", "<text>")
+
+
+def shape(value: Any) -> str | None:
+    """Which of the forms a value has; tells pydantic which one to complain about."""
+    if isinstance(value, dict):
+        return "<mapping>"
+    if isinstance(value, list | tuple):
+        return "<list>"
+    return "<text>" if isinstance(value, str) else None
+
+
+def number_as_text(value: Any) -> Any:
+    """A JSON number as the text it was written with; numbers stay exact that way."""
+    is_number = isinstance(value, int | Decimal | float) and not isinstance(value, bool)
+    return str(value) if is_number else value
+
+
+Name = Annotated[str, StringConstraints(min_length=1, max_length=MAX_NAME_CHARACTERS)]
+Formula = Annotated[
+    str, StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS), BeforeValidator(number_as_text)
+]
+Text = Annotated[str, StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS)]
+Value = Annotated[
+    str, StringConstraints(min_length=1, max_length=MAX_VALUE_CHARACTERS), BeforeValidator(number_as_text)
+]
+Equations = Annotated[
+    Annotated[dict[Name, Formula], Field(max_length=MAX_COORDINATES), Tag("<mapping>")]
+    | Annotated[list[Text], Field(min_length=1, max_length=MAX_EQUATIONS), Tag("<list>")]
+    | Annotated[Text, Tag("<text>")],
+    Discriminator(shape),
+]
+Parameters = Annotated[
+    Annotated[dict[Name, Value | None], Field(max_length=MAX_PARAMETERS), Tag("<mapping>")]
+    | Annotated[list[Name], Field(max_length=MAX_PARAMETERS), Tag("<list>")],
+    Discriminator(shape),
+]
+Arguments = Annotated[list[Name], Field(min_length=1, max_length=MAX_FUNCTION_ARGUMENTS)]
+
+
+class SystemDocument(Document):
+    """A second-order system as users write it.
+
+    `equations`: an object with each acceleration, a list or a text of whole equations.
+    `parameters`: a list of names, or an object with values (null leaves one generic).
+    `functions`: arbitrary functions, each with the coordinates it depends on.
+    `time_dependent_lagrangian`: false asks for L(q, q'), true for L(t, q, q'), left out: both.
+    """
+
+    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)]
+    equations: Equations
+    parameters: Parameters = Field(default_factory=list)
+    functions: Annotated[dict[Name, Arguments], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
+    time_dependent_lagrangian: bool | None = None
