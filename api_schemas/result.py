@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field
 
 from api_schemas.base import Document
 
-FORMAT = "inverse-service/result/1"
+FORMAT: Final = "inverse-service/result/1"
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Checked = Literal["valid", "incomplete", "invalid"]
 TextMatrix = list[list[str]]

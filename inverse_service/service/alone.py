@@ -1,0 +1,72 @@
+"""One task in one process of its own, with a deadline: for a single call of the command line."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any
+
+from inverse_service.service.isolation import isolate
+from inverse_service.service.outcome import Outcome
+
+Report = Callable[[Outcome], None]
+
+
+def run_alone(
+    task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float, memory_limit: int
+) -> Outcome:
+    """Run `task(*arguments)` in a new process and kill it after `deadline` s.
+
+    The process is forked from this one, which has no threads and has not loaded the engine.
+    """
+    method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
+    context = multiprocessing.get_context(method)
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_child, args=(sender, task, arguments, memory_limit), daemon=True)
+    process.start()
+    sender.close()
+    try:
+        return _receive(receiver, process, deadline)
+    finally:
+        process.kill()
+        process.join()
+
+
+def _receive(receiver: Connection, process: Any, deadline: float) -> Outcome:
+    if not receiver.poll(deadline):
+        return Outcome("deadline")
+    try:
+        outcome: Outcome = receiver.recv()
+    except EOFError:
+        process.join()
+        return _exit_outcome(process.exitcode)
+    return outcome
+
+
+def _exit_outcome(exitcode: int | None) -> Outcome:
+    if exitcode is not None and -exitcode in (signal.SIGABRT, signal.SIGKILL):
+        return Outcome("memory")
+    return Outcome("crash", detail=f"worker process ended with exit code {exitcode}")
+
+
+def _child(sender: Connection, task: Callable[..., Outcome], arguments: tuple[Any, ...], memory_limit: int) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _silence_standard_error()
+    isolate(memory_limit)
+    try:
+        outcome = task(*arguments)
+    except MemoryError:
+        outcome = Outcome("memory")
+    sender.send(outcome)
+
+
+def _silence_standard_error() -> None:
+    """C libraries print as they abort; the parent says what happened in one sentence."""
+    with contextlib.suppress(OSError):
+        silence = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silence, 2)
+        os.close(silence)
