@@ -11,20 +11,16 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from inverse_service.service.isolation import isolate
-from inverse_service.service.outcome import Outcome
-
-Report = Callable[[Outcome], None]
+from inverse_service.service.outcome import Outcome, outcome_of_exit
 
 
-def run_alone(
-    task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float, memory_limit: int
-) -> Outcome:
+def run_alone(task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float, memory_limit: int) -> Outcome:
     """Run `task(*arguments)` in a new process and kill it after `deadline` s.
 
     The process is forked from this one, which has no threads and has not loaded the engine.
     """
     method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(method)
+    context: Any = multiprocessing.get_context(method)
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_child, args=(sender, task, arguments, memory_limit), daemon=True)
     process.start()
@@ -43,14 +39,8 @@ def _receive(receiver: Connection, process: Any, deadline: float) -> Outcome:
         outcome: Outcome = receiver.recv()
     except EOFError:
         process.join()
-        return _exit_outcome(process.exitcode)
+        return outcome_of_exit(process.exitcode)
     return outcome
-
-
-def _exit_outcome(exitcode: int | None) -> Outcome:
-    if exitcode is not None and -exitcode in (signal.SIGABRT, signal.SIGKILL):
-        return Outcome("memory")
-    return Outcome("crash", detail=f"worker process ended with exit code {exitcode}")
 
 
 def _child(sender: Connection, task: Callable[..., Outcome], arguments: tuple[Any, ...], memory_limit: int) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import dataclass
 from typing import Any, Literal
 
 Status = Literal["done", "refused", "deadline", "memory", "crash", "fault"]
+# SIGABRT: FLINT and GMP abort when memory runs out; SIGKILL that is not ours: the kernel's killer.
+MEMORY_SIGNALS = frozenset({signal.SIGABRT, getattr(signal, "SIGKILL", signal.SIGABRT)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,3 +33,10 @@ class Outcome:
     value: Any = None
     places: tuple[Place, ...] = ()
     detail: str = ""
+
+
+def outcome_of_exit(exitcode: int | None) -> Outcome:
+    """What the exit code of a dead process says; negative codes are signals."""
+    if exitcode is not None and -exitcode in MEMORY_SIGNALS:
+        return Outcome("memory")
+    return Outcome("crash", detail=f"worker process ended with exit code {exitcode}")

@@ -48,7 +48,7 @@ def read_yaml(data: bytes | str) -> Any:
     from inverse_service.service.yaml_loading import PlainLoader
 
     try:
-        value = yaml.load(decode(data), Loader=PlainLoader)  # noqa: S506 - PlainLoader builds plain data only
+        value = yaml.load(decode(data), Loader=PlainLoader)
     except yaml.YAMLError as error:
         raise InputError(f"The document is not YAML that can be read here: {_yaml_reason(error)}.") from None
     except RecursionError:
@@ -99,7 +99,7 @@ def refuse_surrogates(value: Any) -> None:
     while stack:
         node, pointer = stack.pop()
         if isinstance(node, str) and not _is_encodable(node):
-            raise InputError("A text holds half of a surrogate pair (\\ud800 to \\udfff); write the character.", pointer)
+            raise InputError("A text holds half of a surrogate pair; write the whole character.", pointer)
         stack.extend(_parts(node, pointer))
 
 

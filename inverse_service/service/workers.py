@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
-import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -17,17 +16,15 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 import pebble
-from pebble.common import CONSTS
+from pebble.common.types import CONSTS
 
 from inverse_service.errors import WorkerFailed
 from inverse_service.service import tasks
 from inverse_service.service.isolation import isolate
-from inverse_service.service.outcome import Outcome
+from inverse_service.service.outcome import Outcome, outcome_of_exit
 
 log = logging.getLogger(__name__)
 TASKS_PER_WORKER = 200
-# SIGABRT: FLINT and GMP abort when memory runs out; SIGKILL that is not ours: the kernel's killer.
-MEMORY_SIGNALS = frozenset({signal.SIGABRT, signal.SIGKILL})
 CONSTS.term_timeout = 0.2
 
 
@@ -53,8 +50,7 @@ class Workers:
     def submit(self, task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float) -> Future[Outcome]:
         """Run `task(*arguments)`; the process is killed `deadline` s after it took the task.
 
-        The future always ends with an Outcome, never with an exception. Raises WorkerFailed if
-        no process can be started.
+        The future always ends with an Outcome, never with an exception.
         """
         answer: Future[Outcome] = Future()
         self._schedule(answer, task, arguments, deadline, attempts=2)
@@ -68,8 +64,7 @@ class Workers:
         """End all processes at once; tasks not done are lost."""
         with self._lock:
             if self._pool is not None:
-                self._pool.stop()
-                self._pool.join()
+                end(self._pool)
                 self._pool = None
 
     def _schedule(
@@ -90,7 +85,7 @@ class Workers:
         try:
             pool = self._active_pool()
             future = pool.schedule(task, args=arguments, timeout=deadline)
-        except (RuntimeError, OSError) as error:
+        except (WorkerFailed, RuntimeError, OSError) as error:
             answer.set_result(Outcome("crash", detail=f"no worker process can be started: {error}"))
             return
         future.add_done_callback(finish)
@@ -101,7 +96,7 @@ class Workers:
                 raise WorkerFailed("The worker processes are stopped.")
             if not self._pool.active:
                 log.warning("worker pool broke; starting a new one")
-                self._pool.stop()
+                threading.Thread(target=end, args=(self._pool,), daemon=True).start()
                 self._pool = self._new_pool()
             return self._pool
 
@@ -126,6 +121,12 @@ def process_context() -> Any:
     return context
 
 
+def end(pool: pebble.ProcessPool) -> None:
+    """Kill the processes of a pool and wait for its threads."""
+    pool.stop()  # type: ignore[no-untyped-call]
+    pool.join()
+
+
 def begin(memory_limit: int) -> None:
     """First act of a worker process. The engine is loaded before memory is bounded."""
     tasks.load_engine()
@@ -144,10 +145,3 @@ def outcome_of(done: Future[Outcome]) -> Outcome:
     if isinstance(error, pebble.ProcessExpired):
         return outcome_of_exit(error.exitcode)
     return Outcome("crash", detail=f"{type(error).__name__}: {error}")
-
-
-def outcome_of_exit(exitcode: int | None) -> Outcome:
-    """What the exit code of a dead process says; negative codes are signals."""
-    if exitcode is not None and -exitcode in MEMORY_SIGNALS:
-        return Outcome("memory")
-    return Outcome("crash", detail=f"worker process ended with exit code {exitcode}")

@@ -1,0 +1,85 @@
+"""Use cases as they run inside a worker process: document in, document out."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any
+
+from api_schemas.result import ResultDocument
+from inverse_service.certificate.checker import check_result, check_text
+from inverse_service.errors import CertificateRefused
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.service import translate
+
+# The solver stops by itself a little before its process is killed, so that it can say how far it came.
+SHARE_OF_SOLVER = 0.8
+
+
+def solve_document(
+    document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """The result document of a System document, its certificates checked.
+
+    `options.time_limit` is the time for all of it; `time_dependent` is taken from the document.
+    Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
+    finds our own certificate invalid.
+    """
+    end = time.monotonic() + options.time_limit
+    schema = translate.to_schema(document)
+    system = translate.to_system(schema)
+    asked = dataclasses.replace(
+        options,
+        time_dependent=schema.time_dependent_lagrangian,
+        time_limit=SHARE_OF_SOLVER * (end - time.monotonic()),
+    )
+    solution = solve(system, asked, progress)
+    return checked(translate.to_result(solution, schema), end - time.monotonic())
+
+
+def parse_document(document: Any) -> dict[str, Any]:
+    """What was understood of a System document; raises InputError."""
+    return translate.to_parse_answer(translate.to_system(translate.to_schema(document))).model_dump(mode="json")
+
+
+def understand_document(document: Any) -> dict[str, Any]:
+    """The `system` part of a result for a System document; raises InputError."""
+    schema = translate.to_schema(document)
+    return translate.to_understood(translate.to_system(schema), schema).model_dump(mode="json")
+
+
+def check_document(text: str) -> dict[str, Any]:
+    """The independent checker's verdict on the text of a result."""
+    found = check_text(text)
+    return {"verdict": found.verdict, "reasons": list(found.reasons)}
+
+
+def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
+    """The document with the checker's verdict on each definite answer.
+
+    An answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked.
+    """
+    document = result.model_dump(mode="json")
+    _check_answer(document, document, time_limit)
+    if document["with_time"] is not None:
+        # The checker reads a result by its main fields: show it the other answer in their place.
+        _check_answer(document["with_time"], {**document, **document["with_time"], "with_time": None}, time_limit)
+        document["verdict_with_time"] = document["with_time"]["verdict"]
+    return document
+
+
+def _check_answer(answer: dict[str, Any], shown: dict[str, Any], time_limit: float) -> None:
+    if answer["verdict"] == "undetermined" or answer["checked"] == "valid":
+        return
+    found = check_result(shown, time_limit=max(1.0, time_limit))
+    answer["checked"] = found.verdict
+    if found.verdict == "invalid":
+        raise CertificateRefused("our checker refused our certificate: " + "; ".join(found.reasons)[:500])
+    if found.verdict == "incomplete":
+        verdict = answer["verdict"].replace("_", " ")
+        answer["verdict"] = "undetermined"
+        answer["reason"] = (
+            f"The solver found {verdict}, but the independent check could not confirm it: {'; '.join(found.reasons)}"
+        )

@@ -1,0 +1,68 @@
+"""The tasks that worker processes run. Light to import: the engine is loaded inside the process."""
+
+from __future__ import annotations
+
+import importlib
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from inverse_service.errors import InputError
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.outcome import Outcome, Place
+
+ENGINE = ("inverse_service.service.solving",)
+
+
+def load_engine() -> None:
+    """Import everything that a task needs."""
+    for module in ENGINE:
+        importlib.import_module(module)
+
+
+def solve_task(document: Any, options: SolveOptions) -> Outcome:
+    """A System document to its result document."""
+    return _guarded("solve_document", document, options)
+
+
+def parse_task(document: Any) -> Outcome:
+    """A System document to what was understood."""
+    return _guarded("parse_document", document)
+
+
+def understand_task(document: Any) -> Outcome:
+    """A System document to the `system` part of a result."""
+    return _guarded("understand_document", document)
+
+
+def check_task(text: str) -> Outcome:
+    """The text of a result to the checker's verdict."""
+    return _guarded("check_document", text)
+
+
+def ping_task() -> Outcome:
+    """Shows that a worker process answers and has the engine loaded."""
+    load_engine()
+    return Outcome("done", "pong")
+
+
+def _guarded(name: str, *arguments: Any) -> Outcome:
+    from inverse_service.service import solving
+
+    return guard(getattr(solving, name), *arguments)
+
+
+def guard(function: Callable[..., Any], *arguments: Any) -> Outcome:
+    """Run it and say as data how it ended; nothing but process death gets past."""
+    try:
+        return Outcome("done", function(*arguments))
+    except InputError as error:
+        places: tuple[Place, ...] = getattr(error, "places", ()) or (
+            Place(error.detail, error.pointer, error.column, error.code),
+        )
+        return Outcome("refused", places=places)
+    except MemoryError:
+        return Outcome("memory")
+    except Exception as error:  # the boundary of the process: a fault of ours becomes data for the log
+        trace = "".join(traceback.format_exception(error))[-8000:]
+        return Outcome("fault", value=f"{type(error).__name__}", detail=trace)
