@@ -104,18 +104,6 @@ def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Ans
     return main, time if time is not None and time is not main and time.verdict != main.verdict else None
 
 
-def undetermined(understood: Mapping[str, Any] | None, reason: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The result document of a run that a limit ended."""
-    result = ResultDocument(
-        system=None if understood is None else UnderstoodSystem.model_validate(understood),
-        verdict="undetermined",
-        verdict_with_time="undetermined",
-        reason=reason,
-        provenance={"program": "inverse-service", "version": __version__, "options": dict(options)},
-    )
-    return result.model_dump(mode="json")
-
-
 def _answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
     lagrangian, space = answer.lagrangian, answer.space
     return {

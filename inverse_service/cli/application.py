@@ -1,0 +1,104 @@
+"""The commands and their options; the work of each is in a module of its own, loaded when called."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from inverse_service.cli.exits import exit_codes
+
+application = typer.Typer(
+    name="inverse-service",
+    help="Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+class Format(StrEnum):
+    """How `solve` writes its result."""
+
+    json = "json"
+    text = "text"
+    latex = "latex"
+
+
+class CatalogueFormat(StrEnum):
+    """How `catalogue` writes."""
+
+    json = "json"
+    text = "text"
+
+
+Seconds = Annotated[float | None, typer.Option("--time-limit", help="Seconds; default from the settings, 60.")]
+
+
+def run() -> None:
+    """Run the command of this process's arguments and exit."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(encoding="utf-8", errors="replace")
+    with exit_codes():
+        application()
+
+
+@application.command()
+def solve(
+    file: Annotated[str, typer.Argument(help="A System document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")],
+    format: Annotated[Format, typer.Option(help="How to write the result.")] = Format.json,
+    time_limit: Seconds = None,
+    seed: Annotated[int, typer.Option(help="Seed of the random points and primes.")] = 1,
+    explain: Annotated[bool, typer.Option("--explain", help="With text and latex: conditions and every step.")] = False,
+) -> None:
+    """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
+    from inverse_service.cli.solving import solve_file
+
+    sys.exit(solve_file(file, format.value, time_limit, seed, explain))
+
+
+@application.command()
+def check(file: Annotated[str, typer.Argument(help="A result, as JSON; - is standard input.")]) -> None:
+    """The independent checker on a result. Exit 0 valid, 1 invalid or incomplete, 2 unreadable."""
+    from inverse_service.cli.checking import check_file
+
+    sys.exit(check_file(file))
+
+
+@application.command()
+def batch(
+    file: Annotated[Path, typer.Argument(help="NDJSON: one System document a line, each with its own id.")],
+    output: Annotated[Path, typer.Option("--output", help="NDJSON of results; appended to, so a run can go on.")],
+    workers: Annotated[int | None, typer.Option(help="Processes; default one a core.", min=1, max=256)] = None,
+    time_limit: Seconds = None,
+) -> None:
+    """Many systems; started again after an interruption it goes on where it was."""
+    from inverse_service.cli.batching import batch_file
+
+    sys.exit(batch_file(file, output, workers, time_limit))
+
+
+@application.command()
+def catalogue(
+    name: Annotated[str | None, typer.Argument(help="One system; without it, all names.")] = None,
+    format: Annotated[CatalogueFormat | None, typer.Option(help="Default: text for the list, json for one.")] = None,
+) -> None:
+    """The named systems; one of them as a document that `solve` takes."""
+    from inverse_service.cli.listing import list_catalogue
+
+    sys.exit(list_catalogue(name, None if format is None else format.value))
+
+
+@application.command()
+def serve(
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
+) -> None:
+    """The HTTP service and its page."""
+    from inverse_service.cli.serving import serve_http
+
+    sys.exit(serve_http(host, port))

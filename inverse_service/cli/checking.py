@@ -1,0 +1,30 @@
+"""`inverse-service check`."""
+
+from __future__ import annotations
+
+from inverse_service.cli.exits import ExitCode
+from inverse_service.cli.files import read_bytes
+from inverse_service.errors import InputError
+from inverse_service.service import tasks
+from inverse_service.service.alone import run_alone
+from inverse_service.service.reading import decode, read_json
+from inverse_service.settings import read_settings
+
+MAX_RESULT_BYTES = 200_000_000
+
+
+def check_file(name: str) -> ExitCode:
+    """Run the checker in a process of its own; print its verdict and its reasons."""
+    settings = read_settings()
+    text = decode(read_bytes(name, MAX_RESULT_BYTES))
+    if not isinstance(read_json(text), dict):
+        raise InputError("The file is not a result: a JSON object with verdict, system and certificate is needed.")
+    outcome = run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
+    if outcome.status in ("deadline", "memory"):
+        print(f"incomplete\nThe check was stopped at its {outcome.status} limit.")
+        return ExitCode.OPEN
+    from inverse_service.service.answers import value_of
+
+    found = value_of(outcome)
+    print("\n".join([found["verdict"], *found["reasons"]]))
+    return ExitCode.DONE if found["verdict"] == "valid" else ExitCode.OPEN

@@ -1,0 +1,28 @@
+"""Reading what a command was given: a file, or - for standard input."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from inverse_service.errors import InputError, LimitError
+
+MAX_BYTES = 10_000_000
+
+
+def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
+    """The bytes of a file or of standard input; raises InputError where there is none or too much."""
+    try:
+        if name == "-":
+            data = sys.stdin.buffer.read(limit + 1)
+        else:
+            with Path(name).open("rb") as stream:
+                data = stream.read(limit + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "the name is not a file name"
+        raise InputError(
+            f"The file cannot be read: {reason}; give the name of a file, or - for standard input."
+        ) from None
+    if len(data) > limit:
+        raise LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
+    return data

@@ -1,0 +1,48 @@
+"""A result as a LaTeX document that compiles by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from inverse_service.cli.text_page import asks_for_time, verdict_sentence
+
+SPECIAL = {
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    **{character: f"\\{character}" for character in "&%$#_{}"},
+}  # fmt: skip
+
+
+def latex_page(result: dict[str, Any], explain: bool) -> str:
+    """The whole document, ending with a newline."""
+    lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb}", r"\begin{document}"]
+    if result["system"] is not None:
+        lines += [escaped(result["system"]["name"]), *map(_display, result["system"]["latex"].values())]
+    lines += _answer(result, asks_for_time(result), explain)
+    if result["with_time"] is not None:
+        lines += _answer(result["with_time"], True, explain)
+    return "\n".join([*lines, r"\end{document}"]) + "\n"
+
+
+def escaped(text: str) -> str:
+    """Plain text with the characters that LaTeX gives a meaning made harmless."""
+    return "".join(SPECIAL.get(character, character) for character in text)
+
+
+def _display(formula: str) -> str:
+    return f"\\[ {formula} \\]"
+
+
+def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
+    yield escaped(f"{verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
+    if answer["lagrangian"] is not None:
+        yield _display(f"L = {answer['lagrangian']['latex']}")
+    if answer["hamiltonian"] is not None:
+        yield _display(f"H = {answer['hamiltonian']['latex']}")
+    if answer["solution_space"] is not None:
+        yield escaped(answer["solution_space"]["statement"])
+    if explain and answer["explanation"]:
+        yield r"\begin{enumerate}"
+        for step in answer["explanation"]:
+            yield f"\\item {escaped(step['text'])}" + (f" {_display(step['latex'])}" if step["latex"] else "")
+        yield r"\end{enumerate}"

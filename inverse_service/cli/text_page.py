@@ -1,0 +1,100 @@
+"""A result as plain text for a person to read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+LONG = 300
+QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
+SENTENCES = {
+    "variational": "Variational: a regular Lagrangian {question} exists.",
+    "not_variational": "Not variational: no regular Lagrangian {question} exists.",
+    "undetermined": "Undetermined: whether a regular Lagrangian {question} exists was not settled.",
+}
+
+
+def text_page(result: dict[str, Any], explain: bool) -> str:
+    """The whole page, ending with a newline."""
+    lines = [*_system(result["system"]), *_answer(result, asks_for_time(result), explain)]
+    if result["with_time"] is not None:
+        lines += ["", *_answer(result["with_time"], True, explain)]
+    elif result["verdict_with_time"] is not None and not asks_for_time(result):
+        lines += ["", verdict_sentence(result["verdict_with_time"], True)]
+    if explain:
+        lines += ["", *_conditions(result["conditions"])]
+    return "\n".join(lines) + "\n"
+
+
+def asks_for_time(result: dict[str, Any]) -> bool:
+    """Whether the main fields answer L(t, q, q')."""
+    system = result["system"] or {"given": {}, "equations": {}}
+    asked: bool | None = system["given"].get("time_dependent_lagrangian")
+    return bool(asked) or result.get("provenance", {}).get("question") == "L(t, q, q')"
+
+
+def verdict_sentence(verdict: str, with_time: bool) -> str:
+    """The verdict as a sentence that says which question it answers."""
+    return SENTENCES[verdict].format(question=QUESTIONS[with_time])
+
+
+def _system(system: dict[str, Any] | None) -> Iterator[str]:
+    if system is None:
+        return
+    if system["name"]:
+        yield system["name"]
+    yield from (f"  {coordinate}'' = {text}" for coordinate, text in system["equations"].items())
+    yield ""
+
+
+def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
+    yield verdict_sentence(answer["verdict"], with_time)
+    if answer["reason"]:
+        yield f"  {answer['reason']}"
+    if answer["checked"] is not None:
+        yield f"  independent check: {answer['checked']}"
+    if answer["lagrangian"] is not None:
+        yield f"  L = {answer['lagrangian']['text']}"
+        yield from (f"      where {condition}" for condition in answer["lagrangian"]["domain"])
+    if answer["hamiltonian"] is not None:
+        yield from _hamiltonian(answer["hamiltonian"])
+    if answer["solution_space"] is not None:
+        yield f"  {answer['solution_space']['statement']}"
+    if explain:
+        yield from _steps(answer["explanation"])
+
+
+def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[str]:
+    yield f"  H = {hamiltonian['text']}"
+    yield from (f"      {momentum} = {text}" for momentum, text in hamiltonian["momenta"].items())
+    yield from (f"      constraint {text} = 0" for text in hamiltonian["constraints"])
+
+
+def _steps(steps: list[dict[str, str]]) -> Iterator[str]:
+    if not steps:
+        return
+    yield ""
+    for k, step in enumerate(steps, 1):
+        formula = f"  [{step['latex']}]" if step["latex"] else ""
+        yield f"  {k}. {step['text']}{formula}"
+
+
+def _conditions(conditions: dict[str, Any] | None) -> Iterator[str]:
+    if conditions is None:
+        return
+    yield "Conditions: g Phi and g nabla_Phi must be symmetric, and the cyclic sums of g R must vanish. Entries not 0:"
+    for name in ("Phi", "nabla_Phi", "R"):
+        found = [(place, text) for place, text in _entries(conditions[name], ()) if text != "0"]
+        if not found:
+            yield f"  {name} = 0"
+        for place, text in found:
+            shown = text if len(text) <= LONG else f"({len(text)} characters; see --format json)"
+            yield f"  {name}[{', '.join(map(str, place))}] = {shown}"
+
+
+def _entries(part: Any, place: tuple[int, ...]) -> Iterator[tuple[tuple[int, ...], str]]:
+    if isinstance(part, str):
+        yield place, part
+    else:
+        for k, inner in enumerate(part, 1):
+            yield from _entries(inner, (*place, k))
