@@ -1,0 +1,186 @@
+"""Formulas into an exact ring: their functions become generators, level by level of nesting.
+
+Within a level the arguments of exp, log and the circular functions are first written in a basis over
+Q, so that exp(x + y), exp(x) and exp(y) or sin(2x) and cos(x) share generators.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+
+from inverse_service.algebra.exact_arbitrary import adjoin_arbitrary
+from inverse_service.algebra.exact_circular import CIRCULAR, HYPERBOLIC, adjoin_pairs
+from inverse_service.algebra.exact_lattice import argument_basis, coordinates_of, factor_coordinates
+from inverse_service.algebra.exact_ring import ExactRing, add_symbols, is_integer_power, scaled_tree
+from inverse_service.algebra.exact_roots import INVERSE, adjoin_inverse, adjoin_roots
+from inverse_service.algebra.exact_trees import generator_power
+from inverse_service.algebra.rational_functions import Budget, Quotient, QuotientField
+from inverse_service.expressions.tree import (
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+    children,
+    walk,
+)
+
+
+def exact_ring(
+    trees: Sequence[Expression], variables: Sequence[Symbol | Velocity], orders: int, budget: Budget
+) -> ExactRing:
+    """A ring that holds the trees and can differentiate them `orders` times by the variables.
+
+    Raises TooLarge where the budget ends and ZeroDivisionError for a division by zero in a tree.
+    """
+    generous = _build(trees, variables, orders, budget, _generators_needed(trees, variables, orders))
+    used = len(generous.trees)
+    return generous if generous.free == 0 else _build(trees, variables, orders, budget, used)
+
+
+def _build(
+    trees: Sequence[Expression],
+    variables: Sequence[Symbol | Velocity],
+    orders: int,
+    budget: Budget,
+    size: int,
+) -> ExactRing:
+    ring = ExactRing(QuotientField.with_generators(size, budget), tuple(variables), size)
+    add_symbols(ring, _symbols(trees, variables))
+    for level in _levels(trees):
+        _adjoin_level(ring, level, orders, _occurring(trees))
+    return ring
+
+
+def _symbols(
+    trees: Sequence[Expression], variables: Sequence[Symbol | Velocity]
+) -> list[Symbol | Velocity]:
+    """Parameters and numbers such as pi last, so that they get the smallest place in the order."""
+    found = dict.fromkeys(node for tree in trees for node in walk(tree) if isinstance(node, Symbol | Velocity))
+    constants = [symbol for symbol in found if symbol not in variables]
+    return constants + list(reversed(variables))
+
+
+def _occurring(trees: Sequence[Expression]) -> frozenset[str]:
+    """Names of the functions in the trees, and "power" for a power with a symbolic exponent."""
+    names = set()
+    for tree in trees:
+        for node in walk(tree):
+            if isinstance(node, Apply):
+                names.add(node.function)
+            elif isinstance(node, Power) and not isinstance(node.exponent, Number):
+                names.add("power")
+    return frozenset(names)
+
+
+def _is_function(node: Expression) -> bool:
+    return isinstance(node, Apply | Arbitrary) or (isinstance(node, Power) and not is_integer_power(node))
+
+
+def _generators_needed(
+    trees: Sequence[Expression], variables: Sequence[Symbol | Velocity], orders: int
+) -> int:
+    """An upper bound; exact counting would need the arguments' relations."""
+    atoms = {node for tree in trees for node in walk(tree) if _is_function(node)}
+    total = len(_symbols(trees, variables))
+    for node in atoms:
+        total += 4
+        if isinstance(node, Arbitrary):
+            total += math.comb(len(node.arguments) + sum(node.orders) + orders, len(node.arguments))
+    return total
+
+
+def _levels(trees: Sequence[Expression]) -> list[list[Expression]]:
+    """The functions in the trees by nesting: arguments of level k hold levels below k only."""
+    depth: dict[Expression, int] = {}
+
+    def measure(node: Expression) -> int:
+        if node not in depth:
+            inside = max(map(measure, children(node)), default=0)
+            depth[node] = inside + 1 if _is_function(node) else inside
+        return depth[node]
+
+    top = max(map(measure, trees), default=0)
+    found = [node for node in depth if _is_function(node)]
+    return [[node for node in found if depth[node] == level] for level in range(1, top + 1)]
+
+
+def _adjoin_level(ring: ExactRing, level: Sequence[Expression], orders: int, names: frozenset[str]) -> None:
+    """Generators for all functions of one level."""
+    adjoin_roots(ring, [node for node in level if isinstance(node, Power) and isinstance(node.exponent, Number)])
+    symbolic = [node for node in level if isinstance(node, Power) and not isinstance(node.exponent, Number)]
+    _adjoin_logarithms(ring, [*_applied(level, {"log"}), *(Apply("log", node.base) for node in symbolic)])
+    hyperbolic = _applied(level, HYPERBOLIC)
+    by_exponentials = bool(names & {"exp", "power"})
+    exponentials = _applied(level, {"exp"}) + (hyperbolic if by_exponentials else [])
+    _adjoin_exponentials(ring, exponentials, symbolic)
+    adjoin_pairs(ring, _applied(level, CIRCULAR), -1)
+    if not by_exponentials:
+        adjoin_pairs(ring, hyperbolic, 1)
+    for node in _applied(level, INVERSE):
+        adjoin_inverse(ring, node)
+    adjoin_arbitrary(ring, [node for node in level if isinstance(node, Arbitrary)], orders)
+
+
+def _applied(level: Sequence[Expression], names: Iterable[str]) -> list[Apply]:
+    wanted = frozenset(names)
+    return [node for node in level if isinstance(node, Apply) and node.function in wanted]
+
+
+def _adjoin_logarithms(ring: ExactRing, nodes: Sequence[Apply]) -> None:
+    """log of products: a basis of the arguments' exponent vectors over Q."""
+    nodes = list(dict.fromkeys(node for node in nodes if node not in ring.atoms))
+    arguments = [ring.value(node.argument) for node in nodes]
+    basis = argument_basis([factor_coordinates(argument) for argument in arguments])
+    generators = []
+    for place, scale in zip(basis.chosen, basis.scales, strict=True):
+        index = ring.new_generator(scaled_tree(nodes[place], scale))
+        slope = arguments[place].inverse().scaled(Fraction(1, scale))
+        ring.set_slopes(index, [(slope, arguments[place])])
+        generators.append(ring.generator(index))
+    for node, row in zip(nodes, basis.coefficients, strict=True):
+        total = ring.constant(0)
+        for generator, coefficient in zip(generators, row, strict=True):
+            total = total + generator.scaled(coefficient)
+        ring.atoms[node] = total
+
+
+def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[Apply], powers: Sequence[Power]) -> None:
+    """exp(u), u^e = exp(e log u), and hyperbolic functions through exp(u)."""
+    arguments = [ring.value(node.argument) for node in nodes]
+    arguments += [ring.value(node.exponent) * ring.value(Apply("log", node.base)) for node in powers]
+    trees: list[Expression] = [Apply("exp", node.argument) for node in nodes]
+    basis = argument_basis([coordinates_of(argument) for argument in arguments])
+    generators = []
+    for place, scale in zip(basis.chosen, basis.scales, strict=True):
+        tree = (trees + list(powers))[place]
+        index = ring.new_generator(generator_power(tree, Fraction(1, scale)))
+        argument = arguments[place].scaled(Fraction(1, scale))
+        ring.set_slopes(index, [(ring.generator(index), argument)])
+        generators.append(ring.generator(index))
+    functions: list[Apply | Power] = [*nodes, *powers]
+    for node, row in zip(functions, basis.coefficients, strict=True):
+        product = ring.constant(1)
+        for generator, coefficient in zip(generators, row, strict=True):
+            product = product * generator**coefficient
+        ring.atoms[node] = _of_exponential(node.function, product) if isinstance(node, Apply) else product
+
+
+def _of_exponential(function: str, e: Quotient) -> Quotient:
+    """The hyperbolic function of u, given exp(u)."""
+    other = e.inverse()
+    sine, cosine = (e - other).scaled(Fraction(1, 2)), (e + other).scaled(Fraction(1, 2))
+    table: dict[str, Callable[[], Quotient]] = {
+        "exp": lambda: e,
+        "sinh": lambda: sine,
+        "cosh": lambda: cosine,
+        "tanh": lambda: sine / cosine,
+        "coth": lambda: cosine / sine,
+        "sech": lambda: cosine.inverse(),
+        "csch": lambda: sine.inverse(),
+    }
+    return table[function]()
