@@ -1,0 +1,58 @@
+"""Unicode of formulas: which characters are accepted and what they stand for in ASCII."""
+
+from __future__ import annotations
+
+import unicodedata
+
+_LETTERS = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho sigma tau upsilon phi"
+    " chi psi omega"
+).split()
+_SMALL = "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b6\u03b7\u03b8\u03b9\u03ba\u03bb\u03bc\u03bd\u03be\u03bf\u03c0\u03c1"
+_SMALL += "\u03c3\u03c4\u03c5\u03c6\u03c7\u03c8\u03c9"
+_VARIANTS = {
+    "\u03d5": "phi", "\u03d1": "theta", "\u03f5": "epsilon", "\u03f1": "rho", "\u03d6": "pi", "\u03c2": "sigma",
+    "\u03f0": "kappa", "\u00b5": "mu",
+}  # fmt: skip
+
+GREEK: dict[str, str] = dict(zip(_SMALL, _LETTERS, strict=True))
+GREEK |= {small.upper(): name.capitalize() for small, name in zip(_SMALL, _LETTERS, strict=True)} | _VARIANTS
+GREEK_COMMANDS: dict[str, str] = {name: name for name in GREEK.values()} | {
+    "var" + name: name for name in ("phi", "theta", "epsilon", "rho", "pi", "sigma", "kappa")
+}
+
+SUBSCRIPTS = {chr(0x2080 + digit): str(digit) for digit in range(10)}
+SUPERSCRIPTS = dict(zip("\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079", "0123456789", strict=True))
+SUPERSCRIPT_MINUS = "\u207b"
+OPERATORS = {
+    "\u00b7": "*", "\u22c5": "*", "\u00d7": "*", "\u2217": "*", "\u2219": "*", "\u00f7": "/", "\u2215": "/",
+    "\u2212": "-", "\u2013": "-", "\u2010": "-", "\u2011": "-",
+}  # fmt: skip
+PRIMES = {"'": 1, "\u2032": 1, "\u2019": 1, "\u02b9": 1, "\u02bc": 1, "\u2033": 2, "\u201d": 2}
+SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
+_DOTS = {"\u0307": 1, "\u0308": 2}
+
+
+def letter(character: str) -> tuple[str, int] | None:
+    """The ASCII of a character inside a name and the dots over it (x with two dots: ("x", 2)), else None."""
+    if character.isascii():
+        return (character, 0) if character.isalnum() or character == "_" else None
+    if character in GREEK:
+        return GREEK[character], 0
+    if character in SUBSCRIPTS:
+        return SUBSCRIPTS[character], 0
+    if character in _DOTS:
+        return "", _DOTS[character]
+    return _dotted_letter(character)
+
+
+def _dotted_letter(character: str) -> tuple[str, int] | None:
+    parts = unicodedata.normalize("NFD", character)
+    if len(parts) != 2 or parts[1] not in _DOTS or not parts[0].isascii():
+        return None
+    return parts[0], _DOTS[parts[1]]
+
+
+def describe(character: str) -> str:
+    """The character for a message: itself if printable ASCII, else its code point."""
+    return f"'{character}'" if " " < character <= "~" else f"U+{ord(character):04X}"

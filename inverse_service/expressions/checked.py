@@ -1,0 +1,103 @@
+"""The constructors of `tree.py` with the checks that formulas of strangers need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+from inverse_service.expressions.limits import Limits
+from inverse_service.expressions.tokens import limit_passed, refusal
+from inverse_service.expressions.tree import (
+    ONE,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    add,
+    children,
+    multiply,
+    power,
+)
+
+_BITS_PER_DIGIT = 3.3219280948873626
+_EXPONENTIAL = Apply("exp", ONE)
+
+
+def bits(value: Fraction) -> int:
+    """The larger of the lengths of numerator and denominator."""
+    return max(value.numerator.bit_length(), value.denominator.bit_length())
+
+
+def check_size(total_bits: float, column: int, limits: Limits) -> None:
+    """LimitError where a number would have too many digits; called before it is computed."""
+    if total_bits > limits.number_digits * _BITS_PER_DIGIT:
+        raise limit_passed("a number that is computed here has too many digits", column, limits.number_digits)
+
+
+def product(factors: Sequence[Expression], column: int, limits: Limits) -> Expression:
+    """The product; LimitError where its coefficient would be too long."""
+    check_size(sum(bits(_coefficient(factor)) for factor in factors), column, limits)
+    return multiply(*factors)
+
+
+def _coefficient(expression: Expression) -> Fraction:
+    first = expression.factors[0] if isinstance(expression, Product) else expression
+    return first.value if isinstance(first, Number) else Fraction(1)
+
+
+def sum_of(terms: Sequence[Expression], column: int, limits: Limits) -> Expression:
+    """The sum; LimitError where its constant would be too long at any moment."""
+    constant = Fraction(0)
+    for term in terms:
+        for part in term.terms if isinstance(term, Sum) else (term,):
+            if isinstance(part, Number):
+                constant += part.value
+                check_size(bits(constant), column, limits)
+    return add(*terms)
+
+
+def reciprocal(expression: Expression, column: int) -> Expression:
+    """1/u; InputError where u is the number 0."""
+    if expression == Number(Fraction(0)):
+        raise refusal("a division by zero stands", column, "divide by something that is not 0")
+    return power(expression, -1)
+
+
+def raised(base: Expression, exponent: Expression, column: int, limits: Limits) -> Expression:
+    """base ^ exponent, e^u being exp(u); refused where it is too large or has no real value."""
+    if base == _EXPONENTIAL:
+        return Apply("exp", exponent)
+    if isinstance(exponent, Number):
+        _check_exponent(exponent.value, column, limits)
+        if isinstance(base, Number):
+            _check_numbers(base.value, exponent.value, column, limits)
+    result = power(base, exponent)
+    if isinstance(result, Power) and isinstance(result.exponent, Number):
+        _check_exponent(result.exponent.value, column, limits)
+    return result
+
+
+def _check_exponent(exponent: Fraction, column: int, limits: Limits) -> None:
+    if abs(exponent.numerator) > limits.exponent or exponent.denominator > limits.exponent:
+        raise limit_passed("the exponent is too large", column, limits.exponent)
+
+
+def _check_numbers(base: Fraction, exponent: Fraction, column: int, limits: Limits) -> None:
+    if base == 0 and exponent <= 0:
+        raise refusal("0 to a power that is not positive has no value", column, "write another base or exponent")
+    if base < 0 and exponent.denominator != 1:
+        raise refusal("a negative number to this power is not real", column, "write the minus before it, as in -8^(1/3)")
+    check_size(bits(base) * abs(exponent), column, limits) if base not in (0, 1, -1) else None
+
+
+def check_depth(expression: Expression, limits: Limits, column: int = 1) -> Expression:
+    """The same tree; LimitError where it is deeper than `limits.depth`."""
+    level, depth = [expression], 0
+    while level:
+        depth += 1
+        if depth > limits.depth:
+            raise limit_passed("the formula is nested too deeply", column, limits.depth)
+        level = [part for node in level for part in children(node)]
+    return expression

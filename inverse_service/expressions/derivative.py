@@ -1,0 +1,152 @@
+"""Derivatives of trees: partial ones and the one along time; the result is not simplified."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from fractions import Fraction
+
+from inverse_service.expressions.tree import (
+    HALF,
+    MINUS_ONE,
+    ONE,
+    TIME,
+    ZERO,
+    Acceleration,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    apply,
+    multiply,
+    negate,
+    number,
+    power,
+    subtract,
+    walk,
+)
+
+Rule = Callable[[Expression], Expression]
+
+
+def _square(expression: Expression) -> Expression:
+    return power(expression, 2)
+
+
+def _inverse_root(expression: Expression) -> Expression:
+    return power(expression, Fraction(-1, 2))
+
+
+_RULES: dict[str, Rule] = {
+    "exp": lambda u: apply("exp", u),
+    "log": lambda u: power(u, -1),
+    "sin": lambda u: apply("cos", u),
+    "cos": lambda u: negate(apply("sin", u)),
+    "tan": lambda u: add(ONE, _square(apply("tan", u))),
+    "cot": lambda u: negate(add(ONE, _square(apply("cot", u)))),
+    "sec": lambda u: multiply(apply("sec", u), apply("tan", u)),
+    "csc": lambda u: multiply(MINUS_ONE, apply("csc", u), apply("cot", u)),
+    "sinh": lambda u: apply("cosh", u),
+    "cosh": lambda u: apply("sinh", u),
+    "tanh": lambda u: subtract(ONE, _square(apply("tanh", u))),
+    "coth": lambda u: subtract(ONE, _square(apply("coth", u))),
+    "sech": lambda u: multiply(MINUS_ONE, apply("sech", u), apply("tanh", u)),
+    "csch": lambda u: multiply(MINUS_ONE, apply("csch", u), apply("coth", u)),
+    "asin": lambda u: _inverse_root(subtract(ONE, _square(u))),
+    "acos": lambda u: negate(_inverse_root(subtract(ONE, _square(u)))),
+    "atan": lambda u: power(add(ONE, _square(u)), -1),
+    "asinh": lambda u: _inverse_root(add(ONE, _square(u))),
+    # Two roots and not that of u^2 - 1, which would be real for u < -1 too, where acosh is not.
+    "acosh": lambda u: multiply(_inverse_root(subtract(u, ONE)), _inverse_root(add(u, ONE))),
+    "atanh": lambda u: power(subtract(ONE, _square(u)), -1),
+}
+
+
+def differentiate(expression: Expression, variable: Expression) -> Expression:
+    """The partial derivative with respect to a Symbol, a Velocity or an Acceleration.
+
+    All other names are constants; an arbitrary function A(u) gives A'(u) times the derivative of u
+    (chain rule, one term for each argument). ValueError for any other kind of variable.
+    """
+    if not isinstance(variable, Symbol | Velocity | Acceleration):
+        raise ValueError("only a symbol, a velocity or an acceleration can be differentiated by")
+    return _derivative(expression, lambda leaf: ONE if leaf == variable else ZERO)
+
+
+def differentiate_in_time(expression: Expression, coordinates: Collection[str]) -> Expression:
+    """d/dt along a motion: t -> 1, q -> q', q' -> q''; parameters are constants.
+
+    ValueError where the expression holds an acceleration (third derivatives have no node).
+    """
+    if any(isinstance(node, Acceleration) for node in walk(expression)):
+        raise ValueError("third derivatives are not accepted")
+
+    def rate(leaf: Expression) -> Expression:
+        match leaf:
+            case Symbol(name) if name in coordinates:
+                return Velocity(name)
+            case Velocity(coordinate):
+                return Acceleration(coordinate)
+            case _:
+                return ONE if leaf == TIME else ZERO
+
+    return _derivative(expression, rate)
+
+
+def _derivative(expression: Expression, rate: Rule) -> Expression:
+    match expression:
+        case Number():
+            return ZERO
+        case Sum(terms):
+            return add(*(_derivative(term, rate) for term in terms))
+        case Product(factors):
+            return _of_product(factors, rate)
+        case Power(base, exponent):
+            return _of_power(base, exponent, rate)
+        case Apply(function, argument):
+            inner = _derivative(argument, rate)
+            return ZERO if inner == ZERO else multiply(_RULES[function](argument), inner)
+        case Arbitrary():
+            return _of_arbitrary(expression, rate)
+        case _:
+            return rate(expression)
+
+
+def _of_product(factors: tuple[Expression, ...], rate: Rule) -> Expression:
+    terms = []
+    for place, factor in enumerate(factors):
+        inner = _derivative(factor, rate)
+        if inner != ZERO:
+            terms.append(multiply(*factors[:place], inner, *factors[place + 1 :]))
+    return add(*terms)
+
+
+def _of_power(base: Expression, exponent: Expression, rate: Rule) -> Expression:
+    """(u^w)' = w u^(w-1) u' + u^w log(u) w', each part only where it is not zero."""
+    terms = []
+    inner = _derivative(base, rate)
+    if inner != ZERO:
+        terms.append(multiply(exponent, _lowered(base, exponent), inner))
+    outer = _derivative(exponent, rate)
+    if outer != ZERO:
+        terms.append(multiply(Power(base, exponent), apply("log", base), outer))
+    return add(*terms)
+
+
+def _lowered(base: Expression, exponent: Expression) -> Expression:
+    return _inverse_root(base) if exponent == HALF else power(base, subtract(exponent, number(1)))
+
+
+def _of_arbitrary(function: Arbitrary, rate: Rule) -> Expression:
+    terms = []
+    for place, argument in enumerate(function.arguments):
+        inner = _derivative(argument, rate)
+        if inner != ZERO:
+            orders = tuple(order + (place == k) for k, order in enumerate(function.orders))
+            terms.append(multiply(Arbitrary(function.name, function.arguments, orders), inner))
+    return add(*terms)

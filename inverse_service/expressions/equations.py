@@ -1,0 +1,92 @@
+"""Lists of equations over tokens: where one ends, and its two sides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from inverse_service.expressions.checked import check_depth
+from inverse_service.expressions.grammar import parse_tokens
+from inverse_service.expressions.limits import LIMITS
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.tokens import Token, refusal
+from inverse_service.expressions.tree import ZERO, Expression
+
+_EXPECTS_MORE = ("+", "-", "*", "/", "^", "=", ",", "(", "[")
+_GOES_ON = ("+", "*", "/", "^", "=", ")", "]")
+
+
+@dataclass(frozen=True, slots=True)
+class EquationTokens:
+    """The tokens of one equation and the column just after it."""
+
+    tokens: tuple[Token, ...]
+    end_column: int
+
+
+def split(tokens: Sequence[Token], end_column: int) -> list[EquationTokens]:
+    """One entry for each equation: ; and line ends and commas outside brackets separate; empty ones are dropped."""
+    groups: list[EquationTokens] = []
+    current: list[Token] = []
+    open_brackets = 0
+    for place, token in enumerate(tokens):
+        open_brackets += token.is_operator("(", "[") - token.is_operator(")", "]")
+        if _separates(tokens, place, current, open_brackets):
+            groups.append(EquationTokens(tuple(current), token.column))
+            current = []
+        elif token.kind != "newline":
+            current.append(token)
+    groups.append(EquationTokens(tuple(current), end_column))
+    return [group for group in groups if group.tokens]
+
+
+def _separates(tokens: Sequence[Token], place: int, current: list[Token], open_brackets: int) -> bool:
+    token = tokens[place]
+    if token.is_operator(";"):
+        return True
+    if token.is_operator(","):
+        return open_brackets <= 0
+    return token.kind == "newline" and open_brackets <= 0 and not _continues(tokens, place, current)
+
+
+def _continues(tokens: Sequence[Token], place: int, current: list[Token]) -> bool:
+    """Whether the equation goes on after a line end: an operator before or after it asks for more."""
+    if not current or current[-1].is_operator(*_EXPECTS_MORE):
+        return True
+    following = next((token for token in tokens[place:] if token.kind != "newline"), None)
+    if following is None or following.is_operator(*_GOES_ON):
+        return True
+    return following.is_operator("-") and not _line_has_equals(tokens, place)
+
+
+def _line_has_equals(tokens: Sequence[Token], place: int) -> bool:
+    """Whether an = comes before the next separator: then a leading minus begins a new equation."""
+    started = False
+    for token in tokens[place:]:
+        if token.is_operator("="):
+            return True
+        if token.is_operator(";") or (token.kind == "newline" and started):
+            return False
+        started = started or token.kind != "newline"
+    return False
+
+
+def read_equation(equation: EquationTokens, names: Names) -> tuple[Expression, Expression]:
+    """(left, right); right is 0 where no = stands."""
+    places = [place for place, token in enumerate(equation.tokens) if token.is_operator("=")]
+    if len(places) > 1:
+        column = equation.tokens[places[1]].column
+        raise refusal("a second = stands", column, "separate equations by ;")
+    if not places:
+        return _side(list(equation.tokens), equation.end_column, names), ZERO
+    left, right = list(equation.tokens[: places[0]]), list(equation.tokens[places[0] + 1 :])
+    return _side(left, equation.tokens[places[0]].column, names), _side(right, equation.end_column, names)
+
+
+def _side(tokens: list[Token], end_column: int, names: Names) -> Expression:
+    return check_depth(parse_tokens(tokens, end_column, names), LIMITS, tokens[0].column if tokens else end_column)
+
+
+def read_formula(tokens: Sequence[Token], end_column: int, names: Names) -> Expression:
+    """The tokens as one formula, line ends counting as spaces."""
+    return _side([token for token in tokens if token.kind != "newline"], end_column, names)

@@ -1,0 +1,148 @@
+"""Plain text to tokens; every character is accepted for a reason or refused with its column."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.characters import (
+    OPERATORS,
+    PRIMES,
+    SPACES,
+    SUPERSCRIPT_MINUS,
+    SUPERSCRIPTS,
+    describe,
+    letter,
+)
+from inverse_service.expressions.limits import LIMITS, Limits
+from inverse_service.expressions.tokens import Token, limit_passed, refusal
+
+NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_COMPARISONS = frozenset("<>\u2264\u2265\u2260")
+_REASONS = {
+    "!": "factorials are not accepted, write the number",
+    "|": "absolute values are not differentiable, write the branch u or -u",
+    "%": "write the formula of one interval",
+    "{": "write ( and )",
+    "}": "write ( and )",
+    ":": "write the formula alone",
+    ".": "a dot belongs to a number such as 0.5",
+    "_": "a name begins with a letter",
+    '"': "write the formula without quotation marks",
+    "&": "write equations one after the other, separated by ;",
+    "\u2202": "write diff(A(x, y), x)",
+    "\u221e": "write a finite number",
+    "\u222b": "write the integral itself",
+}
+_OTHERWISE = "use letters, digits, + - * / ^ ( ) , = and '"
+
+
+def check_length(text: str, limits: Limits = LIMITS) -> None:
+    """LimitError for too many characters, InputError for an empty text."""
+    if len(text) > limits.characters:
+        raise LimitError(
+            f"the formula has {len(text):,} characters: the limit is {limits.characters:,}; write less.",
+            column=limits.characters + 1,
+        )
+    if not text.strip():
+        raise InputError("the formula is empty at column 1: write a formula, 0 if nothing acts.", column=1)
+
+
+def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
+    """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
+    check_length(text, limits)
+    tokens: list[Token] = []
+    place, space = 0, False
+    while place < len(text):
+        character = text[place]
+        if character in SPACES:
+            place, space = place + 1, True
+            continue
+        found, place = _next(text, place, space, limits)
+        tokens += found
+        space = character == "\n"
+        if len(tokens) > limits.tokens:
+            raise limit_passed("the formula has too many parts", tokens[-1].column, limits.tokens)
+    return tokens
+
+
+def _next(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Token], int]:
+    character = text[place]
+    if character == "\n":
+        return [Token("newline", character, place + 1, space)], place + 1
+    number = NUMBER.match(text, place)
+    if number:
+        return [number_token(number.group(), place + 1, space, limits)], number.end()
+    if character in PRIMES:
+        return [Token("prime", character, place + 1, space, Fraction(PRIMES[character]))], place + 1
+    if character in SUPERSCRIPTS or character == SUPERSCRIPT_MINUS:
+        return _superscript(text, place, limits)
+    if character == "\u221a":
+        return [Token("name", "sqrt", place + 1, space)], place + 1
+    found = letter(character)
+    if found and found[0] and found[0] != "_":
+        return _name(text, place, space, limits)
+    return _operator(text, place, space)
+
+
+def number_token(text: str, column: int, space: bool, limits: Limits = LIMITS) -> Token:
+    """An exact decimal (0.1 is 1/10); LimitError for too many digits or too large a power of ten."""
+    mantissa, _, exponent = text.lower().partition("e")
+    if sum(character.isdigit() for character in mantissa) > limits.digits:
+        raise limit_passed("a number has too many digits", column, limits.digits)
+    if len(exponent.lstrip("+-0")) > 6 or abs(int(exponent or 0)) > limits.decimal_exponent:
+        raise limit_passed("the power of ten of a number is too large", column, limits.decimal_exponent)
+    value = Fraction(mantissa) * Fraction(10) ** int(exponent or 0)
+    return Token("number", text, column, space, value)
+
+
+def _superscript(text: str, place: int, limits: Limits) -> tuple[list[Token], int]:
+    column, sign = place + 1, text[place] == SUPERSCRIPT_MINUS
+    start = place = place + sign
+    while place < len(text) and text[place] in SUPERSCRIPTS:
+        place += 1
+    digits = "".join(SUPERSCRIPTS[character] for character in text[start:place])
+    if not digits:
+        raise refusal("a raised minus has no digits after it", column, "write a power such as ^(-1)")
+    signs = [Token("operator", "-", column)] if sign else []
+    number = number_token(digits, start + 1, False, limits)
+    opening, closing = Token("operator", "(", column), Token("operator", ")", column)
+    return [Token("operator", "^", column), opening, *signs, number, closing], place
+
+
+def _name(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Token], int]:
+    """A name with the dots over it (as a prime after it); plain ASCII goes the short way."""
+    column, ascii_name = place + 1, _ASCII_NAME.match(text, place)
+    end = ascii_name.end() if ascii_name else place
+    if ascii_name and (end == len(text) or text[end].isascii()):
+        name, order = ascii_name.group(), 0
+    else:
+        name, order, end = _long_name(text, place)
+    if len(name) > limits.name_characters:
+        raise limit_passed("a name has too many characters", column, limits.name_characters)
+    dots = [Token("prime", "'" * order, column, False, Fraction(order))] if order else []
+    return [Token("name", name, column, space), *dots], end
+
+
+def _long_name(text: str, place: int) -> tuple[str, int, int]:
+    parts, order = [], 0
+    while place < len(text) and (found := letter(text[place])):
+        parts.append(found[0])
+        order += found[1]
+        place += 1
+    return "".join(parts), order, place
+
+
+def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
+    character, column = text[place], place + 1
+    if character in _COMPARISONS or text.startswith(("==", "!=", ":="), place):
+        raise refusal("a comparison stands", column, "write an equation with one =")
+    if text.startswith("**", place):
+        return [Token("operator", "^", column, space)], place + 2
+    character = OPERATORS.get(character, character)
+    if character in "+-*/^()[],=;":
+        return [Token("operator", character, column, space)], place + 1
+    what = f"the character {describe(text[place])} is not accepted"
+    raise refusal(what, column, _REASONS.get(text[place], _OTHERWISE))

@@ -1,0 +1,110 @@
+"""The token stream that the plain-text and the LaTeX reader share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.limits import LIMITS, Limits
+
+Kind = Literal["number", "name", "prime", "operator", "newline", "end"]
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """One token; `column` counts from 1 in the original text.
+
+    `value` is that of a number; for a prime it is the order of the derivative. Operators are
+    + - * / ^ ( ) [ ] , = ; and nothing else.
+    """
+
+    kind: Kind
+    text: str
+    column: int
+    space_before: bool = False
+    value: Fraction = Fraction(0)
+
+    def is_operator(self, *texts: str) -> bool:
+        return self.kind == "operator" and self.text in texts
+
+
+def refusal(what: str, column: int, instead: str) -> InputError:
+    """An InputError whose sentence says what is wrong, where, and what to write instead."""
+    return InputError(f"{what} at column {column}: {instead}.", column=column)
+
+
+def limit_passed(what: str, column: int, bound: int) -> LimitError:
+    """A LimitError that names the bound."""
+    return LimitError(f"{what} at column {column}: the limit is {bound:,}; write less.", column=column)
+
+
+class TokenStream:
+    """A position in a list of tokens, with the depth of nesting counted."""
+
+    __slots__ = ("_depth", "_tokens", "limits", "position")
+
+    def __init__(self, tokens: Sequence[Token], end_column: int, limits: Limits = LIMITS) -> None:
+        self._tokens = [*tokens, Token("end", "", end_column)]
+        self._depth = 0
+        self.position = 0
+        self.limits = limits
+
+    @property
+    def ahead(self) -> Token:
+        return self._tokens[self.position]
+
+    def look(self, distance: int) -> Token:
+        """The token `distance` places on (or back), the end token beyond either end."""
+        place = self.position + distance
+        return self._tokens[place] if 0 <= place < len(self._tokens) else self._tokens[-1]
+
+    def take(self) -> Token:
+        token = self.ahead
+        if token.kind != "end":
+            self.position += 1
+        return token
+
+    def take_operator(self, *texts: str) -> Token | None:
+        """The next token if it is one of these operators, else None and nothing is taken."""
+        return self.take() if self.ahead.is_operator(*texts) else None
+
+    def close(self, opening: Token, closing: str = ")") -> None:
+        """Take the closing bracket; InputError at the opening one where the formula ends before."""
+        if self.take_operator(closing):
+            return
+        if self.ahead.kind == "end":
+            raise refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
+        raise unexpected(self.ahead, f"'{closing}'")
+
+    @contextmanager
+    def nested(self) -> Iterator[None]:
+        """One level further in; LimitError past `limits.depth`."""
+        self._depth += 1
+        if self._depth > self.limits.depth:
+            raise limit_passed("the formula is nested too deeply", self.ahead.column, self.limits.depth)
+        yield
+        self._depth -= 1
+
+
+def unexpected(token: Token, wanted: str) -> InputError:
+    """What stands here is not what can follow."""
+    if token.kind == "end":
+        return refusal("the formula ends", token.column, f"{wanted} is missing")
+    shown = {"newline": "a new line", "prime": "a prime (')"}.get(token.kind, f"'{shorten(token.text)}'")
+    return refusal(f"{shown} is not expected", token.column, f"{wanted} should stand here")
+
+
+def shorten(text: str, length: int = 30) -> str:
+    """At most `length` characters, none but printable ASCII, to be shown in a message."""
+    plain = "".join(c if " " <= c <= "~" else "?" for c in text[: length + 1])
+    return plain if len(plain) <= length else plain[: length - 1] + "..."
+
+
+def joined(names: Sequence[str], most: int = 8) -> str:
+    """The names as a short list for a message."""
+    shown = ", ".join(shorten(name) for name in names[:most])
+    return shown + (", ..." if len(names) > most else "") if names else "none"

@@ -1,0 +1,124 @@
+"""The functions that formulas may use, and the reason for each one that they may not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.tokens import refusal
+from inverse_service.expressions.tree import (
+    ELEMENTARY,
+    Expression,
+    Number,
+    apply,
+    divide,
+    number,
+    power,
+    square_root,
+)
+
+ALIASES = {
+    "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "tg": "tan", "ctg": "cot", "sh": "sinh",
+    "ch": "cosh", "th": "tanh", "arsinh": "asinh", "arcosh": "acosh", "artanh": "atanh", "arcsinh": "asinh",
+    "arccosh": "acosh", "arctanh": "atanh", "cosec": "csc",
+}  # fmt: skip
+_COMPOSED: dict[str, Callable[[Expression], Expression]] = {
+    "sqrt": square_root,
+    "cbrt": lambda u: power(u, Fraction(1, 3)),
+    "log10": lambda u: divide(apply("log", u), apply("log", number(10))),
+    "log2": lambda u: divide(apply("log", u), apply("log", number(2))),
+}
+DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
+FUNCTIONS = ELEMENTARY | ALIASES.keys() | _COMPOSED.keys()
+
+_KINK = "is not differentiable everywhere"
+_SPECIAL = "is not an elementary function"
+_DECLARE = 'declare a function of your own in "functions" and use its derivatives'
+REFUSED: dict[str, tuple[str, str]] = {
+    "abs": (_KINK, "choose the branch and write u where u > 0 or -u where u < 0"),
+    "Abs": (_KINK, "choose the branch and write u where u > 0 or -u where u < 0"),
+    "sign": (_KINK, "write 1 or -1 for the branch that you study"),
+    "sgn": (_KINK, "write 1 or -1 for the branch that you study"),
+    "floor": (_KINK, "write the integer for the interval that you study"),
+    "ceil": (_KINK, "write the integer for the interval that you study"),
+    "round": (_KINK, "write the integer for the interval that you study"),
+    "mod": (_KINK, "write the formula of one interval"),
+    "max": (_KINK, "write the larger one for the region that you study"),
+    "min": (_KINK, "write the smaller one for the region that you study"),
+    "Max": (_KINK, "write the larger one for the region that you study"),
+    "Min": (_KINK, "write the smaller one for the region that you study"),
+    "Heaviside": (_KINK, "write 0 or 1 for the side that you study"),
+    "Piecewise": (_KINK, "write the formula of one piece"),
+    "DiracDelta": ("is not a function", "leave it out and study the motion between the impulses"),
+    "atan2": ("has a jump", "write atan(y/x) on the branch that you study"),
+    "erf": (_SPECIAL, _DECLARE),
+    "besselj": (_SPECIAL, _DECLARE),
+    "factorial": (_SPECIAL, "write the number, or " + _DECLARE),
+    "integrate": ("is not carried out here", "write the integral itself, or " + _DECLARE),
+    "Integral": ("is not carried out here", "write the integral itself, or " + _DECLARE),
+    "sum": ("is not carried out here", "write the terms"),
+    "limit": ("is not carried out here", "write its value"),
+    "re": ("belongs to complex numbers", "write the equations of real and imaginary part"),
+    "im": ("belongs to complex numbers", "write the equations of real and imaginary part"),
+    "conjugate": ("belongs to complex numbers", "write the equations of real and imaginary part"),
+}  # fmt: skip
+# These may be declared as names of one's own; undeclared they are refused with a better reason than "unknown".
+REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
+    "i": ("is not declared and complex numbers are not accepted", 'write real equations, or add it to "parameters"'),
+    "I": ("is not declared and complex numbers are not accepted", 'write real equations, or add it to "parameters"'),
+    "gamma": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
+    "Gamma": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
+    "zeta": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
+    "inf": ("is not a number", "write a finite number"),
+    "infinity": ("is not a number", "write a finite number"),
+    "Infinity": ("is not a number", "write a finite number"),
+    "oo": ("is not a number", "write a finite number"),
+    "nan": ("is not a number", "write a finite number"),
+    "NaN": ("is not a number", "write a finite number"),
+}
+RESERVED = FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}
+
+
+def call(function: str, arguments: list[Expression], column: int) -> Expression:
+    """The function of FUNCTIONS applied; InputError for a wrong number of arguments or outside its domain."""
+    function = ALIASES.get(function, function)
+    if function == "log" and len(arguments) == 2:
+        return divide(call("log", arguments[:1], column), call("log", arguments[1:], column))
+    if len(arguments) != 1:
+        raise refusal(f"{function} has {len(arguments)} arguments", column, f"write one, as in {function}(u)")
+    check_domain(function, arguments[0], column)
+    composed = _COMPOSED.get(function)
+    return composed(arguments[0]) if composed else apply(function, arguments[0])
+
+
+_DOMAINS: dict[str, tuple[Callable[[Fraction], bool], str]] = {
+    "log": (lambda u: u > 0, "a positive number"),
+    "log10": (lambda u: u > 0, "a positive number"),
+    "log2": (lambda u: u > 0, "a positive number"),
+    "sqrt": (lambda u: u >= 0, "a number that is not negative"),
+    "cbrt": (lambda u: u >= 0, "a number that is not negative, as in -cbrt(8)"),
+    "asin": (lambda u: abs(u) <= 1, "a number between -1 and 1"),
+    "acos": (lambda u: abs(u) <= 1, "a number between -1 and 1"),
+    "acosh": (lambda u: u >= 1, "a number not less than 1"),
+    "atanh": (lambda u: abs(u) < 1, "a number between -1 and 1"),
+    "cot": (bool, "a number other than 0"),
+    "csc": (bool, "a number other than 0"),
+    "coth": (bool, "a number other than 0"),
+    "csch": (bool, "a number other than 0"),
+}
+
+
+def check_domain(function: str, argument: Expression, column: int) -> None:
+    """InputError where the argument is a number at which the function has no real value."""
+    if function not in _DOMAINS or not isinstance(argument, Number):
+        return
+    holds, wanted = _DOMAINS[function]
+    if not holds(argument.value):
+        raise refusal(f"{function} of this number has no real value", column, f"give it {wanted}")
+
+
+def reason_against(name: str, column: int) -> InputError | None:
+    """The refusal of a well-known name that formulas cannot use, or None."""
+    entry = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(name)
+    return refusal(f"{name} {entry[0]}; it stands", column, entry[1]) if entry else None
