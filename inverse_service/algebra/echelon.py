@@ -1,0 +1,178 @@
+"""Sparse echelon form modulo a prime, grown row by row.
+
+The pivot of a row is its last nonzero column, so with columns in ascending degree the rows whose
+pivot lies in the first k columns are all consequences on those columns. Each new row is reduced in
+full by the rows before it (rows then hold little beside their pivot and free columns) and the
+multiples used are recorded, so that each consequence can be traced to the original rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from inverse_service.algebra import montgomery
+from inverse_service.algebra.montgomery import compiled, multiply, power
+
+Words = npt.NDArray[np.uint64]
+Indices = npt.NDArray[np.int64]
+
+
+@compiled
+def _reduce_rows(  # type: ignore[no-untyped-def]
+    start, row_starts, columns, values, work, pivot_of, basis_starts, basis_columns, basis_values,
+    origin, use_starts, use_rows, use_factors, state, prime, negative_inverse, one, square,
+):
+    """Insert rows start, start + 1, …; stop early (returning its number) where an array is full.
+
+    state = (rows in the basis, entries in the basis, recorded multiples).
+    """
+    zero = np.uint64(0)
+    for row in range(start, len(row_starts) - 1):
+        count, entries, uses = state[0], state[1], state[2]
+        top = np.int64(-1)
+        for k in range(row_starts[row], row_starts[row + 1]):
+            column = columns[k]
+            total = work[column] + multiply(values[k], square, prime, negative_inverse)
+            work[column] = total - prime if total >= prime else total
+            top = max(top, column)
+        room = entries + top + 1 <= len(basis_columns) and uses + top + 1 <= len(use_rows)
+        if not room or count + 2 > len(basis_starts):
+            for k in range(row_starts[row], row_starts[row + 1]):
+                work[columns[k]] = zero
+            return row
+        pivot = np.int64(-1)
+        for column in range(top, -1, -1):
+            factor = work[column]
+            if factor == zero:
+                continue
+            used = pivot_of[column]
+            if used < 0:
+                pivot = max(pivot, np.int64(column))
+                continue
+            use_rows[uses] = used
+            use_factors[uses] = factor
+            uses += 1
+            for k in range(basis_starts[used], basis_starts[used + 1]):
+                c = basis_columns[k]
+                product = multiply(factor, basis_values[k], prime, negative_inverse)
+                work[c] = work[c] - product if work[c] >= product else work[c] + (prime - product)
+        if pivot < 0:
+            continue
+        inverse = power(work[pivot], prime - np.uint64(2), one, prime, negative_inverse)
+        for column in range(pivot, -1, -1):
+            if work[column] != zero:
+                basis_columns[entries] = column
+                basis_values[entries] = multiply(work[column], inverse, prime, negative_inverse)
+                work[column] = zero
+                entries += 1
+        origin[count] = row
+        pivot_of[pivot] = count
+        use_rows[uses] = -1
+        use_factors[uses] = inverse
+        uses += 1
+        count += 1
+        basis_starts[count] = entries
+        use_starts[count] = uses
+        state[0], state[1], state[2] = count, entries, uses
+    return len(row_starts) - 1
+
+
+@compiled
+def _trace(weights, origin, use_starts, use_rows, use_factors, prime, negative_inverse):  # type: ignore[no-untyped-def]
+    """Turn weights on basis rows into weights on original rows, last inserted first (in place)."""
+    for k in range(len(weights) - 1, -1, -1):
+        if weights[k] == np.uint64(0):
+            continue
+        last = use_starts[k + 1] - 1
+        weight = multiply(weights[k], use_factors[last], prime, negative_inverse)
+        weights[k] = weight
+        for u in range(use_starts[k], last):
+            product = multiply(weight, use_factors[u], prime, negative_inverse)
+            target = use_rows[u]
+            weights[target] = (
+                weights[target] - product if weights[target] >= product else weights[target] + (prime - product)
+            )
+
+
+@dataclass(slots=True)
+class Echelon:
+    """An echelon basis of rows over `width` columns; `width` may grow (new columns are last)."""
+
+    prime: int
+    width: int = 0
+    count: int = 0
+    inserted: int = 0
+    pivot_of: Indices = field(default_factory=lambda: np.empty(0, np.int64))
+    starts: Indices = field(default_factory=lambda: np.zeros(64, np.int64))
+    columns: npt.NDArray[np.int32] = field(default_factory=lambda: np.empty(4096, np.int32))
+    values: Words = field(default_factory=lambda: np.empty(4096, np.uint64))
+    origin: Indices = field(default_factory=lambda: np.empty(64, np.int64))
+    use_starts: Indices = field(default_factory=lambda: np.zeros(64, np.int64))
+    use_rows: npt.NDArray[np.int32] = field(default_factory=lambda: np.empty(4096, np.int32))
+    use_factors: Words = field(default_factory=lambda: np.empty(4096, np.uint64))
+    state: Indices = field(default_factory=lambda: np.zeros(3, np.int64))
+
+    def widen(self, width: int) -> None:
+        """Append columns."""
+        more = np.full(width - self.width, -1, np.int64)
+        self.pivot_of = np.concatenate([self.pivot_of, more])
+        self.width = width
+
+    def insert(self, row_starts: Indices, columns: Indices, values: Words) -> None:
+        """Insert rows in compressed form; entries of equal column in a row are added up."""
+        prime, negative_inverse, one, square = montgomery.constants(self.prime)
+        work = np.zeros(self.width, np.uint64)
+        row, total, first = 0, len(row_starts) - 1, self.count
+        while True:
+            row = _reduce_rows(
+                row, row_starts, columns, values, work, self.pivot_of, self.starts, self.columns, self.values,
+                self.origin, self.use_starts, self.use_rows, self.use_factors, self.state,
+                prime, negative_inverse, one, square,
+            )
+            if row == total:
+                break
+            self._grow()
+        self.count = int(self.state[0])
+        self.origin[first : self.count] += self.inserted
+        self.inserted += total
+
+    def _grow(self) -> None:
+        if self.state[0] + 2 > len(self.starts):
+            self.starts, self.use_starts, self.origin = map(_doubled, (self.starts, self.use_starts, self.origin))
+        while self.state[1] + self.width + 1 > len(self.columns):
+            self.columns, self.values = _doubled(self.columns), _doubled(self.values)
+        while self.state[2] + self.width + 1 > len(self.use_rows):
+            self.use_rows, self.use_factors = _doubled(self.use_rows), _doubled(self.use_factors)
+
+    def rank_within(self, width: int) -> int:
+        """The number of independent consequences on the first `width` columns."""
+        return int(np.count_nonzero(self.pivot_of[:width] >= 0))
+
+    def rows_within(self, first: int, width: int) -> dict[int, dict[int, int]]:
+        """{basis row: {column: value}} for rows whose pivot is in columns first … width - 1."""
+        numbers = [int(k) for k in self.pivot_of[first:width] if k >= 0]
+        return {number: self._row(number) for number in numbers}
+
+    def _row(self, number: int) -> dict[int, int]:
+        part = slice(int(self.starts[number]), int(self.starts[number + 1]))
+        inverse = pow(1 << 64, -1, self.prime)
+        return {
+            int(c): int(v) * inverse % self.prime for c, v in zip(self.columns[part], self.values[part], strict=True)
+        }
+
+    def trace(self, weights: Mapping[int, int]) -> list[int]:
+        """The original rows of which a combination of basis rows is made, in order of insertion."""
+        prime, negative_inverse, _, _ = montgomery.constants(self.prime)
+        vector = np.zeros(self.count, np.uint64)
+        for number, weight in weights.items():
+            vector[number] = weight % self.prime
+        _trace(vector, self.origin, self.use_starts, self.use_rows, self.use_factors, prime, negative_inverse)
+        return [int(self.origin[k]) for k in np.flatnonzero(vector)]
+
+
+def _doubled(array: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+    return np.concatenate([array, np.zeros_like(array)])

@@ -1,0 +1,50 @@
+"""Monomials in m displacements as 64-bit keys, sums of exponents being sums of keys."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+
+@dataclass(frozen=True, slots=True)
+class MonomialKeys:
+    """Keys for exponents in `size` variables, each of floor(63/size) bits."""
+
+    size: int
+
+    @property
+    def bits(self) -> int:
+        return 63 // self.size
+
+    @property
+    def largest_degree(self) -> int:
+        return (1 << self.bits) - 1
+
+    def key(self, exponents: Sequence[int]) -> int:
+        return sum(int(e) << (self.bits * k) for k, e in enumerate(exponents))
+
+
+@lru_cache(maxsize=512)
+def exponents_of_degree(size: int, degree: int) -> npt.NDArray[np.int8]:
+    """All exponent vectors of a total degree, (count, size)."""
+    flat = np.fromiter(itertools.chain.from_iterable(_compositions(size, degree)), np.int8)
+    table = flat.reshape(-1, size)
+    table.setflags(write=False)
+    return table
+
+
+def _compositions(size: int, degree: int) -> Iterator[tuple[int, ...]]:
+    for bars in itertools.combinations(range(degree + size - 1), size - 1):
+        ends = (-1, *bars, degree + size - 1)
+        yield tuple(b - a - 1 for a, b in itertools.pairwise(ends))
+
+
+def keys_of(monomials: MonomialKeys, exponents: npt.NDArray[np.int8]) -> npt.NDArray[np.int64]:
+    """The keys of rows of exponents."""
+    shifts = np.array([1 << (monomials.bits * k) for k in range(monomials.size)], np.int64)
+    return exponents.astype(np.int64) @ shifts

@@ -1,0 +1,73 @@
+"""Arithmetic modulo a prime below 2^62 on 64-bit words, compiled.
+
+Montgomery form: x stands for x R modulo P, R = 2^64; a product costs three multiplications
+(Montgomery, Math. Comp. 44 (1985) 519). Compiled by numba, whose wheels carry their compiler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+Work = TypeVar("Work", bound=Callable[..., Any])
+
+
+def compiled(work: Work) -> Work:
+    """numba.njit, its result kept on disk where the machine lets us write."""
+    try:
+        return njit(cache=True)(work)  # type: ignore[no-any-return]
+    except RuntimeError:  # no place for a cache: compile in each process
+        return njit(work)  # type: ignore[no-any-return]
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def high_product(typing_context: Any, a: Any, b: Any) -> Any:
+    """The upper 64 bits of the 128-bit product."""
+    signature = types.uint64(types.uint64, types.uint64)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        wide = ir.IntType(128)
+        left, right = (builder.zext(argument, wide) for argument in arguments)
+        upper = builder.lshr(builder.mul(left, right), ir.Constant(wide, 64))
+        return builder.trunc(upper, ir.IntType(64))
+
+    return signature, generate
+
+
+@compiled
+def multiply(a: np.uint64, b: np.uint64, prime: np.uint64, negative_inverse: np.uint64) -> np.uint64:
+    """a b / R modulo the prime."""
+    low = a * b
+    high = high_product(a, b)
+    correction = high_product(low * negative_inverse, prime)
+    # low + (low * negative_inverse * prime) is 0 modulo R; it carries exactly when low != 0.
+    result = high + correction + (np.uint64(1) if low != np.uint64(0) else np.uint64(0))
+    return result - prime if result >= prime else result
+
+
+@compiled
+def power(base: np.uint64, exponent: np.uint64, one: np.uint64, prime: np.uint64, negative_inverse: np.uint64) -> np.uint64:
+    """base^exponent, base and result in Montgomery form."""
+    result = one
+    while exponent > np.uint64(0):
+        if exponent & np.uint64(1):
+            result = multiply(result, base, prime, negative_inverse)
+        base = multiply(base, base, prime, negative_inverse)
+        exponent >>= np.uint64(1)
+    return result
+
+
+def constants(prime: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+    """(P, -1/P modulo R, R modulo P, R^2 modulo P)."""
+    radix = 1 << 64
+    return (
+        np.uint64(prime),
+        np.uint64(-pow(prime, -1, radix) % radix),
+        np.uint64(radix % prime),
+        np.uint64(radix * radix % prime),
+    )

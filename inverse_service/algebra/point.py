@@ -1,0 +1,180 @@
+"""A point over a prime field at which all atoms of a system have consistent random values."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from inverse_service.algebra import series as ps
+from inverse_service.algebra.primes import positive_power
+from inverse_service.algebra.series import Series, SeriesRing, SingularPoint
+from inverse_service.expressions.tree import (
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+)
+
+Variable = Symbol | Velocity
+
+
+@dataclass(slots=True)
+class Point:
+    """Values of variables and atoms modulo `prime`; atoms are added innermost first.
+
+    `signs` gives for a variable the sign of the residue symbol that its value is to have (the sign
+    of the variable at the real point that stands for the domain of the answer).
+    """
+
+    prime: int
+    seed: int
+    signs: Mapping[Variable, int] = field(default_factory=dict)
+    variables: dict[Variable, int] = field(default_factory=dict)
+    atoms: dict[Expression, int] = field(default_factory=dict)
+
+    def draw(self, key: object) -> int:
+        """A random nonzero residue that depends on the seed and the key alone."""
+        return random.Random(f"{self.seed}|{key!r}").randrange(2, self.prime - 1)
+
+    def draw_positive(self, key: object) -> int:
+        """A random square."""
+        return pow(self.draw(key), 2, self.prime)
+
+    def variable(self, name: Variable) -> int:
+        """The value of a coordinate, velocity, parameter, of t, or of pi."""
+        if name not in self.variables:
+            value = self.draw(name)
+            sign = self.signs.get(name, 0)
+            if sign and (pow(value, (self.prime - 1) // 2, self.prime) == 1) != (sign > 0):
+                value = self.prime - value
+            self.variables[name] = value
+        return self.variables[name]
+
+    def jet(self, name: str, arguments: tuple[int, ...], orders: tuple[int, ...]) -> int:
+        """A partial derivative of an arbitrary function at a place: equal places, equal values."""
+        return self.draw((name, arguments, orders))
+
+
+def number_value(value: Fraction, prime: int) -> int:
+    if value.denominator % prime == 0:
+        raise SingularPoint("denominator divisible by the prime")
+    return value.numerator * pow(value.denominator, -1, prime) % prime
+
+
+def evaluate(expression: Expression, point: Point) -> int:
+    """The value at the point; SingularPoint where a denominator vanishes, ValueError for a missing root."""
+    prime = point.prime
+    match expression:
+        case Number(value):
+            return number_value(value, prime)
+        case Symbol() | Velocity():
+            return point.variable(expression)
+        case Sum(terms):
+            return sum(evaluate(term, point) for term in terms) % prime
+        case Product(factors):
+            product = 1
+            for factor in factors:
+                product = product * evaluate(factor, point) % prime
+            return product
+        case Power(base, Number(exponent)):
+            return _power_value(evaluate(base, point), exponent, prime)
+        case Apply():
+            return point.atoms[expression]
+        case Arbitrary(name, arguments, orders):
+            return point.jet(name, tuple(evaluate(argument, point) for argument in arguments), orders)
+    raise TypeError(f"{type(expression).__name__} is not a kernel")
+
+
+def _power_value(base: int, exponent: Fraction, prime: int) -> int:
+    if base == 0 and exponent < 0:
+        raise SingularPoint("division by zero modulo the prime")
+    return positive_power(base, exponent, prime)
+
+
+@dataclass(slots=True)
+class Expansion:
+    """Taylor series about a point in the displacements of `variables`; equal trees are expanded once."""
+
+    point: Point
+    variables: Sequence[Variable]
+    order: int
+    known: dict[Expression, Series] = field(default_factory=dict)
+
+    @property
+    def ring(self) -> SeriesRing:
+        return SeriesRing(self.point.prime, len(self.variables), self.order)
+
+    def expand(self, expression: Expression) -> Series:
+        """The series of an expression in kernels (see `kernels.to_kernels`)."""
+        if expression not in self.known:
+            self.known[expression] = self._expand(expression)
+        return self.known[expression]
+
+    def _expand(self, expression: Expression) -> Series:
+        ring = self.ring
+        match expression:
+            case Number(value):
+                return ring.constant(number_value(value, ring.prime))
+            case Symbol() | Velocity():
+                return self._variable(expression)
+            case Sum(terms):
+                total = self.expand(terms[0])
+                for term in terms[1:]:
+                    total = ps.add(total, self.expand(term))
+                return total
+            case Product(factors):
+                return self._product(factors)
+            case Power(base, Number(exponent)):
+                return self._power(self.expand(base), exponent)
+            case Apply(function, argument):
+                return self._apply(expression, function, self.expand(argument))
+            case Arbitrary(name, arguments, orders):
+                return self._arbitrary(name, [self.expand(argument) for argument in arguments], orders)
+        raise TypeError(f"{type(expression).__name__} is not a kernel")
+
+    def _variable(self, name: Variable) -> Series:
+        value = self.point.variable(name)
+        if name in self.variables:
+            return self.ring.variable(self.variables.index(name), value)
+        return self.ring.constant(value)
+
+    def _product(self, factors: Sequence[Expression]) -> Series:
+        product = self.expand(factors[0])
+        for factor in factors[1:]:
+            if isinstance(factors[0], Number) and product is self.expand(factors[0]):
+                product = ps.scale(self.expand(factor), ps.value_at_point(product))
+            else:
+                product = ps.multiply(product, self.expand(factor))
+        return product
+
+    def _power(self, base: Series, exponent: Fraction) -> Series:
+        if exponent.denominator == 1:
+            return ps.integer_power(self.ring, base, exponent.numerator)
+        start = _power_value(ps.value_at_point(base), exponent, self.ring.prime)
+        return ps.power(self.ring, base, exponent, start)
+
+    def _apply(self, node: Expression, function: str, argument: Series) -> Series:
+        ring, atoms = self.ring, self.point.atoms
+        if function in ("sin", "cos"):
+            inner = node.argument  # type: ignore[union-attr]
+            pair = (atoms[Apply("sin", inner)], atoms[Apply("cos", inner)])
+            sine, cosine = ps.sine_cosine(ring, argument, *pair)
+            self.known[Apply("sin", inner)], self.known[Apply("cos", inner)] = sine, cosine
+            return sine if function == "sin" else cosine
+        work = {"exp": ps.exponential, "log": ps.logarithm, "atan": ps.arctangent}[function]
+        return work(ring, argument, atoms[node])
+
+    def _arbitrary(self, name: str, arguments: list[Series], orders: tuple[int, ...]) -> Series:
+        place = tuple(ps.value_at_point(argument) for argument in arguments)
+
+        def jet(more: tuple[int, ...]) -> int:
+            return self.point.jet(name, place, tuple(a + b for a, b in zip(orders, more, strict=True)))
+
+        return ps.compose(self.ring, arguments, jet)

@@ -1,0 +1,36 @@
+"""A system with its atoms reduced to independent generators: what every later stage starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.point import Variable
+from inverse_service.algebra.tower import Tower, build_tower
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis:
+    """f in kernels and the tower of its atoms; made once, used for both questions."""
+
+    system: SecondOrderSystem
+    accelerations: tuple[Expression, ...]
+    tower: Tower
+
+
+def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:
+    """t, q, v and the parameters."""
+    return (
+        TIME,
+        *(Symbol(name) for name in system.coordinates),
+        *(Velocity(name) for name in system.coordinates),
+        *(Symbol(name) for name in system.parameters),
+    )
+
+
+def analyse(system: SecondOrderSystem) -> Analysis:
+    """Raises IrreducibleAtoms where the relations among the atoms cannot be settled."""
+    kernels = tuple(to_kernels(f) for f in system.accelerations)
+    return Analysis(system, kernels, build_tower(kernels, variables_of(system), {}, None))
