@@ -89,10 +89,11 @@ class OtherAnswer(Document):
 
 
 class ResultDocument(OtherAnswer):
-    """Everything found out about one system; the main fields answer L(q, q') unless time is asked for."""
+    """Everything found out about one system; the main fields answer `question`."""
 
     format: Literal["inverse-service/result/1"] = FORMAT
     system: UnderstoodSystem | None
+    question: Literal["L(q, q')", "L(t, q, q')"] = "L(q, q')"
     verdict_with_time: Verdict | None = None
     conditions: ConditionsPart | None = None
     with_time: OtherAnswer | None = None

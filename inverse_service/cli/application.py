@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -43,6 +44,8 @@ def run() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(encoding="utf-8", errors="replace")
+    # What goes wrong is said in one sentence; the log with its tracebacks belongs to the service.
+    logging.getLogger("inverse_service").addHandler(logging.NullHandler())
     with exit_codes():
         application()
 

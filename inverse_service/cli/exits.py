@@ -33,7 +33,7 @@ def exit_codes() -> Iterator[None]:
         stop("Interrupted.", ExitCode.INTERRUPTED)
     except BrokenPipeError:
         # The reader of our output went away: not worth a word, but Python must not flush again.
-        sys.stdout = None  # type: ignore[assignment]
+        sys.stdout = None
         sys.exit(ExitCode.DONE)
     except Exception as error:  # the last boundary: a person gets a sentence, never a traceback
         stop(f"The program failed ({type(error).__name__}); that is a fault of the program.", ExitCode.FAULT)

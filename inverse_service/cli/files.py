@@ -20,9 +20,7 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
                 data = stream.read(limit + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "the name is not a file name"
-        raise InputError(
-            f"The file cannot be read: {reason}; give the name of a file, or - for standard input."
-        ) from None
+        raise InputError(f"The file cannot be read: {reason}; name a file, or - for standard input.") from None
     if len(data) > limit:
         raise LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
     return data

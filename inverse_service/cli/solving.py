@@ -12,7 +12,6 @@ from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service import tasks
 from inverse_service.service.alone import run_alone
-from inverse_service.service.outcome import Outcome
 from inverse_service.service.reading import read_document
 from inverse_service.settings import read_settings
 
@@ -45,12 +44,7 @@ def _solve(document: Any, options: SolveOptions, memory_limit: int) -> dict[str,
     if outcome.status in ("deadline", "memory"):
         understood = run_alone(tasks.understand_task, (document,), UNDERSTAND_DEADLINE, memory_limit)
         outcome = with_understood(outcome, understood)
-    return result_document(_quiet(outcome), options, memory_limit)
-
-
-def _quiet(outcome: Outcome) -> Outcome:
-    """The outcome with the kind of a fault said in its detail, which logging shows on standard error."""
-    return outcome
+    return result_document(outcome, options, memory_limit)
 
 
 def _written(result: dict[str, Any], form: str, explain: bool) -> str:

@@ -28,9 +28,7 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
 
 def asks_for_time(result: dict[str, Any]) -> bool:
     """Whether the main fields answer L(t, q, q')."""
-    system = result["system"] or {"given": {}, "equations": {}}
-    asked: bool | None = system["given"].get("time_dependent_lagrangian")
-    return bool(asked) or result.get("provenance", {}).get("question") == "L(t, q, q')"
+    return bool(result["question"] == QUESTIONS[True])
 
 
 def verdict_sentence(verdict: str, with_time: bool) -> str:

@@ -85,6 +85,7 @@ def to_result(solution: Solution, schema: SystemDocument) -> ResultDocument:
     time = solution.with_time
     return ResultDocument(
         system=to_understood(solution.system, schema),
+        question="L(t, q, q')" if main is time else "L(q, q')",
         **_answer_fields(main, solution.system),
         verdict_with_time=time.verdict if time is not None else None,
         conditions=_conditions(solution.conditions),

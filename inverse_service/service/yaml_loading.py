@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any, ClassVar
+from typing import Any
 
 import yaml
 
@@ -15,11 +15,9 @@ class PlainLoader(yaml.SafeLoader):
     because a few lines of them stand for billions of values.
     """
 
-    yaml_implicit_resolvers: ClassVar[dict[str, list[tuple[str, re.Pattern[str]]]]] = {}
-
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
-            event = self.peek_event()
+            event = self.peek_event()  # type: ignore[no-untyped-call]
             raise yaml.composer.ComposerError(None, None, "aliases (*name) are not accepted", event.start_mark)
         return super().compose_node(parent, index)
 
@@ -36,6 +34,7 @@ def _construct_mapping(loader: PlainLoader, node: yaml.MappingNode) -> dict[str,
     return found
 
 
+PlainLoader.yaml_implicit_resolvers = {}
 PlainLoader.add_constructor("tag:yaml.org,2002:map", _construct_mapping)
 PlainLoader.add_implicit_resolver(
     "tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|TRUE|false|False|FALSE)$"), list("tTfF")

@@ -1,0 +1,65 @@
+"""The FastAPI application, put together."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+from starlette.middleware.cors import CORSMiddleware
+
+from api_schemas.result import ResultDocument
+from api_schemas.system import SystemDocument
+from inverse_service import __version__
+from inverse_service.settings import Settings
+from inverse_service.web import pages, problems, routes
+from inverse_service.web.engine import Engine
+from inverse_service.web.headers import SecurityHeaders
+
+TITLE = "inverse-service"
+SUMMARY = "Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."
+REFERENCE = "#/components/schemas/{model}"
+
+
+def create_application(settings: Settings) -> FastAPI:
+    """The service; its worker processes live from start to shutdown of the application."""
+    app = FastAPI(title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None)
+    app.state.engine = Engine(settings)
+    problems.install(app)
+    app.add_middleware(SecurityHeaders)
+    if settings.cors_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=list(settings.cors_origins),
+            allow_methods=["GET", "POST"],
+            allow_headers=["Content-Type", "Prefer"],
+        )
+    app.include_router(routes.router)
+    app.include_router(pages.router, include_in_schema=False)
+    app.openapi = lambda: _description(app)  # type: ignore[method-assign]
+    return app
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    engine: Engine = app.state.engine
+    engine.start()
+    try:
+        yield
+    finally:
+        engine.stop()
+
+
+def _description(app: FastAPI) -> dict[str, Any]:
+    """OpenAPI with the schemas of the bodies that the routes read themselves."""
+    if app.openapi_schema is None:
+        found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
+        schemas = found.setdefault("components", {}).setdefault("schemas", {})
+        for model in (SystemDocument, ResultDocument):
+            schema = model.model_json_schema(ref_template=REFERENCE)
+            schemas.update(schema.pop("$defs", {}))
+            schemas[model.__name__] = schema
+        app.openapi_schema = found
+    return app.openapi_schema
