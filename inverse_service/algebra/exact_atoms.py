@@ -31,26 +31,34 @@ from inverse_service.expressions.tree import (
 
 
 def exact_ring(
-    trees: Sequence[Expression], variables: Sequence[Symbol | Velocity], orders: int, budget: Budget
+    trees: Sequence[Expression],
+    variables: Sequence[Symbol | Velocity],
+    orders: int,
+    budget: Budget,
+    further: Sequence[Symbol] = (),
 ) -> ExactRing:
     """A ring that holds the trees and can differentiate them `orders` times by the variables.
 
-    Raises TooLarge where the budget ends and ZeroDivisionError for a division by zero in a tree.
+    `further` are constants to be adjoined that do not occur in the trees. Raises TooLarge where the
+    budget ends and ZeroDivisionError for a division by zero in a tree.
     """
-    generous = _build(trees, variables, orders, budget, _generators_needed(trees, variables, orders))
+    symbols = [*further, *_symbols(trees, variables)]
+    size = len(symbols) + _generators_needed(trees, orders)
+    generous = _build(trees, variables, symbols, orders, budget, size)
     used = len(generous.trees)
-    return generous if generous.free == 0 else _build(trees, variables, orders, budget, used)
+    return generous if generous.free == 0 else _build(trees, variables, symbols, orders, budget, used)
 
 
 def _build(
     trees: Sequence[Expression],
     variables: Sequence[Symbol | Velocity],
+    symbols: Sequence[Symbol | Velocity],
     orders: int,
     budget: Budget,
     size: int,
 ) -> ExactRing:
     ring = ExactRing(QuotientField.with_generators(size, budget), tuple(variables), size)
-    add_symbols(ring, _symbols(trees, variables))
+    add_symbols(ring, symbols)
     for level in _levels(trees):
         _adjoin_level(ring, level, orders, _occurring(trees))
     return ring
@@ -81,12 +89,10 @@ def _is_function(node: Expression) -> bool:
     return isinstance(node, Apply | Arbitrary) or (isinstance(node, Power) and not is_integer_power(node))
 
 
-def _generators_needed(
-    trees: Sequence[Expression], variables: Sequence[Symbol | Velocity], orders: int
-) -> int:
+def _generators_needed(trees: Sequence[Expression], orders: int) -> int:
     """An upper bound; exact counting would need the arguments' relations."""
     atoms = {node for tree in trees for node in walk(tree) if _is_function(node)}
-    total = len(_symbols(trees, variables))
+    total = 0
     for node in atoms:
         total += 4
         if isinstance(node, Arbitrary):

@@ -17,8 +17,8 @@ from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import PI, Apply, Expression
 
-CIRCULAR = frozenset("sin cos tan cot sec csc".split())
-HYPERBOLIC = frozenset("sinh cosh tanh coth sech csch".split())
+CIRCULAR = frozenset(["sin", "cos", "tan", "cot", "sec", "csc"])
+HYPERBOLIC = frozenset(["sinh", "cosh", "tanh", "coth", "sech", "csch"])
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,8 @@ from inverse_service.expressions.tree import (
     Number,
     Power,
     Product,
+    Sum,
+    Symbol,
     add,
     multiply,
     number,
@@ -26,17 +28,42 @@ FACTORED_TERMS = 120
 
 
 def quotient_tree(ring: ExactRing, quotient: Quotient) -> Expression:
-    """The element as constant * factors / denominators."""
+    """The element as constant * factors / denominators, or a sum of such where that is shorter."""
     if quotient.is_zero:
         return number(0)
+    return add(*(_factored(ring, part) for part in _split_by_roots(ring, quotient)))
+
+
+def _split_by_roots(ring: ExactRing, quotient: Quotient) -> list[Quotient]:
+    """The parts by powers of each root in the denominator: (P + Q r^5)/r^5 = P/r^5 + Q, if that is shorter."""
+    parts = [quotient]
+    for index, relation in ring.field.relations.items():
+        root = ring.field.context.gen(index)
+        if any(ring.field.denominators[place] == root for place, _ in quotient.exponents):
+            parts = [piece for part in parts for piece in _by_powers(part, index, relation.degree)]
+    shorter = sum(len(part.numerator) for part in parts) < len(quotient.numerator)
+    return parts if shorter else [quotient]
+
+
+def _by_powers(quotient: Quotient, index: int, degree: int) -> list[Quotient]:
+    """One quotient for each power of the generator in the numerator."""
+    tables: list[dict[tuple[int, ...], object]] = [{} for _ in range(degree)]
+    for exponents, coefficient in quotient.numerator.terms():
+        tables[int(exponents[index])][tuple(int(e) for e in exponents)] = coefficient
+    owner = quotient.field
+    return [owner.quotient(owner.context.from_dict(table), quotient.exponents) for table in tables if table]
+
+
+def _factored(ring: ExactRing, quotient: Quotient) -> Expression:
+    """constant * factors / denominators, monomials before sums."""
     constant, factors = _factors(ring, quotient.numerator)
     table = dict[Expression, Fraction]()
     for polynomial, exponent in factors:
         _collect(ring, table, polynomial, exponent)
     for index, exponent in quotient.exponents:
         _collect(ring, table, ring.field.denominators[index], -exponent)
-    parts = [generator_power(tree, exponent) for tree, exponent in table.items() if exponent]
-    return multiply(number(constant), *parts)
+    ordered = sorted(table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], Sum)))
+    return multiply(number(constant), *(generator_power(tree, exponent) for tree, exponent in ordered if exponent))
 
 
 def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
@@ -70,10 +97,18 @@ def polynomial_tree(ring: ExactRing, polynomial: fmpq_mpoly) -> Expression:
 def _monomial_tree(ring: ExactRing, exponents: Iterable[int], coefficient: Fraction) -> Expression:
     parts = [
         generator_power(ring.trees[index], Fraction(int(exponent)))
-        for index, exponent in reversed(list(enumerate(exponents)))
+        for index, exponent in sorted(enumerate(exponents), key=lambda item: _place(ring, item[0]))
         if exponent
     ]
     return multiply(number(coefficient), *parts)
+
+
+def _place(ring: ExactRing, index: int) -> tuple[int, int]:
+    """Parameters first, then coordinates and velocities, then functions."""
+    tree = ring.trees.get(index)
+    if isinstance(tree, Symbol) and tree not in ring.variables:
+        return (0, index)
+    return (1 if tree in ring.variables else 2, index)
 
 
 def generator_power(tree: Expression, exponent: Fraction) -> Expression:

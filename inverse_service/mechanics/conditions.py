@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing
@@ -52,15 +53,17 @@ class ExactMotion:
     motion: Motion[Quotient]
 
 
-def exact_motion(system: SecondOrderSystem, orders: int, budget: Budget) -> ExactMotion:
-    """The system over an exact ring that allows `orders` derivations of f.
+def exact_motion(
+    system: SecondOrderSystem, orders: int, budget: Budget, further: Sequence[Symbol] = ()
+) -> ExactMotion:
+    """The system over an exact ring that allows `orders` derivations of f; `further` names constants.
 
     Raises TooLarge (with the reason) and ZeroDivisionError, as the ring does.
     """
     coordinates = [Symbol(name) for name in system.coordinates]
     velocities = [Velocity(name) for name in system.coordinates]
     n = len(coordinates)
-    ring = exact_ring(system.accelerations, [TIME, *coordinates, *velocities], orders, budget)
+    ring = exact_ring(system.accelerations, [TIME, *coordinates, *velocities], orders, budget, further)
     accelerations = tuple(ring.value(f) for f in system.accelerations)
     along = ring.along([ring.constant(1), *(ring.atoms[v] for v in velocities), *accelerations])
     partials = tuple(ring.partial(index) for index in range(1, 2 * n + 1))
@@ -128,6 +131,6 @@ def matrix_trees(ring: ExactRing, matrix: tuple[tuple[Quotient, ...], ...]) -> M
 
 
 def _packed(found: dict[str, Matrix | tuple[Matrix, ...]], reason: str) -> Tensors:
-    first: Callable[[str], object] = found.get
     higher = tuple((name, tensor) for name, tensor in found.items() if name not in _NAMES)
-    return Tensors(first("N"), first("Phi"), first("nabla Phi"), first("R"), reason, higher)  # type: ignore[arg-type]
+    n, phi, nabla_phi = (cast("Matrix | None", found.get(name)) for name in _NAMES[:3])
+    return Tensors(n, phi, nabla_phi, cast("tuple[Matrix, ...] | None", found.get("R")), reason, higher)
