@@ -1,0 +1,119 @@
+"""LaTeX source to raw tokens: commands, characters, numbers; wrappers and spacing dropped."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.characters import GREEK, OPERATORS, PRIMES, SPACES, describe
+from inverse_service.expressions.limits import LIMITS, Limits
+from inverse_service.expressions.tokenizer import check_length
+from inverse_service.expressions.tokens import limit_passed, refusal
+
+RawKind = Literal["command", "letter", "digit", "character", "end"]
+_COMMAND = re.compile(r"\\([A-Za-z]+\*?|.)", re.DOTALL)
+_ENVIRONMENT = re.compile(r"\{\s*([a-z]+)\*?\s*\}(\s*\{[lcr| ]*\})?")
+_ENVIRONMENTS = frozenset(
+    ("align", "aligned", "alignat", "array", "cases", "dcases", "equation", "gather", "gathered", "split", "eqnarray")
+)
+_SPACING = frozenset([",", ";", ":", "!", " ", "quad", "qquad", "displaystyle", "textstyle", "limits", "\n"])
+_SIZES = frozenset("big Big bigg Bigg bigl bigr Bigl Bigr biggl biggr Biggl Biggr".split(" "))
+_WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
+_PLAIN = frozenset("+-*/^_(){}[]=,;&|.")
+
+
+@dataclass(frozen=True, slots=True)
+class Raw:
+    """One piece of LaTeX; `text` of a command is its name without the backslash."""
+
+    kind: RawKind
+    text: str
+    column: int
+    space_before: bool = False
+
+    def is_character(self, *texts: str) -> bool:
+        return self.kind == "character" and self.text in texts
+
+    def is_command(self, *texts: str) -> bool:
+        return self.kind == "command" and self.text in texts
+
+
+def scan(text: str, limits: Limits = LIMITS) -> list[Raw]:
+    """The raw tokens, ended by one of kind "end"; InputError for a character that has no meaning."""
+    check_length(text, limits)
+    place, stop = _inside_wrappers(text)
+    pieces: list[Raw] = []
+    space = False
+    while place < stop:
+        piece, place = _piece(text, place, space)
+        space = piece is None
+        if piece:
+            pieces.append(piece)
+        if len(pieces) > limits.tokens:
+            raise limit_passed("the formula has too many parts", pieces[-1].column, limits.tokens)
+    return [*pieces, Raw("end", "", stop + 1)]
+
+
+def _inside_wrappers(text: str) -> tuple[int, int]:
+    """(start, stop) of the formula inside $ $ or \\[ \\]."""
+    start, stop = 0, len(text)
+    for opening, closing in _WRAPPERS:
+        inner = text[start:stop]
+        lead, tail = len(inner) - len(inner.lstrip()), len(inner) - len(inner.rstrip())
+        inner = inner.strip()
+        if inner.startswith(opening) and inner.endswith(closing) and len(inner) >= len(opening + closing):
+            return start + lead + len(opening), stop - tail - len(closing)
+    return start, stop
+
+
+def _piece(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
+    """The piece that begins at `place`, None for spacing, and the place after it."""
+    character, column = text[place], place + 1
+    if character == "\\":
+        return _command(text, place, space)
+    if character in SPACES or character in "\n~&":
+        return None, place + 1
+    if character in GREEK:
+        return Raw("command", GREEK[character], column, space), place + 1
+    if character in PRIMES:
+        return Raw("character", "'" * PRIMES[character], column, space), place + 1
+    if character.isascii() and character.isalpha():
+        return Raw("letter", character, column, space), place + 1
+    if character.isascii() and character.isdigit():
+        return Raw("digit", character, column, space), place + 1
+    character = OPERATORS.get(character, character)
+    if character in _PLAIN:
+        return Raw("character", character, column, space), place + 1
+    raise _not_accepted(text[place], column)
+
+
+def _not_accepted(character: str, column: int) -> InputError:
+    reasons = {
+        "!": "factorials are not accepted, write the number",
+        "<": "comparisons are not accepted, write an equation with =",
+        ">": "comparisons are not accepted, write an equation with =",
+        "$": "write $ only around the whole formula",
+    }
+    instead = reasons.get(character, "use letters, digits, + - * / ^ ( ) , = ' and LaTeX commands")
+    return refusal(f"the character {describe(character)} is not accepted", column, instead)
+
+
+def _command(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
+    match = _COMMAND.match(text, place)
+    if match is None:
+        raise refusal("a backslash stands alone", place + 1, "write a command such as \\dot{x}")
+    name, end = match.group(1), match.end()
+    if name in _SPACING or name in _SIZES:
+        return None, end
+    if name in ("begin", "end"):
+        return None, _environment(text, place, end)
+    return Raw("command", name, place + 1, space), end
+
+
+def _environment(text: str, place: int, end: int) -> int:
+    match = _ENVIRONMENT.match(text, end)
+    if match is None or match.group(1) not in _ENVIRONMENTS:
+        raise refusal("this environment is not accepted", place + 1, "write aligned or cases, or the equations alone")
+    return match.end()
