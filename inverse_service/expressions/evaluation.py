@@ -1,0 +1,70 @@
+"""The value of a tree at a point, in real arithmetic of any precision."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from mpmath import mp, mpf
+
+from inverse_service.errors import InverseServiceError
+from inverse_service.expressions.tree import (
+    PI,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+)
+
+Real = Any  # mpmath has no types
+
+
+class NoRealValue(InverseServiceError):
+    """The tree has no finite real value at the point; another point may do."""
+
+    code = "no-real-value"
+
+
+_NAMES = {"log": "ln"}
+
+
+def evaluate(expression: Expression, table: Mapping[Expression, Real]) -> Real:
+    """The value in mpmath's working precision.
+
+    `table` gives the values of Symbol, Velocity and Acceleration nodes, and of whole Arbitrary nodes
+    (arguments and orders included). NoRealValue where a node is missing or has no finite real value.
+    """
+    known = table.get(expression)
+    if known is not None:
+        return known
+    try:
+        value = _value(expression, table)
+    except (ZeroDivisionError, ValueError, OverflowError) as error:
+        raise NoRealValue(f"a formula has no real value at a point: {error}") from error
+    if not isinstance(value, mpf) or not mp.isfinite(value):
+        raise NoRealValue("a formula has no finite real value at a point")
+    return value
+
+
+def _value(expression: Expression, table: Mapping[Expression, Real]) -> Real:
+    match expression:
+        case Number(value):
+            return mpf(value.numerator) / value.denominator
+        case Sum(terms):
+            return mp.fsum(evaluate(term, table) for term in terms)
+        case Product(factors):
+            return mp.fprod(evaluate(factor, table) for factor in factors)
+        case Power(base, exponent):
+            return mp.power(evaluate(base, table), evaluate(exponent, table))
+        case Apply(function, argument):
+            operation: Callable[[Real], Real] = getattr(mp, _NAMES.get(function, function))
+            return operation(evaluate(argument, table))
+        case Arbitrary(name, _, _):
+            raise NoRealValue(f"no value is given for the function {name}")
+        case _ if expression == PI:
+            return +mp.pi
+        case _:
+            raise NoRealValue(f"no value is given for {expression}")

@@ -1,0 +1,120 @@
+"""Trees to canonical plain text, a small part of what `text.py` reads:
+
+    formula   = ["-"] term {(" + " | " - ") term}
+    term      = factors ["/" (factor | "(" factors ")")]
+    factors   = factor {"*" factor}
+    factor    = atom ["^" exponent]
+    exponent  = integer | name | "(" formula ")"
+    atom      = integer | name | name "'" | name "''" | function | "(" formula ")"
+    function  = name {"'"} "(" formula {", " formula} ")"
+              | "diff(" name "(" name {", " name} "), " name {", " name} ")"
+              | name "[" integer {"," integer} "](" formula {", " formula} ")"
+
+`sqrt` is the only function beside `tree.ELEMENTARY` and the declared ones; integers have no sign;
+rational numbers are written as quotients. A'(u) is the derivative of a declared function of one
+argument; for several, diff(B(x, y), x) where the arguments are different names, else B[1,0](u, w),
+with the order of the derivative in each argument. The text reads back to the same value, and the
+text of what was read back is the same text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from inverse_service.expressions.printing_layout import (
+    Ratio,
+    has_plain_arguments,
+    signed_terms,
+    variables,
+)
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions.tree import (
+    HALF,
+    Acceleration,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+)
+
+__all__ = ["to_latex", "to_mathml", "to_text"]
+
+
+def to_text(expression: Expression) -> str:
+    """The canonical text; deterministic, with no more brackets than reading needs."""
+    pieces: list[str] = []
+    for term in signed_terms(expression):
+        if pieces:
+            pieces.append(" - " if term.negative else " + ")
+        elif term.negative:
+            pieces.append("-")
+        pieces.append(_ratio(term))
+    return "".join(pieces)
+
+
+def _ratio(term: Ratio) -> str:
+    over = _factors(term.over, term.numerators)
+    if term.under == 1 and not term.denominators:
+        return over
+    under = _factors(term.under, term.denominators)
+    alone = len(term.denominators) + (term.under != 1) == 1
+    return f"{over}/{under}" if alone else f"{over}/({under})"
+
+
+def _factors(coefficient: int, factors: Sequence[Expression]) -> str:
+    first = [str(coefficient)] if coefficient != 1 or not factors else []
+    return "*".join(first + [_factor(factor) for factor in factors])
+
+
+def _factor(factor: Expression) -> str:
+    match factor:
+        case Power(base, exponent) if exponent != HALF:
+            return f"{_atom(base)}^{_exponent(exponent)}"
+        case _:
+            return _atom(factor)
+
+
+def _exponent(exponent: Expression) -> str:
+    match exponent:
+        case Number(value) if value >= 0 and value.denominator == 1:
+            return str(value)
+        case Symbol(name):
+            return name
+        case _:
+            return f"({to_text(exponent)})"
+
+
+def _atom(expression: Expression) -> str:
+    match expression:
+        case Number(value) if value >= 0 and value.denominator == 1:
+            return str(value)
+        case Symbol(name):
+            return name
+        case Velocity(name):
+            return f"{name}'"
+        case Acceleration(name):
+            return f"{name}''"
+        case Apply(function, argument):
+            return f"{function}({to_text(argument)})"
+        case Power(base, exponent) if exponent == HALF:
+            return f"sqrt({to_text(base)})"
+        case Arbitrary():
+            return _arbitrary(expression)
+        case _:
+            return f"({to_text(expression)})"
+
+
+def _arbitrary(function: Arbitrary) -> str:
+    arguments = ", ".join(to_text(argument) for argument in function.arguments)
+    if len(function.orders) == 1:
+        return f"{function.name}{chr(39) * function.orders[0]}({arguments})"
+    if not any(function.orders):
+        return f"{function.name}({arguments})"
+    if has_plain_arguments(function):
+        by = ", ".join(to_text(variable) for variable in variables(function))
+        return f"diff({function.name}({arguments}), {by})"
+    return f"{function.name}[{','.join(map(str, function.orders))}]({arguments})"

@@ -1,0 +1,117 @@
+"""What the three printers share: every term as a sign, a numerator and a denominator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from inverse_service.expressions.tree import (
+    ONE,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    number,
+    power,
+)
+
+_EXPONENTIAL = Apply("exp", ONE)
+
+
+@dataclass(frozen=True, slots=True)
+class Ratio:
+    """±(over · numerators) / (under · denominators); no factor is a Product or a power below zero.
+
+    Equal factors are gathered: x x^2 is x^3. `over` and `under` are positive, `over` 0 for the number 0.
+    """
+
+    negative: bool
+    over: int
+    under: int
+    numerators: tuple[Expression, ...]
+    denominators: tuple[Expression, ...]
+
+
+@dataclass(slots=True)
+class _Parts:
+    coefficient: Fraction = Fraction(1)
+    numerators: list[Expression] = field(default_factory=list)
+    denominators: list[Expression] = field(default_factory=list)
+
+
+def ratio(expression: Expression) -> Ratio:
+    """The expression, one term of a sum, as a fraction."""
+    parts = _Parts()
+    _collect(expression, False, parts)
+    coefficient = abs(parts.coefficient)
+    return Ratio(
+        parts.coefficient < 0,
+        coefficient.numerator,
+        coefficient.denominator,
+        _gather(parts.numerators),
+        _gather(parts.denominators),
+    )
+
+
+def _collect(expression: Expression, inverse: bool, parts: _Parts) -> None:
+    match expression:
+        case Number(value) if value or not inverse:
+            parts.coefficient *= 1 / value if inverse else value
+        case Product(factors):
+            for factor in factors:
+                _collect(factor, inverse, parts)
+        case Power(base, Number(exponent)) if exponent < 0:
+            _collect(power(base, -exponent), not inverse, parts)
+        case _:
+            (parts.denominators if inverse else parts.numerators).append(expression)
+
+
+def _gather(factors: Iterable[Expression]) -> tuple[Expression, ...]:
+    """Equal bases with whole positive exponents put together at the place of the first."""
+    table: dict[Expression, int] = {}
+    for factor in factors:
+        base, count = _base(factor)
+        table[base] = table.get(base, 0) + count
+    return tuple(_factor(base, count) for base, count in table.items())
+
+
+def _base(factor: Expression) -> tuple[Expression, int]:
+    match factor:
+        case Power(base, exponent) if base == _EXPONENTIAL:
+            return _base(Apply("exp", exponent))
+        case Apply("exp", Number(value)) if value > 0 and value.denominator == 1:
+            return _EXPONENTIAL, int(value)
+        case Power(base, Number(value)) if value > 0 and value.denominator == 1:
+            inner, count = _base(base)
+            return inner, count * int(value)
+        case _:
+            return factor, 1
+
+
+def _factor(base: Expression, count: int) -> Expression:
+    if count == 1:
+        return base
+    return Apply("exp", number(count)) if base == _EXPONENTIAL else Power(base, number(count))
+
+
+def signed_terms(expression: Expression) -> list[Ratio]:
+    """The terms of a sum, or the one term, in their order."""
+    terms = expression.terms if isinstance(expression, Sum) else (expression,)
+    return [ratio(term) for term in terms]
+
+
+def has_plain_arguments(function: Arbitrary) -> bool:
+    """Whether the arguments are names, all different: then diff(B(x, y), x) is clear."""
+    arguments = function.arguments
+    return all(isinstance(u, Symbol) for u in arguments) and len(set(arguments)) == len(arguments)
+
+
+def variables(function: Arbitrary) -> list[Expression]:
+    """What is differentiated by, each as often as its order."""
+    pairs = zip(function.arguments, function.orders, strict=True)
+    return [argument for argument, order in pairs for _ in range(order)]

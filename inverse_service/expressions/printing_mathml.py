@@ -1,0 +1,126 @@
+"""Trees to presentation MathML, which today's browsers show without a script."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from inverse_service.expressions.printing_layout import Ratio, signed_terms
+from inverse_service.expressions.printing_names import greek_letter, written
+from inverse_service.expressions.tree import (
+    HALF,
+    Acceleration,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+)
+
+_NAMESPACE = "http://www.w3.org/1998/Math/MathML"
+_TIMES = "<mo>&#x2062;</mo>"
+_APPLY = "<mo>&#x2061;</mo>"
+_SHOWN = {"log": "ln", "asin": "arcsin", "acos": "arccos", "atan": "arctan"}
+_DOTS = ("", "&#x02D9;", "&#x00A8;")
+
+
+def to_mathml(expression: Expression) -> str:
+    """A complete <math> element; all text in it is escaped."""
+    return f'<math xmlns="{_NAMESPACE}">{_row(expression)}</math>'
+
+
+def _row(expression: Expression) -> str:
+    pieces: list[str] = []
+    for term in signed_terms(expression):
+        if pieces or term.negative:
+            pieces.append("<mo>&#x2212;</mo>" if term.negative else "<mo>+</mo>")
+        pieces.append(_ratio(term))
+    return f"<mrow>{''.join(pieces)}</mrow>"
+
+
+def _ratio(term: Ratio) -> str:
+    if term.under == 1 and not term.denominators:
+        return _factors(term.over, term.numerators)
+    return f"<mfrac>{_alone(term.over, term.numerators)}{_alone(term.under, term.denominators)}</mfrac>"
+
+
+def _alone(coefficient: int, factors: Sequence[Expression]) -> str:
+    if coefficient == 1 and len(factors) == 1:
+        return _row(factors[0])
+    return f"<mrow>{_factors(coefficient, factors)}</mrow>"
+
+
+def _factors(coefficient: int, factors: Sequence[Expression]) -> str:
+    pieces = [f"<mn>{coefficient}</mn>"] if coefficient != 1 or not factors else []
+    pieces += [_factor(factor) for factor in factors]
+    joined = pieces[0]
+    for piece in pieces[1:]:
+        joined += ("<mo>&#x22C5;</mo>" if _begins_with_digit(piece) else _TIMES) + piece
+    return joined
+
+
+def _begins_with_digit(piece: str) -> bool:
+    return piece.startswith(("<mn>", "<msup><mn>"))
+
+
+def _factor(factor: Expression) -> str:
+    match factor:
+        case Power(base, exponent) if exponent != HALF:
+            inner = _brackets(base) if isinstance(base, Apply) and base.function == "exp" else _atom(base)
+            return f"<msup>{inner}{_row(exponent)}</msup>"
+        case _:
+            return _atom(factor)
+
+
+def _atom(expression: Expression) -> str:
+    match expression:
+        case Number(value) if value >= 0 and value.denominator == 1:
+            return f"<mn>{value}</mn>"
+        case Symbol(name):
+            return _name(name, 0)
+        case Velocity(name):
+            return _name(name, 1)
+        case Acceleration(name):
+            return _name(name, 2)
+        case Apply("exp", argument):
+            return f"<msup><mi>e</mi>{_row(argument)}</msup>"
+        case Apply(function, argument):
+            name = escape(_SHOWN.get(function, function))
+            return f"<mrow><mi>{name}</mi>{_APPLY}{_brackets(argument)}</mrow>"
+        case Power(base, exponent) if exponent == HALF:
+            return f"<msqrt>{_row(base)}</msqrt>"
+        case Arbitrary():
+            return _arbitrary(expression)
+        case _:
+            return _brackets(expression)
+
+
+def _brackets(expression: Expression) -> str:
+    return f"<mrow><mo>(</mo>{_row(expression)}<mo>)</mo></mrow>"
+
+
+def _name(name: str, order: int) -> str:
+    parts = written(name)
+    body = f"<mi>{escape(greek_letter(parts.body) or parts.body)}</mi>"
+    if order:
+        body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
+    if not parts.subscript:
+        return body
+    words = [f"<mn>{word}</mn>" if word.isdigit() else f"<mi>{_escaped(word)}</mi>" for word in parts.subscript]
+    return f"<msub>{body}<mrow>{'<mo>,</mo>'.join(words)}</mrow></msub>"
+
+
+def _escaped(word: str) -> str:
+    return escape(greek_letter(word) or word)
+
+
+def _arbitrary(function: Arbitrary) -> str:
+    """The function with primes, or with the orders (1,0) above where it has several arguments."""
+    name, orders = _name(function.name, 0), function.orders
+    if any(orders):
+        above = "&#x2032;" * orders[0] if len(orders) == 1 else f"({','.join(map(str, orders))})"
+        name = f"<msup>{name}<mo>{above}</mo></msup>"
+    arguments = "<mo>,</mo>".join(_row(argument) for argument in function.arguments)
+    return f"<mrow>{name}{_APPLY}<mo>(</mo>{arguments}<mo>)</mo></mrow>"
