@@ -62,7 +62,10 @@ class ConditionsPart(Document):
 
 
 class UnderstoodSystem(Document):
-    """The system as understood: canonical equations, one text and one LaTeX line a coordinate."""
+    """The system as understood: canonical equations, one text and one LaTeX line a coordinate.
+
+    `given` is what the document had as `equations`.
+    """
 
     name: str = ""
     coordinates: list[str]
@@ -70,7 +73,8 @@ class UnderstoodSystem(Document):
     latex: dict[str, str]
     parameters: list[str]
     functions: dict[str, list[str]]
-    given: dict[str, Any]
+    given: dict[str, str] | list[str] | str
+    time_dependent_lagrangian: bool | None = None
 
 
 class OtherAnswer(Document):

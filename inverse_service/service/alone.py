@@ -6,6 +6,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import warnings
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
@@ -23,7 +24,10 @@ def run_alone(task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline
     context: Any = multiprocessing.get_context(method)
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_child, args=(sender, task, arguments, memory_limit), daemon=True)
-    process.start()
+    with warnings.catch_warnings():
+        # Newer Pythons warn of any thread of the process; those of numerical libraries survive a fork.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        process.start()
     sender.close()
     try:
         return _receive(receiver, process, deadline)

@@ -50,9 +50,7 @@ def value_of(outcome: Outcome) -> Any:
     if outcome.status == "memory":
         raise WorkerFailed("The work was stopped at its memory limit.")
     kind = f" ({outcome.value})" if outcome.value else ""
-    raise WorkerFailed(
-        f"The program failed on this document{kind}; that is a fault of the program."
-    )
+    raise WorkerFailed(f"The program failed on this document{kind}; that is a fault of the program.")
 
 
 def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from typing import Any, NoReturn
 
 from inverse_service.errors import InputError, LimitError
@@ -149,7 +149,10 @@ def _refuse_constant(name: str) -> NoReturn:
 def _decimal(text: str) -> Decimal:
     if len(text) > MAX_NUMBER_CHARACTERS:
         raise LimitError(f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula.")
-    value = Decimal(text)
+    try:
+        value = Decimal(text)
+    except InvalidOperation:  # an exponent of more digits than Decimal holds
+        value = Decimal("inf")
     if not value.is_finite() or abs(value.adjusted()) > 300:
         raise LimitError("A number is beyond 10^300 or not finite; write it as a formula with powers.")
     return value

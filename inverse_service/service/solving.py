@@ -62,24 +62,29 @@ def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
     An answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked.
     """
     document = result.model_dump(mode="json")
-    _check_answer(document, document, time_limit)
-    if document["with_time"] is not None:
-        # The checker reads a result by its main fields: show it the other answer in their place.
-        _check_answer(document["with_time"], {**document, **document["with_time"], "with_time": None}, time_limit)
-        document["verdict_with_time"] = document["with_time"]["verdict"]
+    other = document["with_time"]
+    if other is None:
+        _check_answer(document, document, time_limit)
+        if document["verdict"] == "undetermined" and document["verdict_with_time"] is not None:
+            document["verdict_with_time"] = "undetermined"
+        return document
+    # Two answers: the checker judges a document as a whole, so each is shown to it alone.
+    alone = {"verdict_with_time": None, "with_time": None}
+    _check_answer(document, document | alone, time_limit)
+    system = document["system"] | {"time_dependent_lagrangian": True}
+    _check_answer(other, document | other | alone | {"system": system}, time_limit)
+    document["verdict_with_time"] = other["verdict"]
     return document
 
 
 def _check_answer(answer: dict[str, Any], shown: dict[str, Any], time_limit: float) -> None:
-    if answer["verdict"] == "undetermined" or answer["checked"] == "valid":
+    if answer["verdict"] == "undetermined":
         return
     found = check_result(shown, time_limit=max(1.0, time_limit))
     answer["checked"] = found.verdict
     if found.verdict == "invalid":
         raise CertificateRefused("our checker refused our certificate: " + "; ".join(found.reasons)[:500])
     if found.verdict == "incomplete":
-        verdict = answer["verdict"].replace("_", " ")
+        verdict, reasons = answer["verdict"].replace("_", " "), "; ".join(found.reasons)
         answer["verdict"] = "undetermined"
-        answer["reason"] = (
-            f"The solver found {verdict}, but the independent check could not confirm it: {'; '.join(found.reasons)}"
-        )
+        answer["reason"] = f"The solver found {verdict}, but the independent check could not confirm it: {reasons}"

@@ -42,14 +42,17 @@ def check_task(text: str) -> Outcome:
 
 def ping_task() -> Outcome:
     """Shows that a worker process answers and has the engine loaded."""
-    load_engine()
-    return Outcome("done", "pong")
+    return guard(load_engine)
 
 
 def _guarded(name: str, *arguments: Any) -> Outcome:
+    return guard(_call, name, *arguments)
+
+
+def _call(name: str, *arguments: Any) -> Any:
     from inverse_service.service import solving
 
-    return guard(getattr(solving, name), *arguments)
+    return getattr(solving, name)(*arguments)
 
 
 def guard(function: Callable[..., Any], *arguments: Any) -> Outcome:

@@ -75,7 +75,8 @@ def to_understood(system: SecondOrderSystem, schema: SystemDocument) -> Understo
         latex={coordinate: f"{to_latex(Acceleration(coordinate))} = {to_latex(f)}" for coordinate, f in pairs},
         parameters=list(system.parameters),
         functions={f.name: list(f.arguments) for f in system.functions},
-        given=schema.model_dump(mode="json", exclude_unset=True),
+        given=schema.equations,
+        time_dependent_lagrangian=schema.time_dependent_lagrangian,
     )
 
 
@@ -86,7 +87,7 @@ def to_result(solution: Solution, schema: SystemDocument) -> ResultDocument:
     return ResultDocument(
         system=to_understood(solution.system, schema),
         question="L(t, q, q')" if main is time else "L(q, q')",
-        **_answer_fields(main, solution.system),
+        **_answer_fields(main, solution.system) | {"certificate": _certificate(main, time)},
         verdict_with_time=time.verdict if time is not None else None,
         conditions=_conditions(solution.conditions),
         with_time=None if other is None else OtherAnswer(**_answer_fields(other, solution.system)),
@@ -103,6 +104,16 @@ def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Ans
         raise ValueError("the solver answered neither question")
     time = solution.with_time
     return main, time if time is not None and time is not main and time.verdict != main.verdict else None
+
+
+def _certificate(main: Answer, time: Answer | None) -> dict[str, Any] | None:
+    """The certificate of the main answer, or the one that proves both.
+
+    Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
+    """
+    covers = time is not None and time.verdict == main.verdict == "not_variational" and time.certificate is not None
+    certificate = time.certificate if covers and time is not None else main.certificate
+    return None if certificate is None else _plain(certificate)
 
 
 def _answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:

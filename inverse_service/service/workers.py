@@ -128,8 +128,12 @@ def end(pool: pebble.ProcessPool) -> None:
 
 
 def begin(memory_limit: int) -> None:
-    """First act of a worker process. The engine is loaded before memory is bounded."""
-    tasks.load_engine()
+    """First act of a worker process.
+
+    A process that fails here would be started again and again; an engine that cannot be loaded
+    shows as a fault of the first task instead.
+    """
+    tasks.guard(tasks.load_engine)
     isolate(memory_limit)
 
 

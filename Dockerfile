@@ -1,0 +1,22 @@
+# Two stages: wheels are built where there is a compiler's worth of tools, the image that runs has none.
+FROM python:3.11-slim AS build
+WORKDIR /source
+COPY pyproject.toml constraints.txt README.md ./
+COPY inverse_service inverse_service
+COPY api_schemas api_schemas
+RUN python -m venv /opt/inverse-service \
+    && /opt/inverse-service/bin/pip install --no-cache-dir -c constraints.txt .
+
+FROM python:3.11-slim
+RUN useradd --system --uid 10001 --home-dir /nonexistent --shell /usr/sbin/nologin inverse
+COPY --from=build /opt/inverse-service /opt/inverse-service
+# Works with `docker run --read-only --tmpfs /tmp`: compiled kernels and sockets go to /tmp only.
+ENV PATH=/opt/inverse-service/bin:$PATH \
+    PYTHONDONTWRITEBYTECODE=1 \
+    PYTHONUNBUFFERED=1 \
+    NUMBA_CACHE_DIR=/tmp/numba
+USER 10001
+EXPOSE 8000
+HEALTHCHECK --interval=30s --timeout=10s --start-period=30s --retries=3 \
+    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=8)"]
+CMD ["inverse-service", "serve", "--host", "0.0.0.0", "--port", "8000"]

@@ -1,0 +1,110 @@
+"""Documents are read strictly and exactly, and refused with one sentence and the place."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+
+import pytest
+
+from inverse_service.errors import InputError, LimitError
+from inverse_service.service.reading import read_document, read_json, read_toml, read_yaml
+
+
+def test_decimal_numbers_of_json_stay_exact() -> None:
+    assert read_json('{"a": 0.1}') == {"a": Decimal("0.1")}
+
+
+def test_a_byte_order_mark_is_no_fault() -> None:
+    assert read_json(b"\xef\xbb\xbf[1]") == [1]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (b"", "empty"),
+        (b"  \n", "empty"),
+        (b"{", "not JSON"),
+        (b'{"a": 1,}', "line 1"),
+        (b'{"a": 1, "a": 2}', "twice"),
+        (b'{"b": {"a": 1, "a": 1}}', "twice"),
+        (b"NaN", "NaN"),
+        (b'{"a": [Infinity]}', "Infinity"),
+        (b"-Infinity", "Infinity"),
+        (b"1e999", "10^300"),
+        (b"1e99999999999999999999", "10^300"),
+        (b"9" * 5000, "characters"),
+        (b'"\\ud800"', "surrogate"),
+        (b'{"\\udfff": 1}', "surrogate"),
+        (b'{"a": ["\\ud83d"]}', "surrogate"),
+        (b"\xff\xfe", "UTF-8"),
+        (b'"\xed\xa0\x80"', "UTF-8"),
+        (b"[" * 100_000, "deep"),
+        (b'{"a":' * 5_000, "deep"),
+        (b'["a"] x', "not JSON"),
+    ],
+)
+def test_bad_json_gets_one_sentence(text: bytes, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_json(text)
+    assert words in caught.value.detail
+    assert len(caught.value.detail) < 300
+    assert "\n" not in caught.value.detail
+
+
+def test_a_surrogate_pair_written_whole_is_a_character() -> None:
+    assert read_json('"\\ud83d\\ude00"') == "\U0001f600"
+
+
+def test_the_place_of_a_surrogate_is_told() -> None:
+    with pytest.raises(InputError, match="surrogate") as caught:
+        read_json('{"a/b": ["x", "\\ud800"]}')
+    assert caught.value.pointer == "/a~1b/1"
+
+
+def test_brackets_inside_texts_do_not_count_as_depth() -> None:
+    assert read_json('["' + "[" * 1000 + '\\""]') == ["[" * 1000 + '"']
+
+
+def test_yaml_scalars_stay_text_so_that_numbers_are_exact() -> None:
+    text = "coordinates: [x, y]\nequations: {x: 0.10, y: 1e3}\ntime_dependent_lagrangian: false\nname: ~\n"
+    expected = {"coordinates": ["x", "y"], "equations": {"x": "0.10", "y": "1e3"}}
+    assert read_yaml(text) == {**expected, "time_dependent_lagrangian": False, "name": None}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a: 1\na: 2", "twice"),
+        ("a: &b [1]\nc: *b", "alias"),
+        ("!!python/object/apply:os.system ['true']", "could not determine a constructor"),
+        ("{[1]: 2}", "key must be text"),
+        ("a: [", "line"),
+        ("[" * 3000, "deep"),
+        ("a: \x00", "not YAML"),
+    ],
+)
+def test_bad_yaml_gets_one_sentence(text: str, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_yaml(text)
+    assert words in caught.value.detail
+
+
+def test_toml_numbers_stay_exact() -> None:
+    assert read_toml("[parameters]\ng = 9.81") == {"parameters": {"g": Decimal("9.81")}}
+
+
+@pytest.mark.parametrize("text", ["a = 1\na = 2", "a = nan", "a = inf", "a = ", "a = 1e999", "a = " + "[" * 3000])
+def test_bad_toml_gets_one_sentence(text: str) -> None:
+    with pytest.raises(InputError):
+        read_toml(text)
+
+
+def test_the_ending_of_the_name_tells_the_form() -> None:
+    assert read_document("a: 1", "system.YML") == {"a": "1"}
+    assert read_document("a = 1", "system.toml") == {"a": 1}
+    assert read_document('{"a": 1}', "-") == {"a": 1}
+
+
+def test_a_limit_is_a_limit_error() -> None:
+    with pytest.raises(LimitError):
+        read_json("[" * 100)

@@ -1,0 +1,91 @@
+"""The floors of docs/architecture.md hold: imports point down only."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+FLOORS = {
+    "errors": 1, "settings": 1, "catalogue": 1, "certificate": 1, "expressions": 2, "algebra": 3, "mechanics": 4,
+    "inverse_problem": 5, "service": 6, "benchmark": 6, "web": 7, "cli": 8,
+}  # fmt: skip
+ALLOWED_ON_FLOOR_ONE = {"settings": {"errors"}, "catalogue": {"errors"}, "certificate": {"errors"}}
+KNOW_SCHEMAS = {"service", "web", "cli"}
+MODULES = sorted(path.relative_to(ROOT) for path in (ROOT / "inverse_service").rglob("*.py"))
+SCHEMAS = sorted(path.relative_to(ROOT) for path in (ROOT / "api_schemas").rglob("*.py"))
+
+
+def imported(source: str, package: str) -> Iterator[str]:
+    """Full names of all modules that a source imports, lazily or not."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def room(module: str) -> str | None:
+    """The package or module right below inverse_service, None for others and for the root itself."""
+    parts = module.split(".")
+    return parts[1] if parts[0] == "inverse_service" and len(parts) > 1 and parts[1] in FLOORS else None
+
+
+def faults(path: Path, source: str) -> list[str]:
+    """Imports of a module that do not point down."""
+    parts = path.with_suffix("").parts
+    own = parts[1] if len(parts) > 1 else ""
+    found = []
+    for module in imported(source, ".".join(parts[:-1])):
+        target = room(module)
+        if module.split(".")[0] == "api_schemas" and own not in KNOW_SCHEMAS:
+            found.append(f"{path} imports {module}")
+        if target is None or target == own or own not in FLOORS:
+            continue
+        down = FLOORS[target] < FLOORS[own] or target in ALLOWED_ON_FLOOR_ONE.get(own, set())
+        if not down:
+            found.append(f"{path} imports {module}")
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=str)
+def test_imports_point_down_only(path: Path) -> None:
+    assert faults(path, (ROOT / path).read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("path", SCHEMAS, ids=str)
+def test_schemas_know_nothing_of_the_engine(path: Path) -> None:
+    names = imported((ROOT / path).read_text(encoding="utf-8"), "api_schemas")
+    assert [name for name in names if name.startswith("inverse_service")] == []
+
+
+def test_checker_imports_nothing_of_the_project() -> None:
+    path = ROOT / "inverse_service" / "certificate" / "checker.py"
+    names = list(imported(path.read_text(encoding="utf-8"), "inverse_service.certificate"))
+    assert names
+    assert [name for name in names if name.split(".")[0] in {"inverse_service", "api_schemas"}] == []
+
+
+def test_every_package_has_a_floor() -> None:
+    rooms = {path.parts[1].removesuffix(".py") for path in MODULES} - {"__init__"}
+    assert rooms <= set(FLOORS)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from inverse_service.mechanics.conditions import conditions",
+        "import inverse_service.algebra.series",
+        "def f():\n    from inverse_service.web import routes",
+        "from ..mechanics import conditions",
+        "from inverse_service import service",
+        "from api_schemas.result import ResultDocument",
+    ],
+)
+def test_an_import_that_points_up_is_found(source: str) -> None:
+    assert faults(Path("inverse_service/expressions/text.py"), source)
