@@ -66,6 +66,12 @@ def _factored(ring: ExactRing, quotient: Quotient) -> Expression:
     return multiply(number(constant), *(generator_power(tree, exponent) for tree, exponent in ordered if exponent))
 
 
+def factor_trees(ring: ExactRing, quotient: Quotient) -> list[Expression]:
+    """The factors of the numerator that are not numbers, each once: where the element can vanish."""
+    _, factors = _factors(ring, quotient.numerator)
+    return [polynomial_tree(ring, factor) for factor, _ in factors if not factor.is_constant()]
+
+
 def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
     """constant and factors; radicands and 1 - cos^2 are taken out whole, as powers of their generator."""
     found = []

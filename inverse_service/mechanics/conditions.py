@@ -54,16 +54,21 @@ class ExactMotion:
 
 
 def exact_motion(
-    system: SecondOrderSystem, orders: int, budget: Budget, further: Sequence[Symbol] = ()
+    system: SecondOrderSystem,
+    orders: int,
+    budget: Budget,
+    further: Sequence[Symbol] = (),
+    trees: Sequence[Expression] = (),
 ) -> ExactMotion:
-    """The system over an exact ring that allows `orders` derivations of f; `further` names constants.
+    """The system over an exact ring that allows `orders` derivations of f.
 
-    Raises TooLarge (with the reason) and ZeroDivisionError, as the ring does.
+    The ring also holds the constants `further` and the formulas `trees`. Raises TooLarge
+    (with the reason) and ZeroDivisionError, as the ring does.
     """
     coordinates = [Symbol(name) for name in system.coordinates]
     velocities = [Velocity(name) for name in system.coordinates]
     n = len(coordinates)
-    ring = exact_ring(system.accelerations, [TIME, *coordinates, *velocities], orders, budget, further)
+    ring = exact_ring([*system.accelerations, *trees], [TIME, *coordinates, *velocities], orders, budget, further)
     accelerations = tuple(ring.value(f) for f in system.accelerations)
     along = ring.along([ring.constant(1), *(ring.atoms[v] for v in velocities), *accelerations])
     partials = tuple(ring.partial(index) for index in range(1, 2 * n + 1))
