@@ -1,0 +1,191 @@
+"""The command line: exit codes, one sentence on standard error, never a traceback."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from inverse_service.cli.application import run
+from inverse_service.service import tasks
+
+OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
+DISK = {
+    "name": "disk & wheel_1",
+    "coordinates": ["phi", "theta", "x", "y"],
+    "equations": {"phi": "0", "theta": "0", "x": "-R*sin(phi)*phi'*theta'", "y": "R*cos(phi)*phi'*theta'"},
+    "parameters": ["R"],
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def engine() -> None:
+    """Processes are forked from this one: load the engine once, not in each of them."""
+    tasks.load_engine()
+
+
+class Call:
+    """How a call of the command ended."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Any:
+    def run_command(*arguments: str, given: bytes = b"") -> Call:
+        monkeypatch.setattr(sys, "argv", ["inverse-service", *arguments])
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given)))
+        with pytest.raises(SystemExit) as ended:
+            run()
+        out, err = capfd.readouterr()
+        return Call(int(ended.value.code or 0), out, err)
+
+    return run_command
+
+
+def written(tmp_path: Path, document: Any, name: str = "system.json") -> str:
+    path = tmp_path / name
+    path.write_text(document if isinstance(document, str) else json.dumps(document))
+    return str(path)
+
+
+def test_hostile_documents_get_exit_code_2_and_one_sentence(hostile: Any, call: Any) -> None:
+    begin = time.monotonic()
+    found = call("solve", "-", given=hostile.body)
+    assert found.code == 2, found.err + found.out
+    assert found.out == ""
+    assert found.err.count("\n") == 1
+    assert 20 < len(found.err) < 500
+    assert "Traceback" not in found.err
+    assert hostile.words in found.err
+    assert hostile.pointer is None or found.err.startswith(hostile.pointer)
+    assert time.monotonic() - begin < 5
+
+
+def test_an_oscillator_is_variational(call: Any, tmp_path: Path) -> None:
+    found = call("solve", written(tmp_path, OSCILLATOR))
+    assert found.code == 0, found.err
+    result = json.loads(found.out)
+    assert (result["verdict"], result["checked"], result["format"]) == (
+        "variational",
+        "valid",
+        "inverse-service/result/1",
+    )
+
+
+def test_yaml_and_toml_mean_the_same_as_json(call: Any, tmp_path: Path) -> None:
+    yaml = written(tmp_path, "coordinates: [x]\nequations:\n  x: -x\n", "s.yaml")
+    toml = written(tmp_path, 'coordinates = ["x"]\n[equations]\nx = "-x"\n', "s.toml")
+    systems = [json.loads(call("solve", file).out)["system"] for file in (yaml, toml)]
+    assert systems[0] == systems[1]
+
+
+def test_the_verdict_is_checked_by_the_check_command(call: Any, tmp_path: Path) -> None:
+    result = json.loads(call("solve", written(tmp_path, DISK)).out)
+    assert result["verdict"] == "not_variational"
+    assert call("check", written(tmp_path, result, "r.json")).code == 0
+    result["verdict"] = "variational"
+    flipped = call("check", written(tmp_path, result, "r.json"))
+    assert (flipped.code, flipped.out.split("\n")[0]) == (1, "invalid")
+
+
+@pytest.mark.parametrize("content", ["", "{", "[1]", "NaN", '{"a": 1, "a": 1}'])
+def test_check_of_what_is_no_result_is_exit_2(call: Any, tmp_path: Path, content: str) -> None:
+    found = call("check", written(tmp_path, content))
+    assert (found.code, found.err.count("\n")) == (2, 1)
+
+
+def test_check_of_an_object_without_a_verdict_is_exit_1(call: Any, tmp_path: Path) -> None:
+    assert call("check", written(tmp_path, "{}")).code == 1
+
+
+def test_text_is_readable(call: Any, tmp_path: Path) -> None:
+    found = call("solve", written(tmp_path, DISK), "--format", "text", "--explain")
+    assert found.code == 0
+    assert "Not variational: no regular Lagrangian L(q, q') exists." in found.out
+    assert "phi'' = 0" in found.out
+    assert "Phi[" in found.out
+
+
+def test_latex_is_a_document_with_its_texts_escaped(call: Any, tmp_path: Path) -> None:
+    out = call("solve", written(tmp_path, DISK), "--format", "latex", "--explain").out
+    assert out.startswith("\\documentclass")
+    assert "disk \\& wheel\\_1" in out
+    assert "\\ddot{" in out
+
+
+def test_a_time_limit_ends_the_run_as_undetermined(call: Any, tmp_path: Path) -> None:
+    names = [f"x{k}" for k in range(8)]
+    terms = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in names for b in names)
+    document = {"coordinates": names, "equations": dict.fromkeys(names, terms)}
+    begin = time.monotonic()
+    found = call("solve", written(tmp_path, document), "--time-limit", "0.5")
+    assert time.monotonic() - begin < 8
+    assert found.code == 1, found.err
+    result = json.loads(found.out)
+    assert result["verdict"] == "undetermined"
+    assert "limit" in result["reason"]
+
+
+@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf", "1e9", "soon"])
+def test_a_bad_time_limit_is_exit_2(call: Any, tmp_path: Path, limit: str) -> None:
+    assert call("solve", written(tmp_path, OSCILLATOR), "--time-limit", limit).code == 2
+
+
+@pytest.mark.parametrize("name", ["no-such-file.json", ".", "a\x00b"])
+def test_a_file_that_cannot_be_read_is_exit_2(call: Any, name: str) -> None:
+    found = call("solve", name)
+    assert (found.code, found.err.count("\n")) == (2, 1)
+
+
+def test_a_bad_setting_is_exit_2(call: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("INVERSE_SERVICE_MEMORY_LIMIT", "lots")
+    found = call("solve", written(tmp_path, OSCILLATOR))
+    assert found.code == 2
+    assert "INVERSE_SERVICE_MEMORY_LIMIT" in found.err
+
+
+def test_a_fault_of_the_program_is_exit_3_and_no_traceback(
+    call: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from inverse_service.service import solving
+
+    monkeypatch.setattr(solving, "solve", lambda *arguments: 1 // 0)
+    found = call("solve", written(tmp_path, OSCILLATOR))
+    assert (found.code, found.err.count("\n")) == (3, 1)
+    assert "fault of the program" in found.err
+
+
+def test_the_catalogue_lists_names_and_gives_documents_that_solve_takes(call: Any, tmp_path: Path) -> None:
+    name = call("catalogue").out.split()[0]
+    document = json.loads(call("catalogue", name).out)
+    assert call("solve", written(tmp_path, document)).code == 0
+    assert json.loads(call("catalogue", "--format", "json").out)["systems"][0]["name"] == name
+    assert "source" in call("catalogue", name, "--format", "text").out
+
+
+def test_an_unknown_name_of_the_catalogue_is_exit_2(call: Any) -> None:
+    found = call("catalogue", "no such system")
+    assert (found.code, found.err.count("\n")) == (2, 1)
+
+
+def test_a_port_that_is_taken_is_exit_2(call: Any) -> None:
+    import socket
+
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        assert call("serve", "--port", str(taken.getsockname()[1])).code == 2
+
+
+def test_a_cold_start_answers_in_two_seconds_or_little_more(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "inverse_service.cli", "solve", written(tmp_path, OSCILLATOR)]
+    subprocess.run(command, check=True, capture_output=True)
+    begin = time.monotonic()
+    subprocess.run(command, check=True, capture_output=True)
+    assert time.monotonic() - begin < 4  # under 2 s on an idle machine; the tests share theirs

@@ -1,0 +1,180 @@
+"""The HTTP service: results, problem documents, and nothing that makes a 5xx."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
+JSON = {"Content-Type": "application/json"}
+PROBLEM_KEYS = {"type", "title", "status", "detail", "errors"}
+
+
+@pytest.fixture(scope="module")
+def client(service: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=service, timeout=30) as client:
+        yield client
+
+
+def problem(response: httpx.Response, status: int) -> dict[str, Any]:
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    found: dict[str, Any] = response.json()
+    assert set(found) == PROBLEM_KEYS
+    assert found["status"] == status
+    assert found["type"].startswith("urn:inverse-service:problem:")
+    return found
+
+
+def test_hostile_documents_get_a_problem_document(hostile: Any, client: httpx.Client) -> None:
+    for call in ("/v1/solve", "/v1/parse"):
+        response = client.post(call, content=hostile.body, headers=JSON)
+        if len(hostile.body) > 1_000_000:
+            problem(response, 413)
+            continue
+        assert response.status_code in (400, 422), response.text
+        found = problem(response, response.status_code)
+        assert hostile.words in found["detail"]
+        assert hostile.pointer in (None, found["errors"][0]["pointer"])
+        assert len(response.content) < 5_000
+        assert "Traceback" not in response.text
+
+
+def test_a_body_over_the_limit_is_413_declared_or_not(client: httpx.Client) -> None:
+    problem(client.post("/v1/solve", content=b" " * 2_000_000, headers=JSON), 413)
+    chunks = (b" " * 100_000 for _ in range(20))
+    problem(client.post("/v1/solve", content=chunks, headers=JSON), 413)
+
+
+def test_the_column_of_a_formula_is_told(client: httpx.Client) -> None:
+    document = {"coordinates": ["x"], "equations": {"x": "-x + omega"}}
+    found = problem(client.post("/v1/parse", json=document), 422)
+    assert found["errors"][0] == {"pointer": "/equations/x", "column": 6, "detail": found["detail"]}
+
+
+def test_every_fault_of_the_shape_is_told_at_once(client: httpx.Client) -> None:
+    found = problem(client.post("/v1/solve", json={"coordinates": 1, "colour": 2}), 422)
+    assert {place["pointer"] for place in found["errors"]} == {"/coordinates", "/equations", "/colour"}
+
+
+def test_raw_input_is_never_echoed(client: httpx.Client) -> None:
+    marker = "<script>alert(1)</script>" * 20
+    for document in (marker, {"coordinates": marker}, {**OSCILLATOR, "equations": {"x": marker}}, {marker: 1}):
+        assert "<script>alert(1)</script><script>" * 10 not in client.post("/v1/solve", json=document).text
+
+
+@pytest.mark.parametrize("kind", ["text/plain", "application/x-www-form-urlencoded", "application/xml", ""])
+def test_another_content_type_is_415(client: httpx.Client, kind: str) -> None:
+    problem(client.post("/v1/solve", content=json.dumps(OSCILLATOR), headers={"Content-Type": kind}), 415)
+
+
+def test_a_json_content_type_with_a_charset_is_fine(client: httpx.Client) -> None:
+    headers = {"Content-Type": "application/json; charset=utf-8"}
+    assert client.post("/v1/parse", content=json.dumps(OSCILLATOR), headers=headers).status_code == 200
+
+
+def test_other_addresses_and_methods_are_problems(client: httpx.Client) -> None:
+    problem(client.get("/nothing"), 404)
+    problem(client.get("/v1/catalogue/nothing"), 404)
+    response = client.get("/v1/solve")
+    problem(response, 405)
+    assert "POST" in response.headers["allow"]
+    problem(client.delete("/v1/limits"), 405)
+
+
+def test_an_oscillator_is_solved_and_its_result_checks(client: httpx.Client) -> None:
+    response = client.post("/v1/solve", json=OSCILLATOR, headers={"Prefer": "wait=5"})
+    assert response.status_code == 200, response.text
+    result = response.json()
+    assert (result["format"], result["verdict"], result["checked"]) == (
+        "inverse-service/result/1",
+        "variational",
+        "valid",
+    )
+    assert client.post("/v1/check", json=result).json()["verdict"] == "valid"
+    assert client.post("/v1/check", json={**result, "verdict": "not_variational"}).json()["verdict"] == "invalid"
+
+
+def test_what_is_no_result_is_told_so(client: httpx.Client) -> None:
+    problem(client.post("/v1/check", json=[]), 422)
+    problem(client.post("/v1/check", content=b"{", headers=JSON), 400)
+    assert client.post("/v1/check", json={}).json()["verdict"] != "valid"
+
+
+def test_parse_says_what_was_understood(client: httpx.Client) -> None:
+    document = {"coordinates": ["x"], "equations": "2x'' + k x = 0", "parameters": ["k"]}
+    found = client.post("/v1/parse", json=document).json()
+    assert (found["coordinates"], found["parameters"], found["depends_on_time"]) == (["x"], ["k"], False)
+    assert set(found["equations"]["x"]) == {"text", "latex", "mathml"}
+    assert found["equations"]["x"]["mathml"].startswith("<")
+
+
+def test_a_deadline_gives_an_undetermined_result(client: httpx.Client) -> None:
+    names = [f"x{k}" for k in range(8)]
+    terms = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in names for b in names)
+    document = {"coordinates": names, "equations": dict.fromkeys(names, terms)}
+    response = client.post("/v1/solve?time_limit=0.5", json=document)
+    assert response.status_code == 200, response.text
+    assert response.json()["verdict"] == "undetermined"
+    assert "limit" in response.json()["reason"]
+
+
+@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf", "1e9", "x", "9" * 100])
+def test_a_bad_time_limit_is_a_problem(client: httpx.Client, limit: str) -> None:
+    problem(client.post(f"/v1/solve?time_limit={limit}", json=OSCILLATOR), 422)
+
+
+def test_a_wait_beyond_twenty_seconds_is_refused(client: httpx.Client) -> None:
+    problem(client.post("/v1/solve", json=OSCILLATOR, headers={"Prefer": "respond-async, wait=21"}), 422)
+    problem(client.post("/v1/solve", json=OSCILLATOR, headers={"Prefer": "wait=999999999999"}), 422)
+
+
+def test_the_catalogue_is_listed_and_each_document_parses(client: httpx.Client) -> None:
+    listed = client.get("/v1/catalogue").json()["systems"]
+    assert len(listed) > 100
+    entry = client.get(f"/v1/catalogue/{listed[0]['name']}").json()
+    assert client.post("/v1/parse", json=entry["document"]).status_code == 200
+
+
+def test_limits_and_probes(client: httpx.Client) -> None:
+    limits = client.get("/v1/limits").json()
+    assert limits["service"]["time_limit_seconds"] == 10
+    assert limits["document"]["max_coordinates"] == 8
+    assert limits["formula"]["characters"] > 0
+    assert client.get("/livez").json() == {"status": "alive"}
+    assert client.get("/readyz").json() == {"status": "ready"}
+
+
+def test_openapi_resolves_within_itself(client: httpx.Client) -> None:
+    text = client.get("/openapi.json").text
+    description = json.loads(text)
+    assert {"/v1/parse", "/v1/solve", "/v1/check", "/v1/catalogue", "/v1/limits", "/livez"} <= set(description["paths"])
+    references = {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}
+    assert references <= set(description["components"]["schemas"])
+
+
+@pytest.mark.parametrize("page", ["/", "/docs"])
+def test_pages_load_nothing_from_elsewhere(client: httpx.Client, page: str) -> None:
+    response = client.get(page)
+    assert response.status_code == 200
+    assert "default-src 'none'" in response.headers["content-security-policy"]
+    assert "<script" not in response.text
+    assert "http" not in response.text.replace("HTTP", "")
+
+
+def test_the_form_answers_without_scripts(client: httpx.Client) -> None:
+    response = client.post("/", data={"coordinates": "x", "equations": "x'' = -x", "parameters": ""})
+    assert response.status_code == 200
+    assert "a regular Lagrangian exists" in response.text
+
+
+def test_the_form_shows_faults_with_what_was_typed_escaped(client: httpx.Client) -> None:
+    response = client.post("/", data={"coordinates": "x", "equations": "x'' = <b>\"", "parameters": ""})
+    assert response.status_code == 422
+    assert "&lt;b&gt;" in response.text
+    assert "<b>" not in response.text
+    problem(client.post("/", content=b"a=\xff\x00%"), 400)
