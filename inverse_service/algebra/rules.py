@@ -15,7 +15,7 @@ from fractions import Fraction
 from inverse_service.algebra.point import Point, evaluate, number_value
 from inverse_service.algebra.primes import positive_power, prime_factors
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import PI, Apply, Expression, Symbol
+from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, multiply, number
 
 # cos and sin of k pi/12 are made from the positive roots of 2 and 3.
 _TWELFTH = 12
@@ -132,8 +132,16 @@ def replay(rule: Rule, point: Point, scale: Scale) -> None:
         cosine, sine = rule.value(point, scale)
         point.atoms[Apply("cos", rule.angle)] = cosine
         point.atoms[Apply("sin", rule.angle)] = sine
+        if rule.free:
+            half = half_angle(rule.angle, scale(rule.angle))
+            point.atoms[half] = point.draw(("turn", rule.angle))
     else:
         point.atoms[rule.atom] = rule.value(point, scale)
+
+
+def half_angle(angle: Expression, scale: int) -> Expression:
+    """tan(angle / (2 scale)), in which cos and sin of angle/scale are rational."""
+    return Apply("tan", multiply(number(Fraction(1, 2 * scale)), angle))
 
 
 def circle_product(left: tuple[int, int], right: tuple[int, int], prime: int) -> tuple[int, int]:

@@ -102,7 +102,7 @@ def inverse(ring: SeriesRing, series: Series) -> Series:
     factor = ring.invert_number(value_at_point(series))
     result = [ring.context.constant(factor)]
     for degree in range(1, len(series)):
-        padded = tuple(result) + (series[0] * 0,)
+        padded = (*result, series[0] * 0)
         result.append(_convolve(series, padded, degree, first=1) * (-factor))
     return tuple(result)
 

@@ -30,7 +30,18 @@ from inverse_service.algebra.rules import (
 )
 from inverse_service.algebra.series import SingularPoint, derivative, value_at_point
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import PI, Apply, Expression, Number, Power, children, walk
+from inverse_service.expressions.tree import (
+    ONE,
+    PI,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    add,
+    children,
+    power,
+    walk,
+)
 
 # In the search for relations an angle may be any of these fractions of a free one.
 _SEARCH_SCALE = 2520
@@ -197,9 +208,17 @@ def _admit(atom: Expression, tower: Tower, samples: _Samples, turns: Turns) -> N
     _sample(tower, samples, len(tower.rules) + 4)
     work = {"exp": _exponential_rule, "log": _logarithm_rule, "atan": _arctangent_rule}.get(atom.function, _angle_rule)
     rule = work(atom, tower, samples, turns)
+    _sample(tower, samples, len(tower.rules) + 4)
     tower.rules.append(rule)
     for point in samples.points:
         replay(rule, point, tower.scale)
+
+
+def _require_positive(radicand: Expression, tower: Tower, samples: _Samples) -> None:
+    """From now on only points at which the radicand has a root."""
+    if radicand not in tower.radicands:
+        tower.radicands.append(radicand)
+        samples.points[:] = [p for p in samples.points if is_positive(evaluate(radicand, p), p.prime)]
 
 
 def _free(tower: Tower, kind: type[Rule]) -> list[Expression]:
@@ -232,10 +251,8 @@ def _exponential_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns
         (_argument(log), c) for log, c in zip(logarithms, solution[first:second], strict=True) if c
     )
     for argument, c in of_logs:
-        if c.denominator % 2 == 0 and argument not in tower.radicands:
-            tower.radicands.append(argument)
-            samples.points[:] = [p for p in samples.points if is_positive(evaluate(argument, p), p.prime)]
-            _sample(tower, samples, len(tower.rules) + 4)
+        if c.denominator % 2 == 0:
+            _require_positive(argument, tower, samples)
     return ExponentialRule(
         atom,
         False,
@@ -264,7 +281,9 @@ def _logarithm_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) 
     return LogarithmRule(atom, False, linear, constant, root)
 
 
-def _constant_factor(atom: Apply, linear: Sequence[tuple[Expression, Fraction]], samples: _Samples) -> tuple[Fraction, int]:
+def _constant_factor(
+    atom: Apply, linear: Sequence[tuple[Expression, Fraction]], samples: _Samples
+) -> tuple[Fraction, int]:
     """kappa^root = w^root / prod (e^u_j)^(a_j root), a positive rational; else IrreducibleAtoms."""
     root = 2
     for _, a in linear:
@@ -296,8 +315,10 @@ def _angle_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> R
     by_atan = tuple((u, a) for u, a in zip(arctangents, rest, strict=False) if a)
     if any(a.denominator != 1 for _, a in by_atan):
         raise IrreducibleAtoms("a fraction of an arctangent occurs as an angle")
-    radians = rest[len(arctangents)]
-    return AngleRule(atom.argument, False, by_angle, by_atan, radians, rest[-1] if PI in tower.variables else Fraction(0))
+    for u, _ in by_atan:
+        _require_positive(add(ONE, power(_argument(u), 2)), tower, samples)
+    turns_of_pi = rest[-1] if PI in tower.variables else Fraction(0)
+    return AngleRule(atom.argument, False, by_angle, by_atan, rest[len(arctangents)], turns_of_pi)
 
 
 def _arctangent_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> Rule:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
+from inverse_service.algebra.branches import fix_branches
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Variable
+from inverse_service.algebra.real_point import RealTable, find_real_point, real_sign, turns
 from inverse_service.algebra.tower import Tower, build_tower
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -18,6 +21,7 @@ class Analysis:
     system: SecondOrderSystem
     accelerations: tuple[Expression, ...]
     tower: Tower
+    real_point: RealTable | None
 
 
 def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:
@@ -33,4 +37,9 @@ def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:
 def analyse(system: SecondOrderSystem) -> Analysis:
     """Raises IrreducibleAtoms where the relations among the atoms cannot be settled."""
     kernels = tuple(to_kernels(f) for f in system.accelerations)
-    return Analysis(system, kernels, build_tower(kernels, variables_of(system), {}, None))
+    variables = variables_of(system)
+    table = find_real_point(kernels, variables, seed=1)
+    signs = {} if table is None else {name: real_sign(name, table) for name in variables}
+    tower = build_tower(kernels, variables, signs, partial(turns, table))
+    fix_branches(tower, table)
+    return Analysis(system, kernels, tower, table)

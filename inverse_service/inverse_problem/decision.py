@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem import involution
+from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.outcome import SolutionSpace, Verdict
 from inverse_service.inverse_problem.prolongation import (
     LocalSystem,
@@ -109,14 +109,10 @@ def decide(
 
 
 def _timed(decision: Decision, began: float) -> Decision:
-    from dataclasses import replace
-
     return replace(decision, seconds=time.monotonic() - began)
 
 
 def _agreement(first: Decision, second: Decision) -> Decision:
-    from dataclasses import replace
-
     same = (first.verdict, first.order, first.history) == (second.verdict, second.order, second.history)
     if second.verdict == "undetermined" or not same:
         return Decision(
@@ -166,9 +162,7 @@ def _prolong(run: _Run, seed: int) -> Decision:
         run.history.append(tuple(prolongation.dimension(d) for d in range(order + 1)))
         found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
         if found:
-            from dataclasses import replace
-
-            return replace(found, points=points)
+                    return replace(found, points=points)
 
 
 def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:

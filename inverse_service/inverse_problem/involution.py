@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -130,7 +131,7 @@ def _characters(prolongation: Prolongation, degree: int, basis: nmod_mat, seed: 
         reduced, rank = stacked.rref()
         total = nmod_mat(rank, image.ncols(), reduced.entries()[: rank * image.ncols()], prime) if rank else None
         dimensions.append(basis.nrows() - rank)
-    return tuple(a - b for a, b in zip(dimensions, dimensions[1:], strict=False))
+    return tuple(a - b for a, b in itertools.pairwise(dimensions))
 
 
 def _derivative_matrix(prolongation: Prolongation, degree: int, direction: list[int]) -> nmod_mat:

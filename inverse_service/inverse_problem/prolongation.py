@@ -240,15 +240,16 @@ def _insert(prolongation: Prolongation, number: int, equation: Equation, degree:
     keys = keys_of(monomials, exponents)
     order = np.argsort(keys)
     rows = (keys[order], order.astype(np.int64))
+    modulus = (monomials.bits, np.uint64(prolongation.local.ring.prime))
     counts = np.zeros(len(keys) + 1, np.int64)
     none = (np.empty(0, np.int64), np.empty(0, np.uint64))
     for part in _pieces(prolongation, equation, degree):
-        _emit(False, *part[:7], *rows, monomials.bits, np.uint64(prolongation.local.ring.prime), counts, *none, part[7])
+        _emit(False, *part[:7], *rows, *modulus, counts, *none, part[7])
     starts = np.concatenate([[0], np.cumsum(counts[:-1])]).astype(np.int64)
     columns, values = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.uint64)
     cursor = starts.copy()
     for part in _pieces(prolongation, equation, degree):
-        _emit(True, *part[:7], *rows, monomials.bits, np.uint64(prolongation.local.ring.prime), cursor, columns, values, part[7])
+        _emit(True, *part[:7], *rows, *modulus, cursor, columns, values, part[7])
     prolongation.echelon.insert(starts, columns, values)
     prolongation.row_blocks.append((number, exponents))
 
