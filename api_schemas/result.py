@@ -74,7 +74,6 @@ class UnderstoodSystem(Document):
     parameters: list[str]
     functions: dict[str, list[str]]
     given: dict[str, str] | list[str] | str
-    time_dependent_lagrangian: bool | None = None
 
 
 class OtherAnswer(Document):

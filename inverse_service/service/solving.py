@@ -71,8 +71,7 @@ def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
     # Two answers: the checker judges a document as a whole, so each is shown to it alone.
     alone = {"verdict_with_time": None, "with_time": None}
     _check_answer(document, document | alone, time_limit)
-    system = document["system"] | {"time_dependent_lagrangian": True}
-    _check_answer(other, document | other | alone | {"system": system}, time_limit)
+    _check_answer(other, document | other | alone | {"question": "L(t, q, q')"}, time_limit)
     document["verdict_with_time"] = other["verdict"]
     return document
 

@@ -76,7 +76,6 @@ def to_understood(system: SecondOrderSystem, schema: SystemDocument) -> Understo
         parameters=list(system.parameters),
         functions={f.name: list(f.arguments) for f in system.functions},
         given=schema.equations,
-        time_dependent_lagrangian=schema.time_dependent_lagrangian,
     )
 
 
@@ -86,7 +85,7 @@ def to_result(solution: Solution, schema: SystemDocument) -> ResultDocument:
     time = solution.with_time
     return ResultDocument(
         system=to_understood(solution.system, schema),
-        question="L(t, q, q')" if main is time else "L(q, q')",
+        question="L(t, q, q')" if answers_time(solution, schema.time_dependent_lagrangian) else "L(q, q')",
         **_answer_fields(main, solution.system) | {"certificate": _certificate(main, time)},
         verdict_with_time=time.verdict if time is not None else None,
         conditions=_conditions(solution.conditions),
@@ -97,13 +96,17 @@ def to_result(solution: Solution, schema: SystemDocument) -> ResultDocument:
 
 def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Answer, Answer | None]:
     """The answer of the main fields, and the one with time where its verdict differs from that."""
-    wants_time = time_dependent is True or solution.system.depends_on_time
-    order = (solution.with_time, solution.autonomous) if wants_time else (solution.autonomous, solution.with_time)
-    main = order[0] or order[1]
+    main = solution.with_time if answers_time(solution, time_dependent) else solution.autonomous
     if main is None:
         raise ValueError("the solver answered neither question")
     time = solution.with_time
-    return main, time if time is not None and time is not main and time.verdict != main.verdict else None
+    return main, time if time is not None and time.verdict != main.verdict else None
+
+
+def answers_time(solution: Solution, time_dependent: bool | None) -> bool:
+    """Whether the main fields answer L(t, q, q'): asked for, or the only question where f contains t."""
+    wants_time = time_dependent is True or solution.system.depends_on_time
+    return solution.autonomous is None or (wants_time and solution.with_time is not None)
 
 
 def _certificate(main: Answer, time: Answer | None) -> dict[str, Any] | None:
