@@ -49,9 +49,7 @@ class Elimination:
         return self.values.get(unknown, {unknown: one})
 
 
-def eliminate(
-    equations: Mapping[EquationName, Linear], table: PointwiseConditions, one: Quotient
-) -> Elimination:
+def eliminate(equations: Mapping[EquationName, Linear], table: PointwiseConditions) -> Elimination:
     """Solve the simplest equation left, again and again, until g is seen to be singular or none is left."""
     left = dict(equations)
     solved: list[Solved] = []
@@ -157,16 +155,17 @@ def determinant(elimination: Elimination, n: int, symbols: Mapping[Unknown, Quot
         return sum_of(zero, [c * symbols[unknown] for unknown, c in row.items()])
 
     matrix = [[entry(i, j) for j in range(n)] for i in range(n)]
-    return _expanded(matrix, zero, one)
+    return expanded_determinant(matrix, zero, one)
 
 
-def _expanded(matrix: Sequence[Sequence[Quotient]], zero: Quotient, one: Quotient) -> Quotient:
+def expanded_determinant(matrix: Sequence[Sequence[Quotient]], zero: Quotient, one: Quotient) -> Quotient:
+    """The determinant by expansion along the first row."""
     if not matrix:
         return one
     terms = []
     for column, head in enumerate(matrix[0]):
         if not head.is_zero:
             rest = [[*row[:column], *row[column + 1 :]] for row in matrix[1:]]
-            term = head * _expanded(rest, zero, one)
+            term = head * expanded_determinant(rest, zero, one)
             terms.append(-term if column % 2 else term)
     return sum_of(zero, terms)

@@ -11,6 +11,7 @@ from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge, sum_of
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
 from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.differential_obstruction import contradiction, direction_matrix
 from inverse_service.inverse_problem.elimination import (
     Elimination,
     Linear,
@@ -27,13 +28,17 @@ from inverse_service.inverse_problem.hierarchy import (
     equation_terms,
     hierarchy,
     tensors_at,
+    unique_direction,
     unknowns,
 )
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.inverse_problem.pointwise import local_motion
 from inverse_service.inverse_problem.wording import (
+    Explanation,
     block_sentence,
+    differential_summary,
     equation_step,
+    factor_steps,
     opening,
     summary_steps,
     tensor_steps,
@@ -45,56 +50,81 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 Tensors = Mapping[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]
 
 # An elimination with larger expressions than this is no longer followed by hand.
-TERM_LIMIT = 400
+TERM_LIMIT = 2_000
 TIME_LIMIT = 1.0
-LARGEST_N = 4
-
-
-@dataclass(frozen=True, slots=True)
-class Explanation:
-    """The steps, and the functions that were divided by and so must not vanish.
-
-    `complete` says whether the steps carry the whole argument; where not, they state conditions and
-    ranks.
-    """
-
-    steps: tuple[Step, ...]
-    side_conditions: tuple[Expression, ...] = ()
-    complete: bool = True
+LARGEST_N = 5
 
 
 def explain_negative(
-    analysis: Analysis, chosen: SufficientSet, seed: int = 1, time_limit: float = TIME_LIMIT
+    analysis: Analysis,
+    chosen: SufficientSet | None,
+    with_time: bool = False,
+    seed: int = 1,
+    time_limit: float = TIME_LIMIT,
 ) -> Explanation:
-    """From the chosen conditions of the hierarchy to det g = 0.
+    """From the chosen conditions of the hierarchy to det g = 0; for None, the differential consequence.
 
     Where the expressions are too large for pencil and paper, the conditions and their ranks.
+    `with_time` says that the question was for L(t, q, v).
     """
     system = analysis.system
-    if len(system.coordinates) > LARGEST_N:
-        return Explanation(summary_steps(system, chosen), complete=False)
+    budget = Budget(TERM_LIMIT, time.monotonic() + time_limit)
+    summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
     try:
-        return _by_elimination(analysis, chosen, seed, Budget(TERM_LIMIT, time.monotonic() + time_limit))
+        if chosen is None:
+            return _by_differentiation(analysis, with_time or system.depends_on_time, seed, budget)
+        if len(system.coordinates) <= LARGEST_N:
+            return _by_elimination(analysis, chosen, seed, budget)
     except (TooLarge, ZeroDivisionError):
-        return Explanation(summary_steps(system, chosen), complete=False)
+        pass
+    return Explanation(summary, complete=False)
 
 
 def _by_elimination(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Explanation:
-    system = analysis.system
-    n = len(system.coordinates)
+    solved = solve_conditions(analysis, chosen, seed, budget)
+    steps = [opening(analysis.system, chosen), *solved.steps, _closing_step(solved)]
+    return Explanation(tuple(steps), _side_conditions(solved.exact.ring, solved.result))
+
+
+@dataclass(frozen=True, slots=True)
+class SolvedConditions:
+    """The exact elimination of a set of conditions, with its steps."""
+
+    exact: ExactMotion
+    symbols: Mapping[Unknown, Symbol]
+    result: Elimination
+    steps: tuple[Step, ...]
+
+
+def solve_conditions(
+    analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget, further_orders: int = 0
+) -> SolvedConditions:
+    """Eliminate exactly; the ring allows `further_orders` derivations of the result.
+
+    Raises TooLarge where the budget ends.
+    """
     depth = max(condition.order for condition in chosen.conditions) - 2
-    symbols = entry_symbols(system)
-    exact = exact_motion(system, depth + 2, budget, tuple(symbols.values()))
+    symbols = entry_symbols(analysis.system)
+    exact = exact_motion(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
     table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
     tensors = hierarchy(exact.motion, depth)
-    equations = _exact_equations(exact, tensors, chosen.equations)
-    one = exact.ring.constant(1)
-    result = eliminate(equations, table, one)
-    used = [(condition, tensors[condition]) for condition in chosen.conditions]
-    steps = [opening(system, chosen), *tensor_steps(exact.ring, used)]
+    result = eliminate(_exact_equations(exact, tensors, chosen.equations), table)
+    steps = tensor_steps(exact.ring, [(condition, tensors[condition]) for condition in chosen.conditions])
     steps += [_solved_step(exact.ring, symbols, step) for step in result.solved]
-    steps.append(_closing_step(exact, symbols, result, n))
-    return Explanation(tuple(steps), _side_conditions(exact.ring, result))
+    return SolvedConditions(exact, symbols, result, tuple(steps))
+
+
+def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: Budget) -> Explanation:
+    """The multiplier known up to a factor, and the equations for the factor that contradict each other."""
+    chosen = unique_direction(analysis, seed)
+    if chosen is None:
+        raise TooLarge("the algebraic conditions leave more than one direction")
+    solved = solve_conditions(analysis, chosen, seed, budget, further_orders=3)
+    ring, n = solved.exact.ring, solved.exact.motion.size
+    direction = direction_matrix(solved.result, n, ring.constant(1))
+    found = contradiction(analysis, solved.exact, direction, with_time, seed)
+    steps = [opening(analysis.system, chosen), *solved.steps, *factor_steps(ring, analysis.system, direction, found)]
+    return Explanation(tuple(steps), _side_conditions(ring, solved.result))
 
 
 def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, Symbol]:
@@ -142,16 +172,15 @@ def linear_tree(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear)
     return add(*(multiply(quotient_tree(ring, row[unknown]), symbols[unknown]) for unknown in sorted(row)))
 
 
-def _closing_step(
-    exact: ExactMotion, symbols: Mapping[Unknown, Symbol], result: Elimination, n: int
-) -> Step:
-    """Why what is left is singular."""
-    block = vanishing_block(result.values, n)
+def _closing_step(solved: SolvedConditions) -> Step:
+    """Why what is left is singular; TooLarge where that was not recognised."""
+    n = solved.exact.motion.size
+    block = vanishing_block(solved.result.values, n)
     if block is not None:
-        return block_sentence(symbols, *block, n)
-    elements = {unknown: exact.ring.atoms[symbol] for unknown, symbol in symbols.items()}
-    left = determinant(result, n, elements, exact.ring.constant(1))
-    if not left.is_zero:
+        return block_sentence(solved.symbols, *block, n)
+    ring = solved.exact.ring
+    elements = {unknown: ring.atoms[symbol] for unknown, symbol in solved.symbols.items()}
+    if not determinant(solved.result, n, elements, ring.constant(1)).is_zero:
         raise TooLarge("the determinant of what remains was not recognised as zero")
     text = "With these values det g is identically zero in the entries that remain. There is no Lagrangian."
     return Step(text, r"\det g = 0")

@@ -201,6 +201,20 @@ def smallest_sufficient_set(analysis: Analysis, seed: int = 1, depth: int = DEEP
     return None
 
 
+def unique_direction(analysis: Analysis, seed: int = 1, depth: int = DEEPEST) -> SufficientSet | None:
+    """Conditions, cheap ones first, that fix g at a generic point up to one factor; None where there are none."""
+    for level in range(depth + 1):
+        table = tensors_at(local_motion(analysis, seed, level + 2), level)
+        kept: list[EquationName] = []
+        for name in sorted(table.rows, key=lambda item: item.condition.order):
+            if len(table.kernel([*kept, name])) < len(table.kernel(kept)):
+                kept.append(name)
+        if len(table.kernel(kept)) == 1:
+            conditions = tuple(dict.fromkeys(name.condition for name in kept))
+            return SufficientSet(conditions, tuple(kept), len(kept), 1)
+    return None
+
+
 def _sufficient(table: PointwiseConditions) -> SufficientSet | None:
     by_condition: dict[ConditionName, list[EquationName]] = {}
     for name, row in table.rows.items():

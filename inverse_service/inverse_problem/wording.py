@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.exact_trees import quotient_tree
@@ -11,6 +12,7 @@ from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.tree import Expression, Symbol
+from inverse_service.inverse_problem.differential_obstruction import Contradiction
 from inverse_service.inverse_problem.elimination import Unknown
 from inverse_service.inverse_problem.hierarchy import ConditionName, EquationName, SufficientSet
 from inverse_service.inverse_problem.outcome import Step
@@ -19,6 +21,19 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _SYMMETRIC = r"g_{ij} T^j_k = g_{kj} T^j_i"
 _CYCLIC = r"g_{ij} R^j_{kl} + g_{lj} R^j_{ik} + g_{kj} R^j_{li} = 0"
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """The steps, and the functions that were divided by and so must not vanish.
+
+    `complete` says whether the steps carry the whole argument; where not, they state conditions and
+    ranks.
+    """
+
+    steps: tuple[Step, ...]
+    side_conditions: tuple[Expression, ...] = ()
+    complete: bool = True
 
 
 def opening(system: SecondOrderSystem, chosen: SufficientSet) -> Step:
@@ -140,3 +155,41 @@ def summary_steps(system: SecondOrderSystem, chosen: SufficientSet) -> tuple[Ste
     end = "so g = 0" if chosen.dimension == 0 else "in which every matrix is singular"
     closing = f"{text}, {end}: there is no Lagrangian."
     return (opening(system, chosen), Step(closing, r"\det g = 0"))
+
+
+def differential_summary(system: SecondOrderSystem) -> tuple[Step, ...]:
+    """What is said where only the prolonged equations decide and no short argument was found."""
+    names = ", ".join(system.coordinates)
+    text = (
+        "A nonsingular g survives every algebraic condition (Phi, nabla Phi, ..., R) at a generic point; the "
+        f"Helmholtz conditions differentiated by {names} and the velocities leave only singular ones. The "
+        "certificate lists the differentiated equations that were used."
+    )
+    return (Step(text, r"\Gamma(g) = gN + (gN)^{\mathsf T},\quad \partial_{v^k} g_{ij} = \partial_{v^j} g_{ik}"),)
+
+
+def factor_steps(
+    ring: ExactRing, system: SecondOrderSystem, direction: Tensor11[Quotient], found: Contradiction
+) -> list[Step]:
+    """g = e^u times a known matrix; the derivatives of u, and the two that contradict each other."""
+    rows = [[quotient_tree(ring, entry) for entry in row] for row in direction]
+    text = "[" + ", ".join("[" + ", ".join(map(to_text, row)) + "]" for row in rows) + "]"
+    body = r" \\ ".join(" & ".join(map(to_latex, row)) for row in rows)
+    steps = [
+        Step(
+            f"So the algebraic conditions fix g up to a factor, which must be found: g = e^u G with G = {text}.",
+            rf"g = e^{{u}} \begin{{pmatrix}} {body} \end{{pmatrix}}",
+        )
+    ]
+    for line in found.lines:
+        tree = quotient_tree(ring, line.value)
+        steps.append(Step(f"{line.reason}: {line.text} = {to_text(tree)}.", f"{line.latex} = {to_latex(tree)}"))
+    tree = quotient_tree(ring, found.difference)
+    steps.append(
+        Step(
+            f"But {found.text} would have to vanish and is {to_text(tree)}, which is not zero identically. "
+            "There is no Lagrangian.",
+            rf"{found.latex} = {to_latex(tree)} \neq 0",
+        )
+    )
+    return steps
