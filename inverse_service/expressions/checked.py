@@ -88,8 +88,9 @@ def _check_numbers(base: Fraction, exponent: Fraction, column: int, limits: Limi
     if base == 0 and exponent <= 0:
         raise refusal("0 to a power that is not positive has no value", column, "write another base or exponent")
     if base < 0 and exponent.denominator != 1:
-        raise refusal("a negative number to this power is not real", column, "write the minus before it, as in -8^(1/3)")
-    check_size(bits(base) * abs(exponent), column, limits) if base not in (0, 1, -1) else None
+        raise refusal("a negative number to this power is not real", column, "write -8^(1/3)")
+    if abs(base) not in (0, 1):
+        check_size(bits(base) * float(abs(exponent)), column, limits)
 
 
 def check_depth(expression: Expression, limits: Limits, column: int = 1) -> Expression:

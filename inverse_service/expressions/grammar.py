@@ -160,7 +160,7 @@ class FormulaParser:
         dotted = self._names.derivative(name)
         if dotted:
             return self._coordinate(*dotted, token)
-        raise unknown_name(token.text, self._names, token.column, self._stream.ahead.is_operator("("))
+        raise unknown_name(token.text, self._names, token.column, self._stream.ahead.text)
 
     def _single(self, node: Expression, token: Token) -> Expression:
         """A name that stands alone; InputError where a bracket makes it look like a function."""

@@ -179,7 +179,7 @@ class _Translator:
                 return self._digits()
             return self._plain_piece(self._take())
         self._take()
-        parts = []
+        parts: list[str] = []
         while not self._ahead.is_character("}"):
             raw = self._take()
             part = self._name_part() if raw.is_command(*_FONTS) and not parts else self._plain_piece(raw)

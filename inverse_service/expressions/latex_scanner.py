@@ -19,7 +19,7 @@ _ENVIRONMENTS = frozenset(
     ("align", "aligned", "alignat", "array", "cases", "dcases", "equation", "gather", "gathered", "split", "eqnarray")
 )
 _SPACING = frozenset([",", ";", ":", "!", " ", "quad", "qquad", "displaystyle", "textstyle", "limits", "\n"])
-_SIZES = frozenset("big Big bigg Bigg bigl bigr Bigl Bigr biggl biggr Biggl Biggr".split(" "))
+_SIZES = frozenset(size + side for size in ("big", "Big", "bigg", "Bigg") for side in ("", "l", "r"))
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
 _PLAIN = frozenset("+-*/^_(){}[]=,;&|.")
 

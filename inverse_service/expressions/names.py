@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -59,13 +59,18 @@ class Names:
         return None
 
 
-def unknown_name(name: str, names: Names, column: int, called: bool = False) -> InputError:
-    """The refusal of an undeclared name: how to declare it, what may have been meant."""
+def unknown_name(name: str, names: Names, column: int, follows: str = "") -> InputError:
+    """The refusal of an undeclared name: how to declare it, what may have been meant.
+
+    `follows` is the text of the token after it: "(" after a function, a prime after a coordinate.
+    """
     known = reason_against(name, column)
     if known is not None:
         return known
     shown = f"the name '{shorten(name)}' is not declared; it stands"
-    if called:
+    if follows[:1] == "'":
+        return refusal(shown, column, f'add its equation too; the coordinates are {joined(names.coordinates)}')
+    if follows == "(":
         close = difflib.get_close_matches(name, sorted(FUNCTIONS | set(names.functions)), 1)
         hint = f" (did you mean {close[0]}?)" if close else ""
         return refusal(shown, column, f'declare it in "functions" with its arguments, or use a known function{hint}')
@@ -98,15 +103,15 @@ def declared_name(text: str, pointer: str, what: str = "name") -> str:
     r"""The name in ASCII (Greek letters and \theta, r_{1} as words); InputError if it cannot be declared."""
     name = _ascii(text)
     if len(text) > LIMITS.name_characters or len(name) > LIMITS.name_characters:
-        raise LimitError(f"a {what} has more than {LIMITS.name_characters} characters: choose a shorter one", pointer)
+        raise LimitError(f"a {what} has more than {LIMITS.name_characters} characters: choose a shorter one.", pointer)
     if not _NAME.fullmatch(name):
         raise InputError(
-            f"'{shorten(text)}' cannot be a {what}: write letters and digits, a letter first, as in r1 or x_left",
+            f"'{shorten(text)}' cannot be a {what}: write letters and digits, a letter first, as in r1 or x_left.",
             pointer,
         )
     if name in RESERVED:
         meaning = {"t": "the time", "pi": "the number pi"}.get(name, "a function")
-        raise InputError(f"'{name}' cannot be a {what}, it stands for {meaning}: choose another name", pointer)
+        raise InputError(f"'{name}' cannot be a {what}, it stands for {meaning}: choose another name.", pointer)
     return name
 
 
@@ -122,26 +127,26 @@ def _ascii(text: str) -> str:
     return "_".join(words)
 
 
-def check_clashes(names: Names) -> None:
+def check_clashes(names: Names, keyed_parameters: bool = False) -> None:
     """InputError for a name declared twice, or one that the derivative or momentum of another has."""
     seen: dict[str, str] = {}
-    for pointer, name in _places(names):
+    for pointer, name in _places(names, keyed_parameters):
         if name in seen:
-            raise InputError(f"'{name}' is declared twice: give one of the two another name", pointer)
+            raise InputError(f"'{name}' is declared twice: give one of the two another name.", pointer)
         seen[name] = pointer
     for coordinate in names.coordinates:
         for taken in (f"{coordinate}_dot", f"{coordinate}_ddot", f"p_{coordinate}"):
             if taken in seen:
                 meaning = "momentum" if taken.startswith("p_") else "derivative"
                 raise InputError(
-                    f"'{taken}' is the {meaning} of the coordinate {coordinate}: choose another name", seen[taken]
+                    f"'{taken}' is the {meaning} of the coordinate {coordinate}: choose another name.", seen[taken]
                 )
 
 
-def _places(names: Names) -> list[tuple[str, str]]:
-    groups: tuple[tuple[str, Sequence[str]], ...] = (
-        ("/coordinates", names.coordinates),
-        ("/parameters", names.parameters),
-    )
-    indexed = [(f"{pointer}/{k}", name) for pointer, group in groups for k, name in enumerate(group)]
-    return indexed + [(f"/functions/{name}", name) for name in names.functions]
+def _places(names: Names, keyed_parameters: bool) -> list[tuple[str, str]]:
+    """(pointer, name) of every declaration; parameters with values stand under their names."""
+    coordinates = [(f"/coordinates/{place}", name) for place, name in enumerate(names.coordinates)]
+    parameters = [
+        (f"/parameters/{name if keyed_parameters else place}", name) for place, name in enumerate(names.parameters)
+    ]
+    return [*coordinates, *parameters, *((f"/functions/{name}", name) for name in names.functions)]

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 ELEMENTARY = frozenset(
-    "exp log sin cos tan cot sec csc sinh cosh tanh coth sech csch asin acos atan asinh acosh atanh".split()
+    ("exp", "log", "sin", "cos", "tan", "cot", "sec", "csc", "sinh", "cosh", "tanh", "coth", "sech", "csch")
+    + ("asin", "acos", "atan", "asinh", "acosh", "atanh")
 )
 
 
@@ -98,7 +99,8 @@ def number(value: int | Fraction) -> Number:
 
 def add(*terms: Expression) -> Expression:
     """The sum, flattened, numbers folded, zero dropped."""
-    total, rest = Fraction(0), []
+    total = Fraction(0)
+    rest: list[Expression] = []
     for term in terms:
         for part in term.terms if isinstance(term, Sum) else (term,):
             if isinstance(part, Number):
@@ -114,7 +116,8 @@ def add(*terms: Expression) -> Expression:
 
 def multiply(*factors: Expression) -> Expression:
     """The product, flattened, numbers folded and put first."""
-    total, rest = Fraction(1), []
+    total = Fraction(1)
+    rest: list[Expression] = []
     for factor in factors:
         for part in factor.factors if isinstance(factor, Product) else (factor,):
             if isinstance(part, Number):

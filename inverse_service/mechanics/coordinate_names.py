@@ -1,0 +1,96 @@
+"""Which coordinates a document means where it does not list them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names, declared_name
+from inverse_service.expressions.reader import read_tokens
+from inverse_service.expressions.tokens import Token, joined, shorten
+from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES
+
+
+def inferred_coordinates(equations: Mapping[str, str] | Sequence[str] | str, declared: Names) -> tuple[str, ...]:
+    """The keys, or the names with two time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
+
+    `declared` holds parameters and functions only, which are no coordinates.
+    """
+    if isinstance(equations, Mapping):
+        return tuple(dict.fromkeys(_key_name(key, declared) for key in equations))
+    texts = [equations] if isinstance(equations, str) else list(equations)
+    found: dict[str, None] = {}
+    for place, text in enumerate(texts):
+        pointer = "/equations" if isinstance(equations, str) else f"/equations/{place}"
+        if not isinstance(text, str):
+            raise InputError('an equation is not a text: write it in quotation marks, as in "x\'\' = -x".', pointer)
+        try:
+            tokens = read_tokens(text, declared)
+        except InputError as error:
+            raise error.at(pointer) from None
+        names = [name for name in accelerated_names(tokens) if declared.role(declared.spelling(name)) is None]
+        found.update(dict.fromkeys(declared_name(name, pointer, "coordinate") for name in names))
+    return tuple(found)
+
+
+def key_coordinate(key: str, names: Names, pointer: str) -> str:
+    """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if it is none."""
+    name = names.spelling(_key_name(key, names))
+    if name not in names.coordinates:
+        raise InputError(
+            f"there is an equation for '{shorten(key)}', which is not a coordinate: the coordinates are "
+            f"{joined(names.coordinates)}.",
+            pointer,
+        )
+    return name
+
+
+def _key_name(key: str, names: Names) -> str:
+    pointer = "/equations/" + key.replace("~", "~0").replace("/", "~1")
+    if names.role(key):
+        return key
+    try:
+        tokens = read_tokens(key[:200], names)
+    except InputError:
+        tokens = []
+    accelerated = accelerated_names(tokens)
+    if len(accelerated) == 1 and all(token.kind == "prime" for token in tokens[1:]):
+        return accelerated[0]
+    return declared_name(key, pointer, "coordinate")
+
+
+def accelerated_names(tokens: Sequence[Token]) -> list[str]:
+    """The names that stand with two time derivatives, in order of appearance."""
+    found = []
+    for place, token in enumerate(tokens):
+        if token.kind != "name":
+            continue
+        following = tokens[place + 1 : place + 12]
+        if token.text in DERIVATIVE_NAMES:
+            found += _derived(following)
+        elif _primes(following) == 2:
+            found.append(token.text)
+        elif token.text.endswith("ddot") and token.text.removesuffix("ddot").rstrip("_"):
+            found.append(token.text.removesuffix("ddot").rstrip("_"))
+    return found
+
+
+def _primes(tokens: Sequence[Token]) -> int:
+    order = 0
+    for token in tokens:
+        if token.kind != "prime":
+            break
+        order += int(token.value)
+    return order
+
+
+def _derived(tokens: Sequence[Token]) -> list[str]:
+    """The x of (x, t, t), (x, t, 2), (x, (t, 2)), each also with x(t)."""
+    words = [token.text for token in tokens]
+    if len(words) < 2 or words[0] != "(" or tokens[1].kind != "name":
+        return []
+    rest = words[2:]
+    if rest[:3] == ["(", "t", ")"]:
+        rest = rest[3:]
+    twice = ([",", "t", ",", "t", ")"], [",", "t", ",", "2"], [",", "(", "t", ",", "2"])
+    return [words[1]] if any(rest[: len(form)] == form for form in twice) else []

@@ -1,0 +1,195 @@
+"""Whole equations, linear in the accelerations, solved for them: M(t, q, q') q'' = -b(t, q, q').
+
+The matrix is inverted exactly, block by block of its triangular form, by fraction-free elimination
+(Bareiss 1968) over polynomials in opaque atoms. Atoms may be related (sin^2 + cos^2 = 1), so a
+determinant that is not the zero polynomial is also confirmed not to vanish at random points, to
+50 digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.tree import (
+    MINUS_ONE,
+    ZERO,
+    Expression,
+    Number,
+    Sum,
+    add,
+    multiply,
+    walk,
+)
+from inverse_service.mechanics.blocks import blocks, matching
+from inverse_service.mechanics.linear_parts import LinearEquation
+from inverse_service.mechanics.nonvanishing import vanishes
+from inverse_service.mechanics.opaque_fractions import (
+    OpaqueFraction,
+    OpaqueRing,
+    Polynomial,
+    atoms_of,
+    expanded_terms,
+    times,
+)
+
+_EXPANDED_TERMS = 2_000
+
+
+def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequence[str]) -> tuple[Expression, ...]:
+    """f with q'' = f, in the order of `coordinates`.
+
+    InputError where the numbers differ or the matrix of the accelerations is singular; LimitError
+    where its inverse would be too large to write down.
+    """
+    if len(equations) != len(coordinates):
+        raise _wrong_number(len(equations), coordinates)
+    ring = OpaqueRing([c for equation in equations for c in equation.coefficients.values()])
+    order = [atom for equation in equations for atom in atoms_of(equation.rest)]
+    rows = [_row(ring, equation, coordinates) for equation in equations]
+    pattern = [[k for k, entry in enumerate(row) if not entry.numerator.is_zero()] for row in rows]
+    row_of = _matched(pattern, equations, coordinates)
+    solved: dict[int, Expression] = {}
+    for block in blocks(pattern, row_of):
+        chosen = [row_of[column] for column in block]
+        rests = [_with_known(equations[row], coordinates, solved) for row in chosen]
+        inverse = _inverse(ring, [[rows[row][column] for column in block] for row in chosen])
+        if inverse is None:
+            raise _singular([coordinates[column] for column in block])
+        for place, column in enumerate(block):
+            solved[column] = _solution(ring, inverse[place], rests, order)
+    return tuple(solved[column] for column in range(len(coordinates)))
+
+
+def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str]) -> list[OpaqueFraction]:
+    try:
+        return [ring.fraction(equation.coefficients.get(name, ZERO)) for name in coordinates]
+    except ZeroDivisionError:
+        raise InputError("an equation divides by zero: write it without that.", equation.pointer) from None
+
+
+def _matched(
+    pattern: list[list[int]], equations: Sequence[LinearEquation], coordinates: Sequence[str]
+) -> list[int]:
+    for columns, equation in zip(pattern, equations, strict=True):
+        if not columns:
+            raise InputError(
+                "this equation contains no acceleration, the matrix of the accelerations is singular: "
+                "write an equation of second order, or give a constraint as a nonholonomic system.",
+                equation.pointer,
+            )
+    found = matching(pattern)
+    lost = [coordinates[column] for column, row in enumerate(found) if row is None]
+    if lost:
+        raise _singular(lost)
+    return [row for row in found if row is not None]
+
+
+def _with_known(equation: LinearEquation, coordinates: Sequence[str], solved: dict[int, Expression]) -> Expression:
+    """The rest of the equation with the accelerations of earlier blocks put in."""
+    terms = [equation.rest]
+    for column, acceleration in solved.items():
+        coefficient = equation.coefficients.get(coordinates[column])
+        if coefficient is not None:
+            terms.append(_scaled(coefficient, acceleration))
+    return add(*terms)
+
+
+def _scaled(coefficient: Expression, expression: Expression) -> Expression:
+    """The product; a number is multiplied into the terms of a sum."""
+    if isinstance(coefficient, Number) and isinstance(expression, Sum):
+        return add(*(multiply(coefficient, term) for term in expression.terms))
+    return multiply(coefficient, expression)
+
+
+def _inverse(ring: OpaqueRing, matrix: list[list[OpaqueFraction]]) -> list[list[OpaqueFraction]] | None:
+    """The inverse of a block, None where its determinant is the zero function."""
+    scales = [_common_denominator(ring, row) for row in matrix]
+    size = len(matrix)
+    table = []
+    for place, (row, scale) in enumerate(zip(matrix, scales, strict=True)):
+        entries = [times(entry.numerator, divmod(scale, entry.denominator)[0]) for entry in row]
+        table.append(entries + [scale if place == k else ring.constant(0) for k in range(size)])
+    determinant = _eliminate(ring, table)
+    if determinant is None or vanishes(ring.tree(OpaqueFraction(determinant, ring.constant(1)))):
+        return None
+    return [[ring.reduced(entry, determinant) for entry in row[size:]] for row in table]
+
+
+def _common_denominator(ring: OpaqueRing, row: Sequence[OpaqueFraction]) -> Polynomial:
+    common = ring.constant(1)
+    for entry in row:
+        common = times(common, divmod(entry.denominator, common.gcd(entry.denominator))[0])
+    return common
+
+
+def _eliminate(ring: OpaqueRing, table: list[list[Polynomial]]) -> Polynomial | None:
+    """Fraction-free Gauss-Jordan of (P | D) in place to (d I | d P^-1 D); d, or None where P is singular."""
+    previous = ring.constant(1)
+    for column in range(len(table)):
+        rows = [row for row in range(column, len(table)) if not table[row][column].is_zero()]
+        if not rows:
+            return None
+        best = min(rows, key=lambda row: len(table[row][column]))
+        table[column], table[best] = table[best], table[column]
+        pivot_row, pivot = table[column], table[column][column]
+        for place, row in enumerate(table):
+            if place != column:
+                table[place] = _eliminated(row, pivot_row, pivot, row[column], previous)
+        previous = pivot
+    return previous
+
+
+def _eliminated(
+    row: list[Polynomial], pivot_row: list[Polynomial], pivot: Polynomial, head: Polynomial, previous: Polynomial
+) -> list[Polynomial]:
+    """(pivot · row - head · pivot_row) / previous, which is exact."""
+    pairs = zip(row, pivot_row, strict=True)
+    return [divmod(times(pivot, a) - times(head, b), previous)[0] for a, b in pairs]
+
+
+def _solution(
+    ring: OpaqueRing, inverse_row: Sequence[OpaqueFraction], rests: Sequence[Expression], order: Sequence[Expression]
+) -> Expression:
+    """-Σ inverse_j rest_j: as it stands, or put over one denominator where that is not much longer."""
+    parts = [(entry, rest) for entry, rest in zip(inverse_row, rests, strict=True) if not entry.numerator.is_zero()]
+    plain = add(*(_scaled(multiply(MINUS_ONE, ring.tree(entry)), rest) for entry, rest in parts))
+    if all(isinstance(ring.tree(entry), Number) and len(parts) == 1 for entry, _ in parts):
+        return plain
+    gathered = _gathered(plain, order)
+    return gathered if 2 * _size(gathered) <= 3 * _size(plain) else plain
+
+
+def _gathered(plain: Expression, order: Sequence[Expression]) -> Expression:
+    """The same over one denominator, in lowest terms; as it is where that would be too large."""
+    if max(expanded_terms(plain)) > _EXPANDED_TERMS:
+        return plain
+    ring = OpaqueRing([plain], order)
+    try:
+        return ring.tree(ring.fraction(plain))
+    except (LimitError, ZeroDivisionError):
+        return plain
+
+
+def _size(tree: Expression) -> int:
+    return sum(1 for _ in walk(tree))
+
+
+def _wrong_number(count: int, coordinates: Sequence[str]) -> InputError:
+    wanted = ", ".join(f"{name}''" for name in coordinates)
+    equations, number_of = ("1 equation is" if count == 1 else f"{count} equations are"), len(coordinates)
+    return InputError(
+        f"{equations} given for {number_of} acceleration{'s' * (number_of != 1)} ({wanted}): "
+        "write one equation for each coordinate.",
+        "/equations",
+    )
+
+
+def _singular(names: Sequence[str]) -> InputError:
+    unknowns = ", ".join(f"{name}''" for name in names)
+    return InputError(
+        f"the matrix of the accelerations is singular, the equations do not determine {unknowns}: "
+        "write equations that are independent in the accelerations.",
+        "/equations",
+    )
+
