@@ -69,7 +69,7 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
         return known
     shown = f"the name '{shorten(name)}' is not declared; it stands"
     if follows[:1] == "'":
-        return refusal(shown, column, f'add its equation too; the coordinates are {joined(names.coordinates)}')
+        return refusal(shown, column, f"add its equation too; the coordinates are {joined(names.coordinates)}")
     if follows == "(":
         close = difflib.get_close_matches(name, sorted(FUNCTIONS | set(names.functions)), 1)
         hint = f" (did you mean {close[0]}?)" if close else ""

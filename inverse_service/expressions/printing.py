@@ -21,13 +21,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_layout import (
     Ratio,
     has_plain_arguments,
     signed_terms,
     variables,
 )
-from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import (
     HALF,

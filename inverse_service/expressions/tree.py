@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 ELEMENTARY = frozenset(
-    ("exp", "log", "sin", "cos", "tan", "cot", "sec", "csc", "sinh", "cosh", "tanh", "coth", "sech", "csch")
-    + ("asin", "acos", "atan", "asinh", "acosh", "atanh")
+    (
+        *("exp", "log", "sin", "cos", "tan", "cot", "sec", "csc", "sinh", "cosh", "tanh", "coth", "sech", "csch"),
+        *("asin", "acos", "atan", "asinh", "acosh", "atanh"),
+    )
 )
 
 

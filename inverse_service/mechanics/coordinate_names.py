@@ -23,7 +23,7 @@ def inferred_coordinates(equations: Mapping[str, str] | Sequence[str] | str, dec
     for place, text in enumerate(texts):
         pointer = "/equations" if isinstance(equations, str) else f"/equations/{place}"
         if not isinstance(text, str):
-            raise InputError('an equation is not a text: write it in quotation marks, as in "x\'\' = -x".', pointer)
+            raise InputError("an equation is not a text: write it in quotation marks, as in \"x'' = -x\".", pointer)
         try:
             tokens = read_tokens(text, declared)
         except InputError as error:

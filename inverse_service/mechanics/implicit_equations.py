@@ -68,9 +68,7 @@ def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str])
         raise InputError("an equation divides by zero: write it without that.", equation.pointer) from None
 
 
-def _matched(
-    pattern: list[list[int]], equations: Sequence[LinearEquation], coordinates: Sequence[str]
-) -> list[int]:
+def _matched(pattern: list[list[int]], equations: Sequence[LinearEquation], coordinates: Sequence[str]) -> list[int]:
     for columns, equation in zip(pattern, equations, strict=True):
         if not columns:
             raise InputError(
@@ -192,4 +190,3 @@ def _singular(names: Sequence[str]) -> InputError:
         "write equations that are independent in the accelerations.",
         "/equations",
     )
-

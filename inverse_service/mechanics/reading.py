@@ -128,13 +128,9 @@ def _coordinates(
         pointer = "/equations"
     else:
         pointer = "/coordinates"
-        found = tuple(
-            declared_name(word, f"{pointer}/{place}", "coordinate") for place, word in enumerate(coordinates)
-        )
+        found = tuple(declared_name(word, f"{pointer}/{place}", "coordinate") for place, word in enumerate(coordinates))
     if not found:
-        raise InputError(
-            "there are no coordinates: name at least one, or write equations that contain x''.", pointer
-        )
+        raise InputError("there are no coordinates: name at least one, or write equations that contain x''.", pointer)
     _bounded(list(found), pointer, "coordinates", LIMITS.coordinates)
     return found
 

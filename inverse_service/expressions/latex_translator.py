@@ -1,0 +1,304 @@
+"""LaTeX to the tokens of the plain-text grammar, each with its column in the original."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.characters import GREEK_COMMANDS
+from inverse_service.expressions.latex_scanner import Raw
+from inverse_service.expressions.latex_words import FONTS, LatexWords
+from inverse_service.expressions.limits import Limits
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.tokenizer import NUMBER, number_token
+from inverse_service.expressions.tokens import Token, limit_passed, refusal, shorten
+from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED
+
+_FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
+_PRODUCTS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "lbrace": "(", "rbrace": ")", "{": "(", "}": ")"}
+_OPENING, _CLOSING = "([", ")]"
+_REASONS = {
+    "partial": "write diff(A(x, y), x) for a partial derivative",
+    "int": "integrals are not carried out, write the integral itself",
+    "sum": "sums are not carried out, write the terms",
+    "infty": "write a finite number",
+    "pm": "write one sign",
+    "mp": "write one sign",
+    "dddot": "write equations of second order",
+    "ddddot": "write equations of second order",
+    "vert": "absolute values are not differentiable, write the branch u or -u",
+    "lvert": "absolute values are not differentiable, write the branch u or -u",
+    "hat": "write a name without it",
+    "vec": "write the components",
+}
+
+
+class LatexTranslator(LatexWords):
+    """Translates raw tokens one after the other; every method takes what it translates."""
+
+    __slots__ = ("_depth", "_tokens")
+
+    def __init__(self, raw: list[Raw], names: Names, limits: Limits) -> None:
+        super().__init__(raw, names, limits)
+        self._depth = 0
+        self._tokens: list[Token] = []
+
+    def all(self) -> list[Token]:
+        """The tokens of the whole formula."""
+        while self._ahead.kind != "end":
+            self._one()
+            if len(self._tokens) > self._limits.tokens:
+                raise limit_passed("the formula has too many parts", self._ahead.column, self._limits.tokens)
+        return self._tokens
+
+    def _emit(self, text: str, raw: Raw, space: bool | None = None) -> None:
+        self._tokens.append(Token("operator", text, raw.column, raw.space_before if space is None else space))
+
+    def _emit_name(self, name: str, raw: Raw, order: int = 0) -> None:
+        if len(name) > self._limits.name_characters:
+            raise limit_passed("a name has too many characters", raw.column, self._limits.name_characters)
+        self._tokens.append(Token("name", name, raw.column, raw.space_before))
+        if order:
+            self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
+
+    def _one(self) -> None:
+        """Translate what comes next."""
+        raw = self._ahead
+        if raw.kind == "command":
+            self._command(self._take())
+        elif raw.kind == "letter":
+            self._emit_name(self._with_subscript(self._word()), raw)
+        elif raw.kind == "digit" or raw.is_character("."):
+            self._number()
+        else:
+            self._character(self._take())
+
+    def _character(self, raw: Raw) -> None:
+        if raw.is_character("{"):
+            self._group(raw)
+        elif raw.is_character("^"):
+            self._power(raw)
+        elif raw.text and raw.text in ("'", "''"):
+            self._tokens.append(Token("prime", raw.text, raw.column, raw.space_before, Fraction(len(raw.text))))
+        elif raw.text and raw.text in "+-*/()=,;":
+            self._emit(raw.text, raw)
+        elif raw.is_character("[", "]"):
+            self._emit("(" if raw.text == "[" else ")", raw)
+        else:
+            raise self._misplaced(raw)
+
+    def _misplaced(self, raw: Raw) -> InputError:
+        reasons = {
+            "_": "a subscript belongs to a name, as in r_1",
+            "}": "it closes nothing, leave it out",
+            "|": "absolute values are not differentiable, write the branch u or -u",
+        }
+        what = "the formula ends" if raw.kind == "end" else f"'{raw.text}' is not expected"
+        return refusal(what, raw.column, reasons.get(raw.text, "something is missing here"))
+
+    def _number(self) -> None:
+        start = self._ahead
+        digits = "".join(piece.text for piece in self._run(start))
+        match = NUMBER.match(digits)
+        if match is None:
+            raise refusal("a dot stands alone", start.column, "a dot belongs to a number such as 0.5")
+        self._place += match.end()
+        self._tokens.append(number_token(match.group(), start.column, start.space_before, self._limits))
+
+    def _command(self, raw: Raw) -> None:
+        name = raw.text
+        if name in GREEK_COMMANDS or name == "ell":
+            self._emit_name(self._with_subscript(GREEK_COMMANDS.get(name, "l")), raw)
+        elif name in _FRACTIONS:
+            self._fraction(raw)
+        elif name == "sqrt":
+            self._root(raw)
+        elif name in ("dot", "ddot"):
+            self._dot(raw, 1 if name == "dot" else 2)
+        elif name in FUNCTIONS:
+            self._function(name, raw)
+        elif name in FONTS:
+            self._font(raw)
+        elif name in ("left", "right"):
+            self._delimiter(raw)
+        elif name in _PRODUCTS:
+            self._emit(_PRODUCTS[name], raw)
+        elif name == "\\":
+            self._emit(";", raw)
+        else:
+            instead = _REASONS.get(name) or _refused_function(name) or "write the formula without it"
+            raise refusal(f"the command \\{shorten(name)} is not accepted", raw.column, instead)
+
+    def _function(self, name: str, raw: Raw) -> None:
+        if self._ahead.is_character("_"):
+            raise refusal("a base of a logarithm stands", raw.column, "write \\ln(x)/\\ln(b)")
+        self._emit_name(name, raw)
+
+    def _font(self, raw: Raw) -> None:
+        name = self._name_part()
+        if not name:
+            raise refusal(f"\\{raw.text} holds no name", raw.column, "write letters and digits in it")
+        self._emit_name(self._with_subscript(name), raw)
+
+    def _delimiter(self, raw: Raw) -> None:
+        delimiter = self._take()
+        text = _PRODUCTS.get(delimiter.text, delimiter.text)
+        if text and text in (_OPENING if raw.text == "left" else _CLOSING):
+            if delimiter.text in ("{", "lbrace") and not self._closes_later():
+                return  # \left\{ before a list of equations; it is ended by \right.
+            self._emit("(" if raw.text == "left" else ")", raw, space=True)
+        elif not (delimiter.is_character(".") and raw.text == "right"):
+            reason = "absolute values are not differentiable, write the branch u or -u"
+            instead = reason if delimiter.text in ("|", "vert", "lvert") else "write ( and )"
+            raise refusal(f"this delimiter after \\{raw.text} is not accepted", raw.column, instead)
+
+    def _closes_later(self) -> bool:
+        """Whether the \\left just read is ended by a real bracket and not by \\right."""
+        depth = 1
+        for place in range(self._place, len(self._raw) - 1):
+            if self._raw[place].is_command("left"):
+                depth += 1
+            elif self._raw[place].is_command("right"):
+                depth -= 1
+                if depth == 0:
+                    return not self._raw[place + 1].is_character(".")
+        return True
+
+    def _group(self, opening: Raw) -> None:
+        """{ … } as a bracket; { } holds nothing, and a name alone in braces is that name."""
+        start = len(self._tokens)
+        self._enter(opening)
+        while not self._ahead.is_character("}"):
+            if self._ahead.kind == "end":
+                raise refusal("the '{' is never closed", opening.column, "add the missing '}'")
+            self._one()
+        closing = self._take()
+        self._depth -= 1
+        inner = self._tokens[start:]
+        after_function = start > 0 and self._tokens[start - 1].text in FUNCTIONS
+        if not inner or (len(inner) <= 2 and inner[0].kind == "name" and not after_function):
+            return
+        self._tokens[start:] = [Token("operator", "(", opening.column, True), *inner]
+        self._emit(")", closing)
+
+    def _enter(self, raw: Raw) -> None:
+        self._depth += 1
+        if self._depth > self._limits.depth:
+            raise limit_passed("the formula is nested too deeply", raw.column, self._limits.depth)
+
+    def _argument(self, command: Raw) -> None:
+        """One argument in brackets: a group, or one piece as in \\frac12."""
+        raw = self._ahead
+        self._emit("(", raw)
+        if raw.is_character("{"):
+            self._group(self._take())
+        elif raw.kind == "digit":
+            self._take()
+            self._tokens.append(number_token(raw.text, raw.column, False, self._limits))
+        elif raw.kind == "letter":
+            self._emit_name(self._take().text, raw)
+        elif raw.kind == "command" and raw.text not in ("right", "\\"):
+            self._enter(raw)
+            self._one()
+            self._depth -= 1
+        else:
+            raise refusal(f"\\{command.text} has no argument", command.column, "write it in braces { }")
+        self._emit(")", raw)
+
+    def _fraction(self, raw: Raw) -> None:
+        if self._time_derivative(raw):
+            return
+        self._emit("(", raw)
+        self._argument(raw)
+        self._emit("/", raw)
+        self._argument(raw)
+        self._emit(")", raw)
+
+    def _root(self, raw: Raw) -> None:
+        if not self._ahead.is_character("["):
+            self._emit_name("sqrt", raw)
+            self._argument(raw)
+            return
+        self._take()
+        digits = self._digits()
+        if not digits or not self._take().is_character("]"):
+            raise refusal("the degree of a root is not a whole number", raw.column, "write \\sqrt[3]{x}")
+        self._emit("(", raw)
+        self._argument(raw)
+        for text in "^(":
+            self._emit(text, raw)
+        self._tokens.append(number_token("1", raw.column, False, self._limits))
+        self._emit("/", raw)
+        self._tokens.append(number_token(digits, raw.column, False, self._limits))
+        for text in "))":
+            self._emit(text, raw)
+
+    def _dot(self, raw: Raw, order: int) -> None:
+        """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""
+        braces = self._take() if self._ahead.is_character("{") else None
+        name = ""
+        if self._ahead.kind == "letter":
+            name = self._word() if braces else self._take().text
+        elif self._ahead.kind == "command":
+            command = self._take()
+            name = self._name_part() if command.text in FONTS else self._plain_piece(command)
+        if braces:
+            name = self._with_subscript(name)
+        if not name or (braces and not self._take().is_character("}")):
+            raise refusal(f"\\{raw.text} belongs to a name", raw.column, f"write \\{raw.text}{{x}}")
+        self._emit_name(self._with_subscript(name), raw, order)
+
+    def _power(self, caret: Raw) -> None:
+        raw = self._ahead
+        if raw.is_command("prime"):
+            self._primes()
+        elif raw.is_character("{") and self._raw[self._place + 1].is_command("prime"):
+            self._take()
+            self._primes()
+            if self._ahead.is_character("}"):
+                self._take()
+            else:
+                self._emit("^", caret)
+                self._group(raw)
+        elif raw.kind in ("digit", "letter"):
+            self._short_power(caret)
+        else:
+            self._emit("^", caret)
+            if raw.is_character("{"):
+                self._emit("(", raw)
+                self._group(self._take())
+                self._emit(")", raw)
+
+    def _short_power(self, caret: Raw) -> None:
+        """x^2, e^x: one digit or one name; x^23 is x^2 3 in LaTeX and x^(23) to others: refused."""
+        raw = self._ahead
+        self._emit("^", caret)
+        self._emit("(", raw)
+        if raw.kind == "letter":
+            self._emit_name(self._with_subscript(self._word()), raw)
+        else:
+            digits = self._digits()
+            if len(digits) > 1:
+                raise refusal("a power of several digits has no braces", raw.column, "write x^{23} or x^{2} \\cdot 3")
+            self._tokens.append(number_token(digits, raw.column, False, self._limits))
+        self._emit(")", raw)
+
+    def _primes(self) -> None:
+        while self._ahead.is_command("prime"):
+            raw = self._take()
+            self._tokens.append(Token("prime", "'", raw.column, False, Fraction(1)))
+
+    def _time_derivative(self, raw: Raw) -> bool:
+        """\\frac{dx}{dt}, \\frac{d^2 x}{dt^2}: taken as x' and x''; else nothing is taken."""
+        start = self._place
+        name, order = self._derivative_part()
+        variable, times = self._derivative_part() if name else ("", 0)
+        if variable != "t" or order < 1 or order != times:
+            self._place = start
+            return False
+        self._emit_name(name, raw, order)
+        return True
+
+
+def _refused_function(name: str) -> str:
+    return REFUSED[name][1] if name in REFUSED else ""

@@ -1,0 +1,124 @@
+r"""Names in LaTeX: words, subscripts, fonts, and the d x of \frac{dx}{dt}."""
+
+from __future__ import annotations
+
+from inverse_service.expressions.characters import GREEK_COMMANDS
+from inverse_service.expressions.latex_scanner import Raw
+from inverse_service.expressions.limits import Limits
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.tokens import refusal
+from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS, REFUSED
+
+FONTS = ("mathrm", "operatorname", "operatorname*", "text", "mathit", "mathbf", "boldsymbol", "mathsf", "mathcal")
+_WORDS = FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys()
+
+
+class LatexWords:
+    """A place in the raw tokens, and what names can be read from there."""
+
+    __slots__ = ("_limits", "_names", "_place", "_raw")
+
+    def __init__(self, raw: list[Raw], names: Names, limits: Limits) -> None:
+        self._raw = raw
+        self._names = names
+        self._limits = limits
+        self._place = 0
+
+    @property
+    def _ahead(self) -> Raw:
+        return self._raw[self._place]
+
+    def _take(self) -> Raw:
+        raw = self._ahead
+        if raw.kind != "end":
+            self._place += 1
+        return raw
+
+    def _run(self, start: Raw) -> list[Raw]:
+        """Pieces of one character that touch each other: a word or a number."""
+        pieces = [start]
+        for raw in self._raw[self._place + 1 : self._place + 1 + self._limits.digits * 4]:
+            plain = raw.kind in ("letter", "digit") or raw.is_character(".", "-", "+")
+            if not plain or raw.space_before or raw.column != pieces[-1].column + 1:
+                break
+            pieces.append(raw)
+        return pieces
+
+    def _word(self) -> str:
+        """A letter, or the whole word where it is declared or a function; the pieces are taken."""
+        pieces = self._run(self._ahead)[: self._limits.name_characters]
+        length = next((k for k, piece in enumerate(pieces) if piece.kind == "character"), len(pieces))
+        word = "".join(piece.text for piece in pieces[:length])
+        for size in range(length, 1, -1):
+            known = word[:size] in _WORDS and size == length
+            if known or self._names.role(word[:size]) or self._names.derivative(word[:size]):
+                self._place += size
+                return word[:size]
+        self._place += 1
+        return word[0]
+
+    def _with_subscript(self, name: str) -> str:
+        if not self._ahead.is_character("_"):
+            return name
+        underscore = self._take()
+        subscript = self._name_part()
+        if not subscript:
+            raise refusal("a subscript is not a word", underscore.column, "write letters and digits, as in r_{1}")
+        return f"{name}_{subscript}"
+
+    def _name_part(self) -> str:
+        """The letters, digits and Greek names of the next group or piece, '' if it holds anything else."""
+        if not self._ahead.is_character("{"):
+            raw = self._ahead
+            if raw.kind == "digit":
+                return self._digits()
+            return self._plain_piece(self._take())
+        self._take()
+        parts: list[str] = []
+        while not self._ahead.is_character("}"):
+            raw = self._take()
+            part = self._name_part() if raw.is_command(*FONTS) and not parts else self._plain_piece(raw)
+            if not part:
+                return ""
+            parts.append(part)
+        self._take()
+        return "".join(parts)
+
+    def _digits(self) -> str:
+        digits = ""
+        while self._ahead.kind == "digit" and (not digits or not self._ahead.space_before):
+            digits += self._take().text
+        return digits
+
+    def _plain_piece(self, raw: Raw) -> str:
+        if raw.kind == "command":
+            return GREEK_COMMANDS.get(raw.text, "")
+        return raw.text if raw.kind in ("letter", "digit") else ""
+
+    def _derivative_part(self) -> tuple[str, int]:
+        """(name, order) of {d^k name} or {d name^k}, ('', 0) if it is not one."""
+        if not self._take().is_character("{") or not self._differential():
+            return "", 0
+        first = self._small_power()
+        raw = self._take()
+        if raw.kind == "letter":
+            self._place -= 1
+            name = self._with_subscript(self._word())
+        else:
+            plain = self._plain_piece(raw)
+            name = self._with_subscript(plain) if plain else ""
+        order = first * self._small_power()
+        return (name, order) if self._take().is_character("}") else ("", 0)
+
+    def _differential(self) -> bool:
+        raw = self._take()
+        if raw.is_command(*FONTS):
+            return self._name_part() == "d"
+        return raw.kind == "letter" and raw.text == "d"
+
+    def _small_power(self) -> int:
+        if not self._ahead.is_character("^"):
+            return 1
+        self._take()
+        digits = self._name_part()
+        return int(digits) if digits.isdigit() and len(digits) == 1 else 0

@@ -1,0 +1,200 @@
+"""The names in a formula: coordinates and their derivatives, parameters, declared functions, diff(…)."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from inverse_service.expressions.derivative_calls import Variable, carry_out
+from inverse_service.expressions.names import Names, unknown_name
+from inverse_service.expressions.tokens import Token, TokenStream, limit_passed, refusal, unexpected
+from inverse_service.expressions.tree import (
+    ONE,
+    PI,
+    TIME,
+    Acceleration,
+    Apply,
+    Arbitrary,
+    Expression,
+    Symbol,
+    Velocity,
+)
+from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
+
+
+class OperandParser(ABC):
+    """Reads what begins with a name; sums and products are the business of `grammar.py`."""
+
+    __slots__ = ("_limits", "_names", "_stream")
+
+    def __init__(self, stream: TokenStream, names: Names) -> None:
+        self._stream = stream
+        self._names = names
+        self._limits = stream.limits
+
+    @abstractmethod
+    def _expression(self) -> Expression:
+        """A formula up to the closing bracket or the end."""
+
+    @abstractmethod
+    def _arguments(self) -> list[Expression]:
+        """Formulas in brackets, separated by commas."""
+
+    @abstractmethod
+    def _elementary(self, token: Token) -> Expression:
+        """An elementary function with its argument; its name is taken already."""
+
+    def _name(self, token: Token) -> Expression:
+        name = self._names.spelling(token.text)
+        match self._names.role(name):
+            case "coordinate":
+                return self._coordinate(name, 0, token)
+            case "parameter":
+                return self._single(Symbol(name), token)
+            case "function":
+                return self._arbitrary(name, token)
+        if name in DERIVATIVE_NAMES:
+            return self._derivative(token)
+        if name in FUNCTIONS:
+            return self._elementary(token)
+        return self._constant(name, token)
+
+    def _constant(self, name: str, token: Token) -> Expression:
+        if name == "pi":
+            return self._single(PI, token)
+        if name in ("e", "E"):
+            return self._single(Apply("exp", ONE), token)
+        if name == "t" and self._names.time:
+            return self._single(TIME, token)
+        if name == "t":
+            raise refusal("the time t is not accepted here; it stands", token.column, "leave it out")
+        dotted = self._names.derivative(name)
+        if dotted:
+            return self._coordinate(*dotted, token)
+        raise unknown_name(token.text, self._names, token.column, self._stream.ahead.text)
+
+    def _single(self, node: Expression, token: Token) -> Expression:
+        """A name that stands alone; InputError where a bracket makes it look like a function."""
+        ahead = self._stream.ahead
+        if ahead.is_operator("(") and not ahead.space_before:
+            name = token.text
+            raise refusal(f"{name}( could be a product or a function", ahead.column, f"write {name}*( for a product")
+        if ahead.kind == "prime":
+            raise refusal(f"{token.text} has no derivative in time; a prime stands", ahead.column, "leave it out")
+        return node
+
+    def _coordinate(self, name: str, order: int, token: Token) -> Expression:
+        order += self._primes()
+        if order > 2:
+            raise refusal("a third derivative stands", token.column, "write equations of second order")
+        self._skip_time_argument()
+        ahead = self._stream.ahead
+        if ahead.is_operator("(") and ahead.space_before and self._group_has_time():
+            raise refusal(f"{name} ( could be a product or a function of time", ahead.column, f"write {name}*(")
+        node = (Symbol(name), Velocity(name), Acceleration(name))[order]
+        return node if ahead.kind == "prime" else self._single(node, token)
+
+    def _primes(self) -> int:
+        order = 0
+        while self._stream.ahead.kind == "prime":
+            order += int(self._stream.take().value)
+        return order
+
+    def _skip_time_argument(self) -> None:
+        look = self._stream.look
+        if look(0).is_operator("(") and look(1).text == "t" and look(2).is_operator(")"):
+            self._stream.position += 3
+
+    def _group_has_time(self) -> bool:
+        distance, open_groups = 0, 0
+        while self._stream.look(distance).kind != "end":
+            token = self._stream.look(distance)
+            open_groups += token.is_operator("(") - token.is_operator(")")
+            if token.kind == "name" and token.text == "t":
+                return True
+            if open_groups == 0:
+                return False
+            distance += 1
+        return False
+
+    def _arbitrary(self, name: str, token: Token) -> Expression:
+        declared = self._names.functions[name]
+        orders = self._orders(name, len(declared))
+        if sum(orders) > self._limits.derivative_order:
+            raise limit_passed(f"a derivative of {name} is too high", token.column, self._limits.derivative_order)
+        if not self._stream.ahead.is_operator("("):
+            return Arbitrary(name, tuple(Symbol(argument) for argument in declared), orders)
+        arguments = self._arguments()
+        if len(arguments) != len(declared):
+            instead = f"write {len(declared)}, as in {name}({', '.join(declared)})"
+            raise refusal(f"{name} has {len(arguments)} arguments", token.column, instead)
+        return Arbitrary(name, tuple(arguments), orders)
+
+    def _orders(self, name: str, count: int) -> tuple[int, ...]:
+        """The orders of A'' (one argument) or A[1,0] (one number for each argument)."""
+        column = self._stream.ahead.column
+        primes = self._primes()
+        if primes and count != 1:
+            raise refusal(f"{name} has {count} arguments and a prime stands", column, f"write diff({name}, x)")
+        opening = self._stream.take_operator("[")
+        if not opening:
+            return (primes,) if count == 1 else (0,) * count
+        orders = [self._order()]
+        while self._stream.take_operator(","):
+            orders.append(self._order())
+        self._stream.close(opening, "]")
+        if primes or len(orders) != count:
+            instead = f"write {count} in the brackets and no prime"
+            raise refusal(f"the number of orders of {name} is wrong", column, instead)
+        return tuple(orders)
+
+    def _order(self) -> int:
+        token = self._stream.take()
+        if token.kind != "number" or token.value.denominator != 1:
+            raise unexpected(token, "the order of a derivative, a whole number,")
+        if token.value > self._limits.derivative_order:
+            raise limit_passed("a derivative is too high", token.column, self._limits.derivative_order)
+        return int(token.value)
+
+    def _derivative(self, token: Token) -> Expression:
+        """diff(u, x), diff(u, x, 2), diff(u, x, y), Derivative(u, (t, 2))."""
+        opening = self._stream.take()
+        if not opening.is_operator("("):
+            raise unexpected(opening, f"'(' after {token.text}")
+        expression = self._expression()
+        variables: list[Variable] = []
+        while self._stream.take_operator(","):
+            variables.append(self._variable())
+        self._stream.close(opening)
+        if not variables:
+            raise refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
+        return carry_out(expression, variables, self._names, self._limits)
+
+    def _variable(self) -> Variable:
+        opening = self._stream.take_operator("(")
+        token = self._stream.take()
+        node = self._variable_node(token)
+        times = 1
+        if self._stream.ahead.is_operator(",") and (opening or self._stream.look(1).kind == "number"):
+            self._stream.take()
+            times = self._order()
+        if opening:
+            self._stream.close(opening)
+        return Variable(node, times, token.column)
+
+    def _variable_node(self, token: Token) -> Expression:
+        if token.kind != "name":
+            raise unexpected(token, "the variable of the derivative, a name,")
+        if token.text == "t":
+            return TIME
+        name = self._names.spelling(token.text)
+        match self._names.role(name):
+            case "coordinate":
+                return self._coordinate(name, 0, token)
+            case "parameter":
+                return Symbol(name)
+            case "function":
+                raise refusal("a derivative by a function stands", token.column, "differentiate by a coordinate")
+        dotted = self._names.derivative(name)
+        if dotted:
+            return self._coordinate(*dotted, token)
+        raise unknown_name(token.text, self._names, token.column)
