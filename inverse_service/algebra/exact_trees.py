@@ -62,7 +62,10 @@ def _factored(ring: ExactRing, quotient: Quotient) -> Expression:
         _collect(ring, table, polynomial, exponent)
     for index, exponent in quotient.exponents:
         _collect(ring, table, ring.field.denominators[index], -exponent)
-    ordered = sorted(table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], Sum)))
+    rank = {tree: _place(ring, index) for index, tree in ring.trees.items()}
+    ordered = sorted(
+        table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], Sum), rank.get(item[0], (3, 0)))
+    )
     return multiply(number(constant), *(generator_power(tree, exponent) for tree, exponent in ordered if exponent))
 
 

@@ -267,8 +267,10 @@ class Quotient:
         if exponent < 0:
             return self.inverse() ** -exponent
         result = self.field.constant(1)
-        for _ in range(exponent):
-            result = result * self
+        for digit in bin(exponent)[2:]:
+            result = result * result
+            if digit == "1":
+                result = result * self
         return result
 
 
@@ -320,7 +322,7 @@ class Derivation:
         """X(N) = sum over generators of (dN/dg) X(g)."""
         terms = []
         degrees = polynomial.degrees() if self.undefined else ()
-        if any(degrees[index] for index in self.undefined):
+        if any(degrees[index] > 0 for index in self.undefined):
             raise TooLarge("a derivative of an arbitrary function beyond the order prepared is needed")
         for index, image in self.images.items():
             slope = polynomial.derivative(index)

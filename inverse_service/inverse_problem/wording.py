@@ -154,7 +154,11 @@ def summary_steps(system: SecondOrderSystem, chosen: SufficientSet) -> tuple[Ste
     )
     end = "so g = 0" if chosen.dimension == 0 else "in which every matrix is singular"
     closing = f"{text}, {end}: there is no Lagrangian."
-    return (opening(system, chosen), Step(closing, r"\det g = 0"))
+    steps = [opening(system, chosen), Step(closing, r"\det g = 0")]
+    if n == 2:
+        text = "For each T the equation is g_11 T^1_2 + g_12 (T^2_2 - T^1_1) - g_22 T^2_1 = 0."
+        steps.insert(1, Step(text, r"g_{11} T^1_2 + g_{12} (T^2_2 - T^1_1) - g_{22} T^2_1 = 0"))
+    return tuple(steps)
 
 
 def differential_summary(system: SecondOrderSystem) -> tuple[Step, ...]:
