@@ -63,6 +63,7 @@ Arguments = Annotated[list[Name], Field(min_length=1, max_length=MAX_FUNCTION_AR
 class SystemDocument(Document):
     """A second-order system as users write it.
 
+    `coordinates`: left out, they are the keys of `equations` or the names with two primes in it.
     `equations`: an object with each acceleration, a list or a text of whole equations.
     `parameters`: a list of names, or an object with values (null leaves one generic).
     `functions`: arbitrary functions, each with the coordinates it depends on.
@@ -70,7 +71,7 @@ class SystemDocument(Document):
     """
 
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)]
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
     equations: Equations
     parameters: Parameters = Field(default_factory=list)
     functions: Annotated[dict[Name, Arguments], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)

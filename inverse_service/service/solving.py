@@ -16,6 +16,7 @@ from inverse_service.service import translate
 
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
 SHARE_OF_SOLVER = 0.8
+FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
 
 
 def solve_document(
@@ -36,7 +37,7 @@ def solve_document(
         time_limit=SHARE_OF_SOLVER * (end - time.monotonic()),
     )
     solution = solve(system, asked, progress)
-    return checked(translate.to_result(solution, schema), end - time.monotonic())
+    return ordered(checked(translate.to_result(solution, schema), end - time.monotonic()))
 
 
 def parse_document(document: Any) -> dict[str, Any]:
@@ -59,7 +60,8 @@ def check_document(text: str) -> dict[str, Any]:
 def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
     """The document with the checker's verdict on each definite answer.
 
-    An answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked.
+    The solver has its certificates checked itself; only what it left unchecked is checked here. An
+    answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked.
     """
     document = result.model_dump(mode="json")
     other = document["with_time"]
@@ -76,8 +78,13 @@ def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
     return document
 
 
+def ordered(document: dict[str, Any]) -> dict[str, Any]:
+    """The fields in the order of the contract, which is the order in which a person reads them."""
+    return {key: document[key] for key in FIRST_FIELDS} | document
+
+
 def _check_answer(answer: dict[str, Any], shown: dict[str, Any], time_limit: float) -> None:
-    if answer["verdict"] == "undetermined":
+    if answer["verdict"] == "undetermined" or answer["checked"] == "valid":
         return
     found = check_result(shown, time_limit=max(1.0, time_limit))
     answer["checked"] = found.verdict

@@ -122,7 +122,7 @@ def document_of(fields: dict[str, str]) -> dict[str, Any]:
     """The System document of a form."""
     names = {name: [part.strip() for part in fields.get(name, "").split(",") if part.strip()] for name in FIELDS}
     return {
-        "coordinates": names["coordinates"],
+        "coordinates": names["coordinates"] or None,
         "equations": fields.get("equations", "").replace("\r\n", "\n").strip(),
         "parameters": names["parameters"],
     }
