@@ -14,11 +14,14 @@ from fractions import Fraction
 from inverse_service.algebra.exact_lattice import ArgumentBasis, argument_basis, coordinates_of
 from inverse_service.algebra.exact_ring import ExactRing, scaled_tree
 from inverse_service.algebra.exact_trees import quotient_tree
-from inverse_service.algebra.rational_functions import Quotient
+from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.expressions.tree import PI, Apply, Expression
 
 CIRCULAR = frozenset(["sin", "cos", "tan", "cot", "sec", "csc"])
 HYPERBOLIC = frozenset(["sinh", "cosh", "tanh", "coth", "sech", "csch"])
+
+# sin(k x) is a polynomial of degree k in sin x and cos x.
+LARGEST_MULTIPLE = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +33,13 @@ class Pair:
 
 
 def adjoin_pairs(ring: ExactRing, nodes: Sequence[Apply], sign: int) -> None:
-    """Values of the circular (sign -1) or hyperbolic (sign 1) functions in `nodes`."""
+    """Values of the circular (sign -1) or hyperbolic (sign 1) functions in `nodes`; TooLarge for large multiples."""
     arguments = [ring.value(node.argument) for node in nodes]
     turns = [_quarter_turns(ring, argument) if sign < 0 else 0 for argument in arguments]
     free = [argument - _quarters(ring, count) for argument, count in zip(arguments, turns, strict=True)]
     basis = argument_basis([coordinates_of(argument) for argument in free])
+    if any(abs(coefficient) > LARGEST_MULTIPLE for row in basis.coefficients for coefficient in row):
+        raise TooLarge(f"an angle is more than {LARGEST_MULTIPLE} times another one")
     pairs: list[Pair | None] = []
     for column, (place, scale) in enumerate(zip(basis.chosen, basis.scales, strict=True)):
         users = [index for index, row in enumerate(basis.coefficients) if row[column]]

@@ -14,10 +14,7 @@ from typing import Any
 
 from flint import fmpz
 
-from inverse_service.algebra.rational_functions import Quotient, TooLarge, as_fraction
-
-# sin(k x) is a polynomial of degree k in sin x and cos x.
-LARGEST_MULTIPLE = 64
+from inverse_service.algebra.rational_functions import Quotient, as_fraction
 
 Coordinates = Mapping[Any, Fraction]
 
@@ -49,7 +46,7 @@ def factor_coordinates(argument: Quotient) -> Coordinates:
 
 
 def argument_basis(vectors: Sequence[Coordinates]) -> ArgumentBasis:
-    """A basis taken from the vectors themselves, simplest first; TooLarge for large integers."""
+    """A basis taken from the vectors themselves, simplest first."""
     order = sorted(range(len(vectors)), key=lambda index: (_size(vectors[index]), index))
     chosen: list[int] = []
     expressed: dict[int, list[Fraction]] = {}
@@ -61,8 +58,6 @@ def argument_basis(vectors: Sequence[Coordinates]) -> ArgumentBasis:
         expressed[index] = combination
     rows = [_padded(expressed[index], len(chosen)) for index in range(len(vectors))]
     scales = tuple(math.lcm(*(row[column].denominator for row in rows)) for column in range(len(chosen)))
-    if any(abs(c * m) > LARGEST_MULTIPLE for row in rows for c, m in zip(row, scales, strict=True)):
-        raise TooLarge(f"an argument is more than {LARGEST_MULTIPLE} times another one")
     integers = tuple(tuple(int(c * m) for c, m in zip(row, scales, strict=True)) for row in rows)
     return ArgumentBasis(tuple(chosen), scales, integers)
 
