@@ -64,7 +64,7 @@ class ConditionsPart(Document):
 class UnderstoodSystem(Document):
     """The system as understood: canonical equations, one text and one LaTeX line a coordinate.
 
-    `given` is what the document had as `equations`.
+    `given` is the document as it was given.
     """
 
     name: str = ""
@@ -73,7 +73,7 @@ class UnderstoodSystem(Document):
     latex: dict[str, str]
     parameters: list[str]
     functions: dict[str, list[str]]
-    given: dict[str, str] | list[str] | str
+    given: dict[str, Any]
 
 
 class OtherAnswer(Document):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import multiprocessing
 import os
 import signal
@@ -60,6 +61,7 @@ def _child(sender: Connection, task: Callable[..., Outcome], arguments: tuple[An
 
 def _silence_standard_error() -> None:
     """C libraries print as they abort; the parent says what happened in one sentence."""
+    faulthandler.disable()
     with contextlib.suppress(OSError):
         silence = os.open(os.devnull, os.O_WRONLY)
         os.dup2(silence, 2)

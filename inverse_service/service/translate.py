@@ -75,7 +75,7 @@ def to_understood(system: SecondOrderSystem, schema: SystemDocument) -> Understo
         latex={coordinate: f"{to_latex(Acceleration(coordinate))} = {to_latex(f)}" for coordinate, f in pairs},
         parameters=list(system.parameters),
         functions={f.name: list(f.arguments) for f in system.functions},
-        given=schema.equations,
+        given=schema.model_dump(mode="json", exclude_unset=True),
     )
 
 

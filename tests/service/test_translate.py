@@ -46,7 +46,7 @@ def test_every_field_of_the_contract_is_filled() -> None:
     assert found["question"] == "L(q, q')"
     assert found["system"]["coordinates"] == ["x"]
     assert found["system"]["equations"] == {"x": "-x"}
-    assert found["system"]["given"] == {"x": "-x"}
+    assert found["system"]["given"] == DOCUMENT
     assert found["lagrangian"]["domain"] == ["x' != 0", "x > 0"]
     assert found["multiplier"] == [["1"]]
     assert found["hamiltonian"]["momenta"] == {"p_x": "x'"}
