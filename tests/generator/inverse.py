@@ -1,0 +1,78 @@
+"""Exact inverse of a small matrix of elementary functions, quickly.
+
+Every exponential, root, sine and cosine gets a symbol of its own, so that all arithmetic is that of
+polynomials; roots are reduced modulo their squares before they are written out again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import sympy
+from sympy.polys.matrices import DomainMatrix
+
+# exp(x/6) is the generator for exponentials of x: the coefficients drawn have denominators 1, 2, 3
+EXPONENTIAL_STEP = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Atoms:
+    """What the generator symbols stand for: `meaning` for all, `radicand` for the square roots."""
+
+    meaning: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
+    radicand: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
+
+    def symbol(self, meaning: sympy.Expr) -> sympy.Symbol:
+        for known, value in self.meaning.items():
+            if value == meaning:
+                return known
+        created = sympy.Symbol(f"atom{len(self.meaning)}")
+        self.meaning[created] = meaning
+        return created
+
+
+def inverse(matrix: sympy.Matrix) -> sympy.Matrix:
+    """The inverse; ValueError where the determinant is zero.
+
+    Adjugate over determinant: Gauss in the fraction field takes up to a minute for n = 4.
+    """
+    atoms = Atoms()
+    named = matrix.applyfunc(lambda entry: _named(sympy.expand(entry), atoms))
+    scale, polynomial = DomainMatrix.from_Matrix(named).clear_denoms(convert=True)
+    adjugate, determinant = polynomial.to_dense().adj_det()
+    ring = polynomial.domain
+    bar = _reduced(ring.to_sympy(determinant), atoms)
+    if bar == 0:
+        raise ValueError("the Lagrangian is singular")
+    factor = ring.to_sympy(scale.element)
+    return adjugate.to_Matrix().applyfunc(lambda entry: _quotient(_reduced(factor * entry, atoms), bar, atoms))
+
+
+def _named(expression: sympy.Expr, atoms: Atoms) -> sympy.Expr:
+    if isinstance(expression, sympy.exp):
+        return sympy.Mul(*(_exponential(term, atoms) for term in sympy.Add.make_args(sympy.expand(expression.exp))))
+    if isinstance(expression, sympy.Function):
+        return atoms.symbol(expression)
+    if expression.is_Pow and not expression.exp.is_Integer:
+        root = atoms.symbol(sympy.sqrt(expression.base))
+        atoms.radicand[root] = _named(expression.base, atoms)
+        return root ** (2 * expression.exp)
+    if expression.args:
+        return expression.func(*(_named(part, atoms) for part in expression.args))
+    return expression
+
+
+def _exponential(term: sympy.Expr, atoms: Atoms) -> sympy.Expr:
+    number, rest = term.as_coeff_Mul()
+    return atoms.symbol(sympy.exp(rest / EXPONENTIAL_STEP)) ** (EXPONENTIAL_STEP * number)
+
+
+def _reduced(polynomial: sympy.Expr, atoms: Atoms) -> sympy.Expr:
+    for root, square in atoms.radicand.items():
+        polynomial = sympy.rem(sympy.expand(polynomial), root**2 - square, root)
+    return polynomial
+
+
+def _quotient(numerator: sympy.Expr, denominator: sympy.Expr, atoms: Atoms) -> sympy.Expr:
+    quotient = sympy.cancel(numerator / denominator)
+    return sympy.factor_terms(quotient).subs(atoms.meaning)
