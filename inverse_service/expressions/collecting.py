@@ -1,0 +1,264 @@
+"""Trees expanded to sums of products of powers of atoms, exactly, and back to trees.
+
+A term is a rational number times atoms with rational exponents. Used on the real domain: x^a x^b =
+x^(a+b), (u^r)^s = u^(r s) for r odd or fractional (a root means u >= 0), b^e = exp(e log b),
+exp(u + w) = exp(u) exp(w), f(g(u)) = u for inverse functions where that holds for every u of the
+domain. sqrt(x^2) stays what it is. A power of a sum with an exponent that is no positive whole
+number is an atom, so sums are not cancelled against denominators.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from flint import fmpz
+
+from inverse_service.expressions.collecting_trees import Monomial, monomial_tree, order, place, terms_tree
+from inverse_service.expressions.tree import (
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    multiply,
+    number,
+)
+
+MOST_TERMS = 3_000
+_LARGEST_EXPONENT = 64
+_LARGEST_FACTORED = 10**15
+_UNDONE = {
+    ("sin", "asin"), ("cos", "acos"), ("tan", "atan"), ("sinh", "asinh"), ("cosh", "acosh"), ("tanh", "atanh"),
+    ("asinh", "sinh"), ("atanh", "tanh"),
+}  # fmt: skip
+
+Terms = dict[Monomial, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class Expansion:
+    """A sum of coefficient * monomial in a fixed order; a monomial is ((atom, exponent), …)."""
+
+    terms: tuple[tuple[Monomial, Fraction], ...]
+
+
+class _TooLarge(ArithmeticError):
+    """The expansion would have more than MOST_TERMS terms, or a huge number."""
+
+
+def expand(tree: Expression) -> Expansion:
+    """The expansion of a tree; a tree that cannot be expanded is one opaque atom."""
+    try:
+        terms = _expand(tree)
+    except _TooLarge:
+        terms = {((tree, Fraction(1)),): Fraction(1)}
+    return Expansion(tuple(sorted(terms.items(), key=lambda item: order(item[0]))))
+
+
+def to_tree(expansion: Expansion) -> Expression:
+    """The sum as a tree, in the order of its terms."""
+    return terms_tree(expansion.terms)
+
+
+def collect(tree: Expression) -> Expression:
+    """The tree with like terms collected: to_tree(expand(tree))."""
+    return to_tree(expand(tree))
+
+
+def _expand(tree: Expression) -> Terms:
+    match tree:
+        case Number(value):
+            return {(): value} if value else {}
+        case Sum(terms):
+            return _sum(map(_expand, terms))
+        case Product(factors):
+            return _product(map(_expand, factors))
+        case Power(base, Number(value)):
+            return _raised(_expand(base), value)
+        case Power(base, exponent):
+            return _exponential(_product([_expand(exponent), _logarithm(_expand(base))]))
+        case Apply():
+            return _function(tree)
+        case Arbitrary(name, arguments, orders):
+            return _atom(Arbitrary(name, tuple(map(_canonical, arguments)), orders))
+        case _:
+            return _atom(tree)
+
+
+def _canonical(tree: Expression) -> Expression:
+    return _tree(_expand(tree))
+
+
+def _tree(terms: Terms) -> Expression:
+    return terms_tree(sorted(terms.items(), key=lambda item: order(item[0])))
+
+
+def _atom(tree: Expression) -> Terms:
+    return {((tree, Fraction(1)),): Fraction(1)}
+
+
+def _sum(parts: Iterable[Terms]) -> Terms:
+    total: Terms = {}
+    for part in parts:
+        for monomial, value in part.items():
+            total[monomial] = total.get(monomial, Fraction(0)) + value
+    if len(total) > MOST_TERMS:
+        raise _TooLarge
+    return {monomial: value for monomial, value in total.items() if value}
+
+
+def _product(parts: Iterable[Terms]) -> Terms:
+    total: Terms = {(): Fraction(1)}
+    for part in parts:
+        if len(total) * len(part) > MOST_TERMS:
+            raise _TooLarge
+        pairs = [(a, b) for a in total.items() for b in part.items()]
+        total = _sum(_joined(left, right, a * b) for (left, a), (right, b) in pairs)
+    return total
+
+
+def _joined(left: Monomial, right: Monomial, coefficient: Fraction) -> Terms:
+    table = dict(left)
+    for base, exponent in right:
+        table[base] = table.get(base, Fraction(0)) + exponent
+    return _normal(table, coefficient)
+
+
+def _normal(table: Mapping[Expression, Fraction], coefficient: Fraction) -> Terms:
+    """The terms of coefficient * product of base^exponent: whole parts of numbers and sums multiplied out."""
+    kept: dict[Expression, Fraction] = {}
+    parts: list[Terms] = []
+    for base, exponent in table.items():
+        rest = exponent
+        if isinstance(base, Number) and base.value:
+            coefficient *= base.value ** math.floor(exponent)
+            rest = exponent - math.floor(exponent)
+        elif _whole_part(base, exponent):
+            parts.append(_raised(_expand(base), _whole_part(base, exponent)))
+            rest = exponent - _whole_part(base, exponent)
+        if rest:
+            kept[base] = rest
+    monomial = tuple(sorted(kept.items(), key=lambda pair: place(pair[0])))
+    return _product([{monomial: coefficient}, *parts]) if parts else {monomial: coefficient}
+
+
+def _whole_part(base: Expression, exponent: Fraction) -> Fraction:
+    """How much of the exponent of a composite base can be multiplied out."""
+    if isinstance(base, Sum):
+        return exponent if exponent.denominator == 1 and exponent > 0 else Fraction(0)
+    return Fraction(math.floor(exponent)) if isinstance(base, Product | Power) else Fraction(0)
+
+
+def _raised(terms: Terms, exponent: Fraction) -> Terms:
+    if not terms:
+        return {} if exponent > 0 else {((number(0), exponent),): Fraction(1)}
+    if len(terms) == 1:
+        ((monomial, coefficient),) = terms.items()
+        return _raised_monomial(monomial, coefficient, exponent)
+    if exponent.denominator == 1 and exponent > 0:
+        if math.comb(len(terms) + min(int(exponent), 999) - 1, len(terms) - 1) > MOST_TERMS:
+            raise _TooLarge
+        return _product([terms] * int(exponent))
+    content, common, rest = _primitive(terms, exponent.denominator == 1)
+    outside = _raised_monomial(common, content, exponent)
+    return _product([outside, {((_tree(rest), exponent),): Fraction(1)}])
+
+
+def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, Terms]:
+    """(content, common monomial, rest); the content is positive unless powers of -1 are harmless."""
+    content = Fraction(
+        math.gcd(*(value.numerator for value in terms.values())),
+        math.lcm(*(value.denominator for value in terms.values())),
+    )
+    first = min(terms, key=order)
+    if with_monomial and terms[first] < 0:
+        content = -content
+    shared: dict[Expression, Fraction] = {}
+    for base, exponent in first:
+        tables = [dict(monomial) for monomial in terms]
+        if (with_monomial or _is_positive(base)) and all(base in table for table in tables):
+            shared[base] = min(table[base] for table in tables)
+    inverse = tuple((base, -exponent) for base, exponent in shared.items())
+    rest = _sum(_joined(monomial, inverse, value / content) for monomial, value in terms.items())
+    return content, tuple(shared.items()), rest
+
+
+def _is_positive(base: Expression) -> bool:
+    return isinstance(base, Apply) and base.function == "exp"
+
+
+def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fraction) -> Terms:
+    if exponent.denominator == 1:
+        if abs(exponent) > _LARGEST_EXPONENT and abs(coefficient) != 1:
+            raise _TooLarge
+        table = {base: inner * exponent for base, inner in monomial}
+        return _normal(table, coefficient ** int(exponent))
+    free = {base: inner for base, inner in monomial if _is_positive(base) or inner.denominator != 1}
+    bound = [(base, inner) for base, inner in monomial if base not in free]
+    if len(bound) == 1 and coefficient > 0 and bound[0][1] % 2 == 1:
+        free[bound[0][0]], bound = bound[0][1], []
+    table = {base: inner * exponent for base, inner in free.items()}
+    factors = [_normal(table, Fraction(1)), _number_power(abs(coefficient), exponent)]
+    if bound or coefficient < 0:
+        sign = 1 if coefficient > 0 else -1
+        factors.append(_normal({multiply(number(sign), monomial_tree(tuple(bound))): exponent}, Fraction(1)))
+    return _product(factors)
+
+
+def _number_power(value: Fraction, exponent: Fraction) -> Terms:
+    """value^exponent for value > 0, by the prime factors of small numbers."""
+    table: dict[Expression, Fraction] = {}
+    for sign, part in ((1, value.numerator), (-1, value.denominator)):
+        if part > 1:
+            pairs = fmpz(part).factor() if part < _LARGEST_FACTORED else [(part, 1)]
+            for prime, multiplicity in pairs:
+                table[number(int(prime))] = sign * int(multiplicity) * exponent
+    return _normal(table, Fraction(1))
+
+
+def _function(tree: Apply) -> Terms:
+    inner = tree.argument
+    if isinstance(inner, Apply) and (tree.function, inner.function) in _UNDONE:
+        return _expand(inner.argument)
+    special = _SPECIAL.get(tree.function)
+    return special(_expand(inner)) if special else _atom(Apply(tree.function, _canonical(inner)))
+
+
+def _exponential(argument: Terms) -> Terms:
+    parts = []
+    for monomial, value in argument.items():
+        match monomial:
+            case ((Apply("log", inner), Fraction(numerator=1, denominator=1)),):
+                parts.append(_raised(_expand(inner), value))
+            case _:
+                atom = Apply("exp", monomial_tree(monomial))
+                parts.append({((atom, value),): Fraction(1)})
+    return _product(parts)
+
+
+def _logarithm(argument: Terms) -> Terms:
+    """log(exp(u) w) = u + log(w) for a single term; log(1) = 0."""
+    if argument == {(): Fraction(1)}:
+        return {}
+    if len(argument) != 1:
+        return _atom(Apply("log", _tree(argument)))
+    ((monomial, value),) = argument.items()
+    logs = [_scaled(_expand(base.argument), k) for base, k in monomial if _is_positive(base)]
+    rest = tuple((base, exponent) for base, exponent in monomial if not _is_positive(base))
+    if rest == () and value == 1:
+        return _sum(logs)
+    if len(rest) == 1 and value == 1 and rest[0][1].denominator != 1:
+        return _sum([*logs, _scaled(_atom(Apply("log", rest[0][0])), rest[0][1])])
+    return _sum([*logs, _atom(Apply("log", _tree({rest: value})))])
+
+
+def _scaled(terms: Terms, factor: Fraction) -> Terms:
+    return {monomial: value * factor for monomial, value in terms.items()}
+
+
+_SPECIAL: dict[str, Callable[[Terms], Terms]] = {"exp": _exponential, "log": _logarithm}

@@ -1,0 +1,108 @@
+"""Monomials of atoms as trees, in a fixed order, with powers and exponentials put together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+from functools import lru_cache
+
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import (
+    ONE,
+    ZERO,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    number,
+    power,
+    rebuild,
+)
+
+Monomial = tuple[tuple[Expression, Fraction], ...]
+Place = tuple[int, str]
+
+
+def order(monomial: Monomial) -> tuple[tuple[Place, Fraction], ...]:
+    """A key that sorts monomials by their atoms: numbers, symbols, functions, velocities."""
+    return tuple((place(base), exponent) for base, exponent in monomial)
+
+
+@lru_cache(maxsize=4096)
+def place(base: Expression) -> Place:
+    """The rank of an atom among atoms; its text settles ties."""
+    ranks = {Number: 0, Symbol: 1, Arbitrary: 2, Velocity: 4}
+    return ranks.get(type(base), 3), to_text(base)
+
+
+def terms_tree(terms: Iterable[tuple[Monomial, Fraction]]) -> Expression:
+    """The sum of coefficient * monomial."""
+    return add(*(multiply(number(value), monomial_tree(monomial)) for monomial, value in terms))
+
+
+def monomial_tree(monomial: Monomial) -> Expression:
+    """The product; exponentials become one, exp(k log u) becomes u^k."""
+    exponents: dict[Expression, Expression] = {}
+    argument: list[Expression] = []
+    numbers: dict[Fraction, Fraction] = {}
+    for base, exponent in monomial:
+        if isinstance(base, Apply) and base.function == "exp":
+            _split_exponential(base.argument, exponent, argument, exponents)
+        elif isinstance(base, Number) and base.value > 0 and exponent.denominator != 1:
+            numbers[exponent] = numbers.get(exponent, Fraction(1)) * base.value
+        else:
+            exponents[base] = add(exponents.get(base, ZERO), number(exponent))
+    roots = [power(number(value), exponent) for exponent, value in numbers.items()]
+    factors = [power(base, exponent) for base, exponent in exponents.items()]
+    total = add(*argument)
+    return multiply(*roots, *factors, *([Apply("exp", total)] if total != ZERO else []))
+
+
+def _split_exponential(
+    argument: Expression, scale: Fraction, plain: list[Expression], exponents: dict[Expression, Expression]
+) -> None:
+    """Add exp(scale * argument) to the plain exponentials, or as a power of u if argument = k log(u)."""
+    factors = argument.factors if isinstance(argument, Product) else (argument,)
+    logs = [factor for factor in factors if isinstance(factor, Apply) and factor.function == "log"]
+    if len(logs) != 1:
+        plain.append(multiply(number(scale), argument))
+        return
+    rest = multiply(number(scale), *(factor for factor in factors if factor is not logs[0]))
+    base = logs[0].argument
+    exponents[base] = add(exponents.get(base, ZERO), rest)
+
+
+def merge_powers(tree: Expression) -> Expression:
+    """Products rewritten so that each base occurs once and there is one exponential; sums stay as they are."""
+    inner = rebuild(tree, merge_powers)
+    match inner:
+        case Product(factors):
+            return monomial_tree_of(factors)
+        case Power(Apply("exp", argument), Number() as exponent):
+            return Apply("exp", multiply(exponent, argument))
+        case _:
+            return inner
+
+
+def monomial_tree_of(factors: Iterable[Expression]) -> Expression:
+    """The product of the factors with powers of the same base put together."""
+    coefficient: Expression = ONE
+    table: dict[Expression, Fraction] = {}
+    rest: list[Expression] = []
+    for factor in factors:
+        match factor:
+            case Number():
+                coefficient = multiply(coefficient, factor)
+            case Power(base, Number(exponent)):
+                table[base] = table.get(base, Fraction(0)) + exponent
+            case Power():
+                rest.append(factor)
+            case _:
+                table[factor] = table.get(factor, Fraction(0)) + 1
+    return multiply(coefficient, monomial_tree(tuple(table.items())), *rest)
