@@ -116,7 +116,7 @@ def solve_conditions(
 
 def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: Budget) -> Explanation:
     """The multiplier known up to a factor, and the equations for the factor that contradict each other."""
-    chosen = unique_direction(analysis, seed)
+    chosen = unique_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
     if chosen is None:
         raise TooLarge("the algebraic conditions leave more than one direction")
     solved = solve_conditions(analysis, chosen, seed, budget, further_orders=3)

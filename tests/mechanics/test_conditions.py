@@ -267,9 +267,7 @@ def test_what_is_too_large_is_left_out_with_the_reason() -> None:
 
 X = Symbol("x")
 UNUSABLE = {
-    "zero": Power(
-        add(Power(Apply("sin", X), number(2)), Power(Apply("cos", X), number(2)), number(-1)), number(-1)
-    ),
+    "zero": Power(add(Power(Apply("sin", X), number(2)), Power(Apply("cos", X), number(2)), number(-1)), number(-1)),
     "power": Power(X, number(1000)),
     "left out": add(Apply("sin", Product((number(5000), X))), Apply("sin", X)),
 }
