@@ -73,8 +73,7 @@ def _steps(steps: list[dict[str, str]]) -> Iterator[str]:
         return
     yield ""
     for k, step in enumerate(steps, 1):
-        formula = f"  [{step['latex']}]" if step["latex"] else ""
-        yield f"  {k}. {step['text']}{formula}"
+        yield f"  {k}. {step['text']}"
 
 
 def _conditions(conditions: dict[str, Any] | None) -> Iterator[str]:

@@ -25,6 +25,7 @@ from inverse_service.service.outcome import Outcome, outcome_of_exit
 
 log = logging.getLogger(__name__)
 TASKS_PER_WORKER = 200
+BOND = "inverse_service.service.bond"
 CONSTS.term_timeout = 0.2
 
 
@@ -117,7 +118,7 @@ def process_context() -> Any:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([tasks.__name__, *tasks.ENGINE])
+    context.set_forkserver_preload([BOND, *tasks.ENGINE])
     return context
 
 
