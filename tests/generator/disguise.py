@@ -24,10 +24,11 @@ def disguised(system: GeneratedSystem, seed: int) -> GeneratedSystem:
     change = rng.choice(CHANGES if system.n > 1 else CHANGES[2:])
     old = _change(rng, change, new)
     rates = [_rate(expression, new) for expression in old]
-    table = dict(zip(system.space.velocities, rates, strict=True)) | dict(zip(system.space.coordinates, old, strict=True))
+    before = (*system.space.coordinates, *system.space.velocities)
+    table = dict(zip(before, (*old, *rates), strict=True))
     jacobian = sympy.Matrix(old).jacobian(new.coordinates)
     drift = [_rate(rate, new) for rate in rates]
-    forces = sympy.Matrix([f.subs(table, simultaneous=True) - d for f, d in zip(system.accelerations, drift, strict=True)])
+    forces = sympy.Matrix([f.subs(table, simultaneous=True) for f in system.accelerations]) - sympy.Matrix(drift)
     f = [shortest(a) for a in inverse(jacobian).applyfunc(sympy.trigsimp) * forces]
     lagrangian = system.lagrangian_expression.subs(table, simultaneous=True)
     return assembled(f"{system.id}-{change}-{seed}", system.family, new, f, lagrangian)

@@ -23,7 +23,11 @@ Family = Callable[[random.Random, Space], sympy.Expr]
 
 def natural(rng: random.Random, s: Space) -> sympy.Expr:
     """Constant kinetic matrix and a potential."""
-    return quadratic(constant_matrix(rng, s.n), s.velocities) - potential(rng, s.coordinates)
+    return _constant(rng, s) - potential(rng, s.coordinates)
+
+
+def _constant(rng: random.Random, s: Space) -> sympy.Expr:
+    return quadratic(constant_matrix(rng, s.n), s.velocities)
 
 
 def metric(rng: random.Random, s: Space) -> sympy.Expr:
@@ -54,11 +58,8 @@ def _sheared(rng: random.Random, s: Space) -> sympy.Expr:
 
 def magnetic(rng: random.Random, s: Space) -> sympy.Expr:
     """A kinetic energy with terms A_i(q) v_i and a potential."""
-    if rng.random() < 0.6:
-        energy = quadratic(constant_matrix(rng, s.n), s.velocities)
-    else:
-        energy = _diagonal(rng, s)
-    return energy + _linear(rng, s) - potential(rng, s.coordinates)
+    kind = rng.choice((_constant, _constant, _diagonal))
+    return kind(rng, s) + _linear(rng, s) - potential(rng, s.coordinates)
 
 
 def _linear(rng: random.Random, s: Space) -> sympy.Expr:

@@ -45,15 +45,15 @@ def positive(rng: random.Random) -> sympy.Rational:
 def function_of(rng: random.Random, q: sympy.Symbol) -> sympy.Expr:
     """A short function of one coordinate that is neither zero nor infinite for 0 < q < 1/2."""
     k = positive(rng)
-    return rng.choice(
-        (q**2 + k, 1 + k * q, sympy.exp(k * q), sympy.exp(-q), sympy.cos(q), sympy.sin(q), sympy.sqrt(1 + q**2), 1 / q, q)
-    )
+    algebraic = (q**2 + k, 1 + k * q, sympy.sqrt(1 + q**2), 1 / q, q)
+    return rng.choice((*algebraic, sympy.exp(k * q), sympy.exp(-q), sympy.cos(q), sympy.sin(q)))
 
 
 def monomial(rng: random.Random, q: Sequence[sympy.Symbol]) -> sympy.Expr:
     """One term of a potential: a polynomial, trigonometric, exponential, logarithmic or root term."""
     a, b = rng.choice(q), rng.choice(q)
-    smooth = (a * b, a**2 * b, a * b**2, a**2 * b**2, a**3 - a * b, sympy.cos(a), sympy.sin(a) * b, sympy.cos(a - 2 * b))
+    polynomial = (a * b, a**2 * b, a * b**2, a**2 * b**2, a**3 - a * b)
+    smooth = (*polynomial, sympy.cos(a), b * sympy.sin(a), sympy.cos(a - 2 * b))
     other = (sympy.exp(a - 2 * b), sympy.exp(-a), sympy.log(a), 1 / (a + b), sympy.sqrt(1 + a**2 + b**2))
     return coefficient(rng) * rng.choice(smooth if rng.random() < 0.7 else other)
 

@@ -39,12 +39,14 @@ class GeneratedSystem:
 
 def text(expression: sympy.Expr) -> str:
     """The expression in the canonical grammar; a velocity is a symbol whose name ends in a prime."""
-    return sympy.sstr(expression).replace("**", "^")
+    printed: str = sympy.sstr(expression)
+    return printed.replace("**", "^")
 
 
 def random_systems(count: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> list[GeneratedSystem]:
     """`count` systems, the families and n = 1 to 4 in turn; the same for the same seed."""
-    return [_one(index, seed, families[index % len(families)], 1 + index // len(families) % 4) for index in range(count)]
+    kinds = len(families)
+    return [_one(index, seed, families[index % kinds], 1 + index // kinds % 4) for index in range(count)]
 
 
 def _one(index: int, seed: int, family: str, n: int) -> GeneratedSystem:
