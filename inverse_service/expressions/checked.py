@@ -32,8 +32,8 @@ def bits(value: Fraction) -> int:
 
 def check_size(total_bits: float, column: int, limits: Limits) -> None:
     """LimitError where a number would have too many digits; called before it is computed."""
-    if total_bits > limits.number_digits * _BITS_PER_DIGIT:
-        raise limit_passed("a number that is computed here has too many digits", column, limits.number_digits)
+    if total_bits > limits.digits * _BITS_PER_DIGIT:
+        raise limit_passed("a number that is computed here has too many digits", column, limits.digits)
 
 
 def product(factors: Sequence[Expression], column: int, limits: Limits) -> Expression:

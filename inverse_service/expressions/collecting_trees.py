@@ -106,3 +106,8 @@ def monomial_tree_of(factors: Iterable[Expression]) -> Expression:
             case _:
                 table[factor] = table.get(factor, Fraction(0)) + 1
     return multiply(coefficient, monomial_tree(tuple(table.items())), *rest)
+
+
+def separate_tree(monomial: Monomial) -> Expression:
+    """The product with each atom's power on its own: exp(u)^-1 and not exp(-u)."""
+    return multiply(*(power(base, exponent) for base, exponent in monomial))

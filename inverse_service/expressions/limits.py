@@ -10,18 +10,18 @@ class Limits:
     """Largest accepted sizes; all are counts.
 
     `depth` bounds the nesting of the text and of the tree (so that recursion over a tree is safe);
-    `digits` those written in one number; `exponent` a literal number power, above and below;
-    `decimal_exponent` the k of 1e-k and 1ek; `number_digits` those of a number computed on reading;
-    `derivative_nodes` the size of a formula that `diff` is carried out on.
+    `digits` those of one number, whether written or computed on reading (one bound for both, so that
+    what was accepted and printed is accepted again); `exponent` a literal number power, above and
+    below; `decimal_exponent` the k of 1e-k and 1ek; `derivative_nodes` the size of a formula that
+    `diff` is carried out on.
     """
 
     characters: int = 20_000
     tokens: int = 5_000
     depth: int = 100
-    digits: int = 50
+    digits: int = 200
     exponent: int = 1_000
-    decimal_exponent: int = 300
-    number_digits: int = 1_000
+    decimal_exponent: int = 150
     name_characters: int = 40
     derivative_order: int = 20
     derivative_nodes: int = 5_000

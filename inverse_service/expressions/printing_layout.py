@@ -8,6 +8,8 @@ from fractions import Fraction
 
 from inverse_service.expressions.tree import (
     ONE,
+    PI,
+    TIME,
     Apply,
     Arbitrary,
     Expression,
@@ -16,6 +18,7 @@ from inverse_service.expressions.tree import (
     Product,
     Sum,
     Symbol,
+    multiply,
     number,
     power,
 )
@@ -67,8 +70,20 @@ def _collect(expression: Expression, inverse: bool, parts: _Parts) -> None:
                 _collect(factor, inverse, parts)
         case Power(base, Number(exponent)) if exponent < 0:
             _collect(power(base, -exponent), not inverse, parts)
+        case Power(base, Number(exponent)) if exponent.denominator == 1 and (below := _inverse_of(base)):
+            _collect(power(below, exponent), not inverse, parts)
         case _:
             (parts.denominators if inverse else parts.numerators).append(expression)
+
+
+def _inverse_of(expression: Expression) -> Expression | None:
+    """u where the expression would be written 1/u, so that (1/u)^2 becomes 1/u^2, as the reader has it."""
+    if not isinstance(expression, Product | Power):
+        return None
+    parts = ratio(expression)
+    if parts.negative or parts.over != 1 or parts.numerators:
+        return None
+    return multiply(number(parts.under), *parts.denominators)
 
 
 def _gather(factors: Iterable[Expression]) -> tuple[Expression, ...]:
@@ -106,9 +121,13 @@ def signed_terms(expression: Expression) -> list[Ratio]:
 
 
 def has_plain_arguments(function: Arbitrary) -> bool:
-    """Whether the arguments are names, all different: then diff(B(x, y), x) is clear."""
+    """Whether the arguments are names, all different: then diff(B(x, y), x) is clear.
+
+    Not with t or pi among them: diff(u, t) is the derivative along the motion, and pi is a number.
+    """
     arguments = function.arguments
-    return all(isinstance(u, Symbol) for u in arguments) and len(set(arguments)) == len(arguments)
+    plain = all(isinstance(u, Symbol) and u not in (TIME, PI) for u in arguments)
+    return plain and len(set(arguments)) == len(arguments)
 
 
 def variables(function: Arbitrary) -> list[Expression]:

@@ -54,7 +54,7 @@ def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
     check_length(text, limits)
     tokens: list[Token] = []
-    place, space = 0, False
+    place, space, open_brackets = 0, False, 0
     while place < len(text):
         character = text[place]
         if character in SPACES:
@@ -63,6 +63,9 @@ def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
         found, place = _next(text, place, space, limits)
         tokens += found
         space = character == "\n"
+        open_brackets += (character == "(") - (character == ")")
+        if open_brackets > limits.depth:  # here and not only in the parser: thousands of brackets are not tokenized
+            raise limit_passed("the formula is nested too deeply", tokens[-1].column, limits.depth)
         if len(tokens) > limits.tokens:
             raise limit_passed("the formula has too many parts", tokens[-1].column, limits.tokens)
     return tokens
