@@ -44,8 +44,6 @@ def _orders(length: int, highest: int) -> list[tuple[int, ...]]:
     return [k for k in itertools.product(range(highest + 1), repeat=length) if sum(k) <= highest]
 
 
-def _next(
-    ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[int, ...], place: int
-) -> Quotient:
+def _next(ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[int, ...], place: int) -> Quotient:
     raised = tuple(order + (position == place) for position, order in enumerate(orders))
     return ring.generator(indices[raised])

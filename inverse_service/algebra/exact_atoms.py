@@ -64,9 +64,7 @@ def _build(
     return ring
 
 
-def _symbols(
-    trees: Sequence[Expression], variables: Sequence[Symbol | Velocity]
-) -> list[Symbol | Velocity]:
+def _symbols(trees: Sequence[Expression], variables: Sequence[Symbol | Velocity]) -> list[Symbol | Velocity]:
     """Parameters and numbers such as pi last, so that they get the smallest place in the order."""
     found = dict.fromkeys(node for tree in trees for node in walk(tree) if isinstance(node, Symbol | Velocity))
     constants = [symbol for symbol in found if symbol not in variables]

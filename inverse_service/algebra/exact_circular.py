@@ -67,9 +67,7 @@ def _quarters(ring: ExactRing, count: int) -> Quotient:
     return ring.atoms[PI].scaled(Fraction(count, 2)) if count else ring.constant(0)
 
 
-def _only_tangents(
-    nodes: Sequence[Apply], turns: Sequence[int], basis: ArgumentBasis, users: Sequence[int]
-) -> bool:
+def _only_tangents(nodes: Sequence[Apply], turns: Sequence[int], basis: ArgumentBasis, users: Sequence[int]) -> bool:
     """Whether a basis argument occurs alone and under tan and cot (tanh and coth) only."""
     return all(
         nodes[index].function in ("tan", "cot", "tanh", "coth")

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.algebra.rational_functions import Derivation, Quotient, QuotientField, TooLarge
+from inverse_service.algebra.exact_derivations import Derivation
+from inverse_service.algebra.rational_functions import Quotient, QuotientField, TooLarge
 from inverse_service.expressions.tree import (
     Expression,
     Number,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 
-from flint import fmpq_mpoly
+from flint import fmpq, fmpq_mpoly
 
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Quotient, as_fraction, divided_out
@@ -23,8 +23,9 @@ from inverse_service.expressions.tree import (
     power,
 )
 
-# Factoring costs more than it helps the reader beyond this many terms.
+# Factoring costs more than it helps the reader beyond this many terms, or this degree.
 FACTORED_TERMS = 120
+FACTORED_DEGREE = 60
 
 
 def quotient_tree(ring: ExactRing, quotient: Quotient) -> Expression:
@@ -47,7 +48,7 @@ def _split_by_roots(ring: ExactRing, quotient: Quotient) -> list[Quotient]:
 
 def _by_powers(quotient: Quotient, index: int, degree: int) -> list[Quotient]:
     """One quotient for each power of the generator in the numerator."""
-    tables: list[dict[tuple[int, ...], object]] = [{} for _ in range(degree)]
+    tables: list[dict[tuple[int, ...], fmpq]] = [{} for _ in range(degree)]
     for exponents, coefficient in quotient.numerator.terms():
         tables[int(exponents[index])][tuple(int(e) for e in exponents)] = coefficient
     owner = quotient.field
@@ -63,9 +64,7 @@ def _factored(ring: ExactRing, quotient: Quotient) -> Expression:
     for index, exponent in quotient.exponents:
         _collect(ring, table, ring.field.denominators[index], -exponent)
     rank = {tree: _place(ring, index) for index, tree in ring.trees.items()}
-    ordered = sorted(
-        table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], Sum), rank.get(item[0], (3, 0)))
-    )
+    ordered = sorted(table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], Sum), rank.get(item[0], (3, 0))))
     return multiply(number(constant), *(generator_power(tree, exponent) for tree, exponent in ordered if exponent))
 
 
@@ -82,7 +81,7 @@ def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tu
         polynomial, exponent = divided_out(polynomial, relation.right)
         if exponent:
             found.append((ring.field.context.gen(relation.generator), exponent * relation.degree))
-    if len(polynomial) > FACTORED_TERMS:
+    if len(polynomial) > FACTORED_TERMS or polynomial.total_degree() > FACTORED_DEGREE:
         return Fraction(1), [*found, (polynomial, 1)]
     content, factors = polynomial.factor()
     return as_fraction(content), [*found, *((factor, int(exponent)) for factor, exponent in factors)]

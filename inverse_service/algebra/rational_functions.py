@@ -14,7 +14,6 @@ unrecognised but every identity stays true.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -242,16 +241,14 @@ class Quotient:
         if self.is_zero or other.is_zero:
             return self if self.is_zero else other
         product = self.field.product(self.numerator, other.numerator)
-        return self.field.quotient(product, _sum(self.exponents, other.exponents))
+        return self.field.quotient(product, combined(self.exponents, other.exponents))
 
     def scaled(self, factor: int | Fraction) -> Quotient:
         """factor times self, factor a rational number."""
         if not factor:
             return self.field.constant(0)
         fraction = Fraction(factor)
-        return Quotient(
-            self.field, self.numerator * fmpq(fraction.numerator, fraction.denominator), self.exponents
-        )
+        return Quotient(self.field, self.numerator * fmpq(fraction.numerator, fraction.denominator), self.exponents)
 
     def inverse(self) -> Quotient:
         """1/self; ZeroDivisionError for 0."""
@@ -274,7 +271,8 @@ class Quotient:
         return result
 
 
-def _sum(left: Exponents, right: Exponents) -> Exponents:
+def combined(left: Exponents, right: Exponents) -> Exponents:
+    """The exponents of a product."""
     table = dict(left)
     for index, power in right:
         table[index] = table.get(index, 0) + power
@@ -291,53 +289,3 @@ def _maximum(left: Exponents, right: Exponents) -> Exponents:
 def _difference(left: Exponents, right: Exponents) -> Exponents:
     table = dict(right)
     return tuple((index, power - table.get(index, 0)) for index, power in left if power > table.get(index, 0))
-
-
-def sum_of(zero: Quotient, terms: Iterable[Quotient]) -> Quotient:
-    """The sum, terms of equal denominators first, so that few fractions are brought together."""
-    groups: dict[Exponents, Quotient] = {}
-    for term in terms:
-        if not term.is_zero:
-            known = groups.get(term.exponents)
-            groups[term.exponents] = term if known is None else Quotient(
-                term.field, known.numerator + term.numerator, term.exponents
-            )
-    total = zero
-    for exponents, term in groups.items():
-        total = total + term.field.quotient(term.numerator, exponents)
-    return total
-
-
-@dataclass(frozen=True, slots=True)
-class Derivation:
-    """A derivation X, given by X(g) for the generators where that is not zero.
-
-    `undefined` are generators whose derivative was not provided for: meeting one raises TooLarge.
-    """
-
-    images: Mapping[int, Quotient]
-    undefined: frozenset[int] = frozenset()
-
-    def of_polynomial(self, owner: QuotientField, polynomial: fmpq_mpoly) -> Quotient:
-        """X(N) = sum over generators of (dN/dg) X(g)."""
-        terms = []
-        degrees = polynomial.degrees() if self.undefined else ()
-        if any(degrees[index] > 0 for index in self.undefined):
-            raise TooLarge("a derivative of an arbitrary function beyond the order prepared is needed")
-        for index, image in self.images.items():
-            slope = polynomial.derivative(index)
-            if not slope.is_zero():
-                terms.append(Quotient(owner, slope, ()) * image)
-        return sum_of(owner.constant(0), terms)
-
-    def __call__(self, element: Quotient) -> Quotient:
-        """X(N/D) = (X(N) - N sum e_i X(D_i)/D_i) / D."""
-        owner = element.field
-        terms = [self.of_polynomial(owner, element.numerator)]
-        for index, power in element.exponents:
-            slope = self.of_polynomial(owner, owner.denominators[index])
-            if not slope.is_zero:
-                logarithmic = slope * Quotient(owner, owner.context.constant(-power), ((index, 1),))
-                terms.append(Quotient(owner, element.numerator, ()) * logarithmic)
-        whole = sum_of(owner.constant(0), terms)
-        return owner.quotient(whole.numerator, _sum(whole.exponents, element.exponents))

@@ -16,10 +16,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from inverse_service.algebra.exact_derivations import sum_of
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Point, evaluate
-from inverse_service.algebra.rational_functions import Quotient, TooLarge, sum_of
+from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.inverse_problem.analysis import Analysis

@@ -6,9 +6,10 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from inverse_service.algebra.exact_derivations import sum_of
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
-from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge, sum_of
+from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.differential_obstruction import contradiction, direction_matrix
@@ -139,9 +140,7 @@ def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, Symbol]:
     raise TooLarge("the system uses every name for the entries of the multiplier")
 
 
-def _exact_equations(
-    exact: ExactMotion, tensors: Tensors, names: Sequence[EquationName]
-) -> dict[EquationName, Linear]:
+def _exact_equations(exact: ExactMotion, tensors: Tensors, names: Sequence[EquationName]) -> dict[EquationName, Linear]:
     """The named equations with their coefficients as ring elements."""
     found: dict[EquationName, Linear] = {}
     for condition in dict.fromkeys(name.condition for name in names):
@@ -160,9 +159,7 @@ def collected(zero: Quotient, terms: Sequence[tuple[Unknown, int, Quotient]]) ->
 
 
 def _solved_step(ring: ExactRing, symbols: Mapping[Unknown, Symbol], step: Solved) -> Step:
-    original, reduced, result = (
-        linear_tree(ring, symbols, row) for row in (step.original, step.reduced, step.value)
-    )
+    original, reduced, result = (linear_tree(ring, symbols, row) for row in (step.original, step.reduced, step.value))
     divisors = [*factor_trees(ring, step.content), *factor_trees(ring, step.divisor)]
     return equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors)
 

@@ -6,8 +6,9 @@ import itertools
 import time
 from collections.abc import Sequence
 
+from inverse_service.algebra.exact_derivations import sum_of
 from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
-from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge, sum_of
+from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.tree import Expression
@@ -88,9 +89,7 @@ def _worked_out(exact: ExactMotion, g: Matrix) -> Explanation:
 
 def _product(exact: ExactMotion, left: Matrix, right: Matrix) -> list[list[Quotient]]:
     span = range(exact.motion.size)
-    return [
-        [sum_of(exact.motion.zero, [left[i][m] * right[m][j] for m in span]) for j in span] for i in span
-    ]
+    return [[sum_of(exact.motion.zero, [left[i][m] * right[m][j] for m in span]) for j in span] for i in span]
 
 
 def _asymmetry(matrix: Matrix) -> list[Quotient]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.exact_trees import quotient_tree
@@ -79,7 +80,7 @@ def tensor_steps(
     """The tensors of the chosen conditions, the nonzero components of curvatures only."""
     steps = []
     for condition, tensor in tensors:
-        entries = _components(ring, tensor)
+        entries = _components(ring, condition, tensor)
         listed = ", ".join(f"{name} = {to_text(tree)}" for name, tree in entries) or "all zero"
         text = f"The components of {condition.name} that are not zero (row, column): {listed}."
         latex = r",\quad ".join(
@@ -91,16 +92,18 @@ def tensor_steps(
 
 
 def _components(
-    ring: ExactRing, tensor: Tensor11[Quotient] | Tensor12[Quotient]
+    ring: ExactRing, condition: ConditionName, tensor: Tensor11[Quotient] | Tensor12[Quotient]
 ) -> list[tuple[str, Expression]]:
     """Index strings such as "12" or "213" with the nonzero components; k < l for T^j_kl."""
-    found = []
-    for i, row in enumerate(tensor):
-        for k, entry in enumerate(row):
-            if isinstance(entry, Quotient):
-                found.append((f"{i + 1}{k + 1}", entry))
-            else:
-                found += [(f"{i + 1}{k + 1}{m + 1}", value) for m, value in enumerate(entry) if k < m]
+    found: list[tuple[str, Quotient]] = []
+    span = range(len(tensor))
+    if condition.cyclic:
+        bend = cast("Tensor12[Quotient]", tensor)
+        triples = [(i, k, m) for i in span for k in span for m in span if k < m]
+        found = [(f"{i + 1}{k + 1}{m + 1}", bend[i][k][m]) for i, k, m in triples]
+    else:
+        plain = cast("Tensor11[Quotient]", tensor)
+        found = [(f"{i + 1}{k + 1}", plain[i][k]) for i in span for k in span]
     return [(name, quotient_tree(ring, value)) for name, value in found if not value.is_zero]
 
 
@@ -130,9 +133,7 @@ def equation_step(
     return Step(" ".join(sentences), latex)
 
 
-def block_sentence(
-    symbols: Mapping[Unknown, Symbol], rows: tuple[int, ...], columns: tuple[int, ...], n: int
-) -> Step:
+def block_sentence(symbols: Mapping[Unknown, Symbol], rows: tuple[int, ...], columns: tuple[int, ...], n: int) -> Step:
     """Rows and columns whose common entries vanish: why g is singular."""
     names = sorted({symbols[min(r, c), max(r, c)].name for r in rows for c in columns})
     equal = " = ".join([*names, "0"])

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from inverse_service.algebra.rational_functions import Budget, Quotient, sum_of
+from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.rational_functions import Budget, Quotient
 from inverse_service.catalogue.reading import document, entry, names
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
