@@ -55,7 +55,7 @@ def solve(
     file: Annotated[str, typer.Argument(help="A System document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")],
     format: Annotated[Format, typer.Option(help="How to write the result.")] = Format.json,
     time_limit: Seconds = None,
-    seed: Annotated[int, typer.Option(help="Seed of the random points and primes.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
     explain: Annotated[bool, typer.Option("--explain", help="With text and latex: conditions and every step.")] = False,
 ) -> None:
     """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
