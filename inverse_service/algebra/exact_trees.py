@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from fractions import Fraction
 
 from flint import fmpq, fmpq_mpoly
@@ -99,15 +99,26 @@ def _collect(ring: ExactRing, table: dict[Expression, Fraction], factor: fmpq_mp
 
 def polynomial_tree(ring: ExactRing, polynomial: fmpq_mpoly) -> Expression:
     """The polynomial as a sum of monomials."""
-    return add(*(_monomial_tree(ring, exponents, as_fraction(c)) for exponents, c in polynomial.terms()))
+    order = sorted(ring.trees, key=lambda index: _place(ring, index))
+    powers: dict[tuple[int, int], Expression] = {}
+    return add(*(_monomial_tree(ring, order, powers, e, as_fraction(c)) for e, c in polynomial.terms()))
 
 
-def _monomial_tree(ring: ExactRing, exponents: Iterable[int], coefficient: Fraction) -> Expression:
-    parts = [
-        generator_power(ring.trees[index], Fraction(int(exponent)))
-        for index, exponent in sorted(enumerate(exponents), key=lambda item: _place(ring, item[0]))
-        if exponent
-    ]
+def _monomial_tree(
+    ring: ExactRing,
+    order: Sequence[int],
+    powers: dict[tuple[int, int], Expression],
+    exponents: Sequence[int],
+    coefficient: Fraction,
+) -> Expression:
+    """One term; `powers` keeps the powers of generators built so far."""
+    parts = []
+    for index in order:
+        exponent = int(exponents[index])
+        if exponent and (index, exponent) not in powers:
+            powers[index, exponent] = generator_power(ring.trees[index], Fraction(exponent))
+        if exponent:
+            parts.append(powers[index, exponent])
     return multiply(number(coefficient), *parts)
 
 
