@@ -9,6 +9,7 @@ from typing import Any
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import CertificateRefused, IrreducibleAtoms
+from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.inverse_problem import certify
 from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision import Decision, Limits, decide
@@ -16,10 +17,14 @@ from inverse_service.inverse_problem.explanation import explain_negative
 from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
+from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.inverse_problem.search.ladder import SearchOutcome, search
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
+# Of the time left after the decision, the part that the search for a closed form may take.
+_SEARCH_SHARE = 0.5
 
 
 @dataclass(slots=True)
@@ -124,12 +129,47 @@ def _negative(work: _Work, decision: Decision) -> Answer:
 
 
 def _positive(work: _Work, decision: Decision) -> Answer:
+    """A Lagrangian where one is found, else the existence proof."""
+    began = time.monotonic()
+    deadline = began + _SEARCH_SHARE * work.left()
+    outcome = search(work.analysis, decision.with_time, work.options.seed, deadline, work.progress)
+    work.seconds["search"] = work.seconds.get("search", 0.0) + time.monotonic() - began
+    existence = _existence_steps(decision)
+    if outcome.found is None:
+        return Answer(
+            "variational",
+            space=decision.space,
+            certificate=certify.of_decision(work.analysis, decision),
+            explanation=(*existence, _not_found(outcome)),
+        )
+    described = [describe(work.analysis, tree, outcome.found.family) for tree in outcome.found.lagrangians]
     return Answer(
         "variational",
+        lagrangian=described[0],
+        other_lagrangians=tuple(described[1:]),
         space=decision.space,
-        certificate=certify.of_decision(work.analysis, decision),
-        explanation=_existence_steps(decision),
+        certificate=certify.of_lagrangian(work.analysis, described[0].expression, decision.with_time),
+        explanation=(*existence, *_search_steps(outcome)),
     )
+
+
+def _not_found(outcome: SearchOutcome) -> Step:
+    tried = "; ".join(f"{name} ({count} terms)" for name, count in outcome.tried) or "none fits f"
+    return Step(f"No closed form was found. Families tried: {tried}.")
+
+
+def _search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
+    assert outcome.found is not None
+    name, count = outcome.tried[-1]
+    first = Step(
+        f"In the family '{name}' ({count} candidate terms) the Euler-Lagrange equations are linear in the "
+        "coefficients; solved, they leave the Lagrangian",
+        to_latex(outcome.found.lagrangians[0]),
+    )
+    if len(outcome.found.parts) < 2:
+        return (first,)
+    parts = " + ".join(f"C_{k} ({to_latex(part)})" for k, part in enumerate(outcome.found.parts, start=1))
+    return (first, Step("More generally, with constants C_k that keep the Hessian regular,", parts))
 
 
 def _existence_steps(decision: Decision) -> tuple[Step, ...]:

@@ -1,0 +1,1 @@
+"""The search for closed-form Lagrangians: ansätze that are linear problems, cheapest first."""

@@ -1,0 +1,165 @@
+"""From a space of Lagrangians to the simplest regular one."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from fractions import Fraction
+
+import mpmath
+from flint import nmod_mat
+
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, letters_of
+from inverse_service.inverse_problem.search.sampling import LetterTable, letter_table, monomial_values
+from inverse_service.inverse_problem.search.terms import add_terms, rank, tree_of
+
+Matrix = list[list[int]]
+
+
+def hessians(space: LagrangianSpace, seed: int) -> tuple[int, list[Matrix]]:
+    """(prime, d2L/dv dv of each combination at one random point)."""
+    candidates = list(dict.fromkeys(key for c in space.combinations for key in c))
+    letters = letters_of(candidates)
+    table = letter_table(space.sampler, letters, 1, seed)
+    index = {letter: k for k, letter in enumerate(letters)}
+    values = monomial_values(table, letters, candidates)[0]
+    single = {
+        key: _hessian(table, [(index[p], e) for p, e in key], value)
+        for key, value in zip(candidates, values, strict=True)
+    }
+    return table.prime, [_combined(single, c, table.prime) for c in space.combinations]
+
+
+def _hessian(table: LetterTable, letters: Sequence[tuple[int, Fraction]], value: int) -> Matrix:
+    """m (V_i V_j + sum e d2 log p)."""
+    prime, n = table.prime, table.by_velocity.shape[2]
+    weights = [(k, e.numerator * pow(e.denominator, -1, prime) % prime) for k, e in letters]
+    slope = [sum(w * int(table.by_velocity[0, k, i]) for k, w in weights) % prime for i in range(n)]
+    return [
+        [value * (slope[i] * slope[j] + sum(w * int(table.hessian[0, k, i, j]) for k, w in weights)) % prime
+         for j in range(n)]
+        for i in range(n)
+    ]  # fmt: skip
+
+
+def _combined(single: dict[object, Matrix], combination: Combination, prime: int) -> Matrix:
+    n = len(next(iter(single.values())))
+    total = [[0] * n for _ in range(n)]
+    for key, a in combination.items():
+        weight = a.numerator * pow(a.denominator, -1, prime)
+        for i in range(n):
+            for j in range(n):
+                total[i][j] = (total[i][j] + weight * single[key][i][j]) % prime
+    return total
+
+
+def regular_members(space: LagrangianSpace, seed: int, most: int = 4) -> list[tuple[int, ...]]:
+    """Index sets of combinations whose generic sum is regular, simplest first.
+
+    Combinations without a Hessian (total derivatives, relations among letters) are left aside.
+    """
+    if not space.combinations:
+        return []
+    prime, matrices = hessians(space, seed)
+    useful = [k for k, matrix in enumerate(matrices) if any(map(any, matrix))]
+    order = sorted(useful, key=lambda k: complexity(space.combinations[k]))
+    generator = random.Random(seed)
+    weights = {k: generator.randrange(1, prime) for k in order}
+    alone = [(k,) for k in order if _rank([matrices[k]], [1], prime) == len(matrices[k])]
+    together = _grown(order, matrices, weights, prime)
+    found = alone if together is None else [*alone, together]
+    found.sort(key=lambda ks: (sum(complexity(space.combinations[k])[0] for k in ks), ks))
+    return found[:most]
+
+
+def _grown(
+    order: Sequence[int], matrices: Sequence[Matrix], weights: dict[int, int], prime: int
+) -> tuple[int, ...] | None:
+    """Combinations taken in order of simplicity as long as each raises the rank of the sum."""
+    chosen: list[int] = []
+    reached = 0
+    for k in order:
+        trial = [*chosen, k]
+        rank_now = _rank([matrices[j] for j in trial], [weights[j] for j in trial], prime)
+        if rank_now > reached:
+            chosen, reached = trial, rank_now
+        if reached == len(matrices[k]):
+            return tuple(chosen)
+    return None
+
+
+def _rank(matrices: Sequence[Matrix], weights: Sequence[int], prime: int) -> int:
+    n = len(matrices[0])
+    total = [
+        sum(w * m[i][j] for m, w in zip(matrices, weights, strict=True)) % prime for i in range(n) for j in range(n)
+    ]
+    return int(nmod_mat(n, n, total, prime).rank())
+
+
+def complexity(combination: Combination) -> tuple[Fraction, int]:
+    """Total weight of its terms, and their number."""
+    return sum((rank(key)[0] + 1 for key in combination), Fraction(0)), len(combination)
+
+
+def without_gauge(space: LagrangianSpace, members: Sequence[int], seed: int) -> Combination:
+    """The sum of the members, reduced by combinations without Hessian to the fewest terms."""
+    _, matrices = hessians(space, seed)
+    gauge = [c for c, m in zip(space.combinations, matrices, strict=True) if not any(map(any, m))]
+    total: Combination = {}
+    for k in members:
+        total = add_terms(total, _scaled(space.combinations[k]))
+    improved = True
+    while improved:
+        improved = False
+        for element in gauge:
+            for key, a in element.items():
+                if key in total:
+                    shorter = add_terms(total, element, -total[key] / a)
+                    if complexity(shorter) < complexity(total):
+                        total, improved = shorter, True
+    return total
+
+
+def _scaled(combination: Combination) -> Combination:
+    """Kinetic-looking normalisation: the simplest term that holds velocities gets coefficient +-1/2 or 1."""
+    moving = [key for key in combination if _velocity_degree(key) > 0]
+    leading = min(moving or combination, key=rank)
+    target = Fraction(1, 2) if _velocity_degree(leading) == 2 and len(leading) == 1 else Fraction(1)
+    if any(e == 2 for letter, e in leading if _is_moving(letter)):
+        target = Fraction(1, 2)
+    factor = target / combination[leading]
+    return {key: a * factor for key, a in combination.items()}
+
+
+def _is_moving(letter: Expression) -> bool:
+    from inverse_service.inverse_problem.search.motion import has_velocity
+
+    return has_velocity(letter)
+
+
+def _velocity_degree(key: object) -> Fraction:
+    return sum((abs(e) for letter, e in key if _is_moving(letter)), Fraction(0))  # type: ignore[attr-defined]
+
+
+def oriented(space: LagrangianSpace, combination: Combination, hessian: Sequence[Sequence[Expression]]) -> Combination:
+    """L or -L, whichever has the larger number of positive directions at the real point."""
+    table = space.sampler.real_point
+    if table is None:
+        return combination
+    with mpmath.workdps(30):
+        try:
+            matrix = mpmath.matrix([[evaluate(entry, table) for entry in row] for row in hessian])
+            values = mpmath.eigsy(matrix, eigvals_only=True)
+        except (NoRealValue, ArithmeticError):
+            return combination
+        positive = sum(1 for value in values if value > 0)
+    return combination if 2 * positive >= len(values) else {key: -a for key, a in combination.items()}
+
+
+def as_tree(combination: Combination) -> Expression:
+    """The Lagrangian as a sum of its terms."""
+    return tree_of(combination)
+
+

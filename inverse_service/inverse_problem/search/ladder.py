@@ -1,0 +1,82 @@
+"""Families tried one after another until a regular Lagrangian is found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.search.choice import as_tree, oriented, regular_members, without_gauge
+from inverse_service.inverse_problem.search.families import FAMILIES, Family, Factors, find_factors, with_potentials
+from inverse_service.inverse_problem.search.linear_ansatz import letters_of, solve_ansatz
+from inverse_service.inverse_problem.search.material import Material, gather
+from inverse_service.inverse_problem.search.sampling import make_sampler
+from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, tree_of
+from inverse_service.mechanics.euler_lagrange import hessian
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Regular Lagrangians of one family, the simplest first; `parts` are those that the first is a sum of."""
+
+    lagrangians: tuple[Expression, ...]
+    family: str
+    parts: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SearchOutcome:
+    """What was found, and the families tried with the number of their candidates."""
+
+    found: Found | None
+    tried: tuple[tuple[str, int], ...]
+
+
+def search(
+    analysis: Analysis, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
+) -> SearchOutcome:
+    """The first family that holds a regular Lagrangian, or what was tried."""
+    tried: list[tuple[str, int]] = []
+    try:
+        material = gather(analysis, with_time)
+    except TooManyTerms:
+        return SearchOutcome(None, ())
+    factors: Factors | None = None
+    for family in FAMILIES:
+        if time.monotonic() > deadline:
+            break
+        progress(f"ansatz: {family.name}")
+        if factors is None and family.cost > 1:
+            factors = find_factors(material, seed)
+        candidates = with_potentials(material, family.terms(material, factors or Factors(())))
+        tried.append((family.name, len(candidates)))
+        found = _solve(material, family, candidates, seed)
+        if found is not None:
+            return SearchOutcome(found, tuple(tried))
+    return SearchOutcome(None, tuple(tried))
+
+
+def _solve(material: Material, family: Family, candidates: Sequence[Monomial], seed: int) -> Found | None:
+    exponents = {}
+    for candidate in candidates:
+        for letter, e in candidate:
+            if letter not in exponents or e.denominator > exponents[letter].denominator:
+                exponents[letter] = e
+    try:
+        sampler = make_sampler(material.analysis, [(p, exponents[p]) for p in letters_of(candidates)])
+        space = solve_ansatz(sampler, candidates, seed)
+        sets = regular_members(space, seed)
+    except IrreducibleAtoms:
+        return None
+    if not sets:
+        return None
+    names = material.analysis.system.coordinates
+    lagrangians = []
+    for members in sets:
+        combination = without_gauge(space, members, seed)
+        lagrangians.append(as_tree(oriented(space, combination, hessian(as_tree(combination), names))))
+    parts = tuple(tree_of(space.combinations[k]) for k in sets[0])
+    return Found(tuple(dict.fromkeys(lagrangians)), family.name, parts)

@@ -1,0 +1,143 @@
+"""All rational combinations of candidate terms that are Lagrangians, by linear algebra modulo a prime."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from flint import nmod_mat
+
+from inverse_service.algebra import montgomery
+from inverse_service.algebra.echelon import Words
+from inverse_service.algebra.montgomery import compiled, multiply
+from inverse_service.algebra.primes import reconstruct
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.search.sampling import LetterTable, Sampler, letter_table, monomial_values
+from inverse_service.inverse_problem.search.terms import Monomial
+
+_SPARE_EQUATIONS = 12
+_CONTROL_POINTS = 4
+_LARGEST_NUMBER = 10**7
+
+Combination = dict[Monomial, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class LagrangianSpace:
+    """Independent combinations with vanishing Euler-Lagrange expressions along f."""
+
+    sampler: Sampler
+    combinations: tuple[Combination, ...]
+
+
+@compiled
+def _fill(  # type: ignore[no-untyped-def]
+    values, starts, letters, exponents, along, by_velocity, mixed, by_position, result, prime, negative_inverse
+):
+    """result[s n + i, c] = m_c (V_i G + H_i - Q_i) at sample s; everything in Montgomery form."""
+    samples, count = values.shape
+    n = by_velocity.shape[2]
+    for s in range(samples):
+        for c in range(count):
+            total_along = np.uint64(0)
+            for k in range(starts[c], starts[c + 1]):
+                total_along += multiply(exponents[k], along[s, letters[k]], prime, negative_inverse)
+                if total_along >= prime:
+                    total_along -= prime
+            for i in range(n):
+                velocity = np.uint64(0)
+                rest = np.uint64(0)
+                for k in range(starts[c], starts[c + 1]):
+                    e, p = exponents[k], letters[k]
+                    velocity += multiply(e, by_velocity[s, p, i], prime, negative_inverse)
+                    if velocity >= prime:
+                        velocity -= prime
+                    rest += multiply(e, mixed[s, p, i], prime, negative_inverse)
+                    if rest >= prime:
+                        rest -= prime
+                    part = multiply(e, by_position[s, p, i], prime, negative_inverse)
+                    rest = rest - part if rest >= part else rest + (prime - part)
+                total = multiply(velocity, total_along, prime, negative_inverse) + rest
+                if total >= prime:
+                    total -= prime
+                result[s * n + i, c] = multiply(values[s, c], total, prime, negative_inverse)
+
+
+def _to_montgomery(array: Words, prime: int) -> Words:
+    radix = (1 << 64) % prime
+    return np.array([int(x) * radix % prime for x in array.ravel()], np.uint64).reshape(array.shape)
+
+
+def euler_lagrange_matrix(
+    table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]
+) -> list[list[int]]:
+    """EL_i of each candidate at each sample, (samples * n, candidates)."""
+    prime = table.prime
+    index = {letter: k for k, letter in enumerate(letters)}
+    starts, places, exponents = [0], [], []
+    for candidate in candidates:
+        for letter, e in candidate:
+            places.append(index[letter])
+            exponents.append(e.numerator * pow(e.denominator, -1, prime) % prime)
+        starts.append(len(places))
+    values = np.array(monomial_values(table, letters, candidates), np.uint64)
+    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    result = np.zeros((len(values) * table.by_velocity.shape[2], len(candidates)), np.uint64)
+    _fill(
+        values, np.array(starts, np.int64), np.array(places, np.int64),
+        _to_montgomery(np.array(exponents, np.uint64), prime),
+        *(_to_montgomery(a, prime) for a in (table.along, table.by_velocity, table.mixed, table.by_position)),
+        result, modulus, negative_inverse,
+    )  # fmt: skip
+    return [[int(x) for x in row] for row in result]
+
+
+def letters_of(candidates: Sequence[Monomial]) -> list[Expression]:
+    return list(dict.fromkeys(letter for candidate in candidates for letter, _ in candidate))
+
+
+def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) -> LagrangianSpace:
+    """The space of Lagrangians in the span of the candidates (simple ones first).
+
+    Each basis element has its most complicated candidate to itself. Combinations whose coefficients
+    are no small rationals, or that fail at control points over another prime, are left out.
+    """
+    letters, n = letters_of(candidates), len(sampler.analysis.accelerations)
+    samples = (len(candidates) + _SPARE_EQUATIONS) // n + 1
+    table = letter_table(sampler, letters, samples, seed)
+    matrix = euler_lagrange_matrix(table, letters, candidates)
+    found = _null_vectors(matrix, len(candidates), table.prime)
+    combinations = [{candidates[k]: a for k, a in vector.items()} for vector in found]
+    return LagrangianSpace(sampler, tuple(c for c in combinations if _holds(sampler, c, seed + 77_777)))
+
+
+def _null_vectors(matrix: list[list[int]], width: int, prime: int) -> list[dict[int, Fraction]]:
+    """Rational null vectors in reduced form: free columns are as far right as possible."""
+    flat = [x for row in matrix for x in row]
+    reduced, rank = nmod_mat(len(matrix), width, flat, prime).rref()
+    rows = [[int(reduced[i, k]) for k in range(width)] for i in range(rank)]
+    pivots = [next(k for k, x in enumerate(row) if x) for row in rows]
+    found = []
+    for free in sorted(set(range(width)) - set(pivots)):
+        vector: dict[int, Fraction] = {free: Fraction(1)}
+        for pivot, row in zip(pivots, rows, strict=True):
+            if row[free]:
+                value = reconstruct(-row[free] % prime, prime, _LARGEST_NUMBER)
+                if value is None:
+                    break
+                vector[pivot] = value
+        else:
+            found.append(vector)
+    return found
+
+
+def _holds(sampler: Sampler, combination: Combination, seed: int) -> bool:
+    """Whether the Euler-Lagrange expressions vanish at fresh points over another prime."""
+    candidates = list(combination)
+    letters = letters_of(candidates)
+    table = letter_table(sampler, letters, _CONTROL_POINTS, seed)
+    matrix = euler_lagrange_matrix(table, letters, candidates)
+    weights = [a.numerator * pow(a.denominator, -1, table.prime) for a in combination.values()]
+    return all(sum(x * w for x, w in zip(row, weights, strict=True)) % table.prime == 0 for row in matrix)

@@ -1,0 +1,179 @@
+"""What ansätze are made of: the letters of f, their antiderivatives and integrating factors."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Symbol,
+    Velocity,
+    walk,
+)
+from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.search.motion import MotionTerms, has_velocity, split_velocities
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    letter_derivative,
+    monomial,
+    rank,
+    terms_of,
+    times,
+)
+from inverse_service.mechanics.conditions import exact_motion
+
+_COMPANIONS = {"sin": "cos", "cos": "sin"}
+_TERMS, _SECONDS = 2_000, 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """f as terms with its letters sorted by what they depend on."""
+
+    analysis: Analysis
+    motion: MotionTerms
+    position_letters: tuple[Expression, ...]
+    velocity_letters: tuple[Expression, ...]
+    parameter_monomials: tuple[Monomial, ...]
+
+
+def gather(analysis: Analysis, with_time: bool) -> Material:
+    """Raises TooManyTerms where f cannot be written as a moderate sum."""
+    system = analysis.system
+    trees = _factored(analysis)
+    forces = tuple(terms_of(tree) for tree in trees)
+    motion = MotionTerms(
+        tuple(Symbol(name) for name in system.coordinates),
+        tuple(Velocity(name) for name in system.coordinates),
+        forces,
+        with_time,
+    )
+    letters = _letters(forces)
+    parameters = frozenset(Symbol(name) for name in system.parameters)
+    position = [p for p in letters if not has_velocity(p) and depends_on_position(p, motion)]
+    moving = [p for p in letters if has_velocity(p) and not isinstance(p, Velocity)]
+    return Material(analysis, motion, tuple(position), tuple(moving), _parameter_monomials(forces, parameters))
+
+
+def _factored(analysis: Analysis) -> list[Expression]:
+    """f with numerators and denominators factored, known relations among atoms used."""
+    system = analysis.system
+    try:
+        exact = exact_motion(system, 0, Budget(_TERMS, time.monotonic() + _SECONDS))
+        return [quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
+    except (TooLarge, ZeroDivisionError):
+        return list(system.accelerations)
+
+
+def _letters(forces: Iterable[Terms]) -> list[Expression]:
+    """Letters of f, with the partner of each sine and cosine and the primitives of derivatives A'."""
+    found: dict[Expression, None] = {}
+    for terms in forces:
+        for key in terms:
+            for letter, _ in key:
+                if not isinstance(letter, Number):
+                    found[letter] = None
+    for letter in list(found):
+        for other in companions(letter):
+            found[other] = None
+    return list(found)
+
+
+def companions(letter: Expression) -> list[Expression]:
+    """cos for sin, sin for cos, A for A', for A''."""
+    match letter:
+        case Apply(("sin" | "cos") as function, argument):
+            return [Apply(_COMPANIONS[function], argument)]
+        case Arbitrary(name, arguments, orders) if any(orders):
+            place = next(k for k, order in enumerate(orders) if order)
+            lower = tuple(order - (k == place) for k, order in enumerate(orders))
+            below = Arbitrary(name, arguments, lower)
+            return [below, *companions(below)]
+    return []
+
+
+def depends_on_position(letter: Expression, motion: MotionTerms) -> bool:
+    names = {*motion.coordinates, TIME}
+    return any(node in names for node in walk(letter))
+
+
+def _parameter_monomials(forces: Iterable[Terms], parameters: frozenset[Symbol]) -> tuple[Monomial, ...]:
+    """Parameter parts of the terms of f, their inverses and quotients, simple ones first."""
+
+    def is_constant(letter: Expression) -> bool:
+        nodes = [node for node in walk(letter) if isinstance(node, Symbol | Velocity)]
+        return bool(nodes) and all(node in parameters for node in nodes)
+
+    parts: dict[Monomial, None] = {EMPTY: None}
+    for terms in forces:
+        for key in terms:
+            part: Monomial = frozenset(item for item in key if is_constant(item[0]))
+            for letter, e in part:
+                parts[frozenset([(letter, e)])] = None
+                parts[frozenset([(letter, -e)])] = None
+            parts[part] = None
+            parts[times(EMPTY, part, -1)] = None
+    return tuple(sorted(parts, key=rank))
+
+
+def antiderivatives(key: Monomial, variable: Expression) -> list[Monomial]:
+    """Monomials whose derivative by the variable may contain `key`, by raising one letter at a time."""
+    letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
+    for letter in list(letters):
+        letters.update(dict.fromkeys(companions(letter)))
+    found: dict[Monomial, None] = {}
+    for letter in letters:
+        try:
+            slope = letter_derivative(letter, variable)
+        except TooManyTerms:
+            continue
+        for unit in slope:
+            raised = times(times(key, monomial(letter)), unit, -1)
+            if any(p == letter for p, _ in raised) or letter == variable:
+                found[raised] = None
+            if not any(p == letter for p, _ in raised):
+                found[times(raised, monomial(Apply("log", letter)))] = None
+    found.pop(EMPTY, None)
+    return list(found)
+
+
+def coefficient(terms: Terms, moving: Monomial) -> Terms:
+    """The terms with exactly these velocity letters, these taken out."""
+    return {split_velocities(key)[0]: value for key, value in terms.items() if split_velocities(key)[1] == moving}
+
+
+def integrating_candidates(material: Material) -> list[tuple[Terms, Expression]]:
+    """(c, variable) with wanted factors exp(-int c d variable): from c v_i v_l, c v_i^2 and c v_i in f_i."""
+    motion = material.motion
+    found: list[tuple[Terms, Expression]] = []
+    for v, f in zip(motion.velocities, motion.forces, strict=True):
+        for q, w in zip(motion.coordinates, motion.velocities, strict=True):
+            c = coefficient(f, monomial(v, w))
+            if c:
+                factor = 2 if v == w else 1
+                found.append(({key: value * factor for key, value in c.items()}, q))
+        drag = coefficient(f, monomial(v))
+        if drag and motion.with_time:
+            found.append((drag, TIME))
+    return found
+
+
+def distinct(parts: Sequence[Monomial]) -> list[Monomial]:
+    """Each once, simple ones first."""
+    return sorted(dict.fromkeys(parts), key=rank)
+
+
+def constant_exponent(letter: Expression, exponent: Fraction | int) -> Monomial:
+    return frozenset([(letter, Fraction(exponent))])

@@ -1,0 +1,213 @@
+"""Sums of Laurent monomials in letters: the form in which ansätze are made and combined.
+
+A letter is any tree (x, x', sin(x), x^2 + y^2, A(r1), exp(x)); a monomial is a product of letters
+with rational exponents; terms map monomials to rational coefficients. Nothing is assumed about
+relations among letters: an identity found here holds, one not found may hold all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from math import gcd, lcm
+
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    ONE,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    number,
+    power,
+)
+
+Monomial = frozenset[tuple[Expression, Fraction]]
+Terms = dict[Monomial, Fraction]
+
+EMPTY: Monomial = frozenset()
+_LARGEST_EXPANSION = 400
+_LARGEST_POWER = 6
+
+
+class TooManyTerms(ArithmeticError):
+    """An expansion passed its bound; the caller does without it."""
+
+
+def monomial(*letters: Expression) -> Monomial:
+    """The product of letters."""
+    product = EMPTY
+    for letter in letters:
+        product = times(product, frozenset([(letter, Fraction(1))]))
+    return product
+
+
+def times(left: Monomial, right: Monomial, exponent: Fraction | int = 1) -> Monomial:
+    """left * right^exponent."""
+    table = dict(left)
+    for letter, e in right:
+        table[letter] = table.get(letter, Fraction(0)) + e * exponent
+    return frozenset((letter, e) for letter, e in table.items() if e)
+
+
+def multiply_terms(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]) -> Terms:
+    if len(left) * len(right) > 20 * _LARGEST_EXPANSION:
+        raise TooManyTerms
+    result: Terms = {}
+    for a, x in left.items():
+        for b, y in right.items():
+            key = times(a, b)
+            result[key] = result.get(key, Fraction(0)) + x * y
+    return _bounded({key: value for key, value in result.items() if value})
+
+
+def add_terms(left: Terms, right: Mapping[Monomial, Fraction], factor: Fraction | int = 1) -> Terms:
+    result = dict(left)
+    for key, value in right.items():
+        result[key] = result.get(key, Fraction(0)) + factor * value
+    return {key: value for key, value in result.items() if value}
+
+
+def _bounded(terms: Terms) -> Terms:
+    if len(terms) > _LARGEST_EXPANSION:
+        raise TooManyTerms
+    return terms
+
+
+def terms_of(expression: Expression) -> Terms:
+    """The tree expanded; TooManyTerms where that is large. Sums under fractional powers are letters."""
+    match expression:
+        case Number(value):
+            return {EMPTY: value} if value else {}
+        case Sum(parts):
+            total: Terms = {}
+            for part in parts:
+                total = add_terms(total, terms_of(part))
+            return _bounded(total)
+        case Product(factors):
+            product: Terms = {EMPTY: Fraction(1)}
+            for factor in factors:
+                product = multiply_terms(product, terms_of(factor))
+            return product
+        case Power(base, Number(exponent)):
+            return _power(terms_of(base), exponent)
+        case Apply("exp", argument):
+            return _exponential(argument)
+        case _:
+            return {monomial(expression): Fraction(1)}
+
+
+def _power(base: Terms, exponent: Fraction) -> Terms:
+    if not base:
+        return {}
+    if exponent.denominator == 1 and 0 < exponent <= _LARGEST_POWER and len(base) ** int(exponent) <= _LARGEST_EXPANSION:
+        result: Terms = {EMPTY: Fraction(1)}
+        for _ in range(int(exponent)):
+            result = multiply_terms(result, base)
+        return result
+    content, common, rest = split_content(base)
+    factor, root = _numeric_power(content, exponent)
+    whole = times(root, common, exponent)
+    if rest != ONE:
+        whole = times(whole, monomial(rest), exponent)
+    return {whole: factor}
+
+
+def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:
+    """(rational, letters) with product value^exponent; a number without rational root is a letter."""
+    if exponent.denominator == 1:
+        return value ** int(exponent), EMPTY
+    if value == 1:
+        return Fraction(1), EMPTY
+    return Fraction(1), frozenset([(number(value), exponent)])
+
+
+def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, Expression]:
+    """(rational content, common monomial, primitive rest) of a nonzero sum; the rest is ONE for one term.
+
+    The content is positive for more than one term, so that even roots of the rest stay real.
+    """
+    if len(terms) == 1:
+        ((key, value),) = terms.items()
+        return value, key, ONE
+    values = list(terms.values())
+    content = Fraction(gcd(*(v.numerator for v in values)), lcm(*(v.denominator for v in values)))
+    shared = dict(next(iter(terms)))
+    for key in terms:
+        table = dict(key)
+        shared = {letter: min(e, table[letter]) for letter, e in shared.items() if letter in table}
+    common: Monomial = frozenset((letter, e) for letter, e in shared.items() if e)
+    rest = {times(key, common, -1): value / content for key, value in terms.items()}
+    return content, common, tree_of(rest)
+
+
+def _exponential(argument: Expression) -> Terms:
+    """exp(c u + …) = exp(u)^c … with one letter for each monomial u of the argument."""
+    product = EMPTY
+    for key, coefficient in terms_of(argument).items():
+        letter = Apply("exp", monomial_tree(key))
+        product = times(product, frozenset([(letter, coefficient)]))
+    return {product: Fraction(1)}
+
+
+def tree_of(terms: Mapping[Monomial, Fraction]) -> Expression:
+    """The sum as a tree, in a fixed order."""
+    ordered = sorted(terms.items(), key=lambda item: rank(item[0]))
+    return add(*(multiply(number(value), monomial_tree(key)) for key, value in ordered))
+
+
+def monomial_tree(key: Monomial) -> Expression:
+    """The monomial as a tree; exponentials are merged back into exp(c u)."""
+    parts = []
+    for letter, exponent in sorted(key, key=_letter_rank):
+        if isinstance(letter, Apply) and letter.function == "exp":
+            parts.append(Apply("exp", multiply(number(exponent), letter.argument)))
+        else:
+            parts.append(power(letter, exponent))
+    return multiply(*parts)
+
+
+def _letter_rank(item: tuple[Expression, Fraction]) -> tuple[int, str]:
+    letter = item[0]
+    kind = 0 if isinstance(letter, Number) else 1 if isinstance(letter, Symbol) else 3
+    return (4 if isinstance(letter, Velocity) else kind, repr(letter))
+
+
+def rank(key: Monomial) -> tuple[Fraction, int, str]:
+    """Simple monomials first: small exponents, few letters, then by name."""
+    weight = sum((abs(e) * (1 if isinstance(letter, Symbol | Velocity | Number) else 2) for letter, e in key), Fraction(0))
+    penalty = sum(1 for _, e in key if e < 0 or e.denominator > 1)
+    return (weight + penalty, len(key), repr(sorted((repr(letter), e) for letter, e in key)))
+
+
+def derivative(key: Monomial, variable: Expression) -> Terms:
+    """The partial derivative of a monomial."""
+    result: Terms = {}
+    for letter, exponent in key:
+        inner = letter_derivative(letter, variable)
+        if inner:
+            lowered = times(key, frozenset([(letter, Fraction(1))]), -1)
+            result = add_terms(result, multiply_terms({lowered: exponent}, inner))
+    return result
+
+
+def letter_derivative(letter: Expression, variable: Expression) -> Terms:
+    """The partial derivative of a letter, expanded."""
+    if letter == variable:
+        return {EMPTY: Fraction(1)}
+    if isinstance(letter, Symbol | Velocity | Number):
+        return {}
+    return terms_of(differentiate(letter, variable))
+
+
+def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: Expression) -> Terms:
+    result: Terms = {}
+    for key, value in terms.items():
+        result = add_terms(result, derivative(key, variable), value)
+    return _bounded(result)
