@@ -1,0 +1,73 @@
+"""Faults of the program and a full queue are problem documents that tell nothing of the inside."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import httpx
+import pytest
+
+from inverse_service.service.answers import value_of
+from inverse_service.service.outcome import Outcome
+from inverse_service.settings import Settings
+from inverse_service.web.application import create_application
+from inverse_service.web.engine import Engine
+from inverse_service.web.problems import Refusal
+
+DOCUMENT = {"coordinates": ["x"], "equations": {"x": "0"}}
+
+
+def answer_of(monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Settings | None = None) -> httpx.Response:
+    """What a client gets where solving raises the error."""
+
+    async def fail(self: Engine, document: Any, time_limit: float) -> dict[str, Any]:
+        raise error
+
+    monkeypatch.setattr(Engine, "solve", fail)
+    transport = httpx.ASGITransport(create_application(settings or Settings()), raise_app_exceptions=False)
+
+    async def call() -> httpx.Response:
+        async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
+            return await client.post("/v1/solve", json=DOCUMENT, headers={"Origin": "https://a.example"})
+
+    return asyncio.run(call())
+
+
+def test_an_exception_of_ours_is_a_problem_without_its_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    response = answer_of(monkeypatch, KeyError("a secret of the inside"))
+    assert response.status_code == 500
+    assert response.headers["content-type"] == "application/problem+json"
+    assert "secret" not in response.text
+
+
+@pytest.mark.parametrize("status", ["crash", "fault"])
+def test_a_failed_task_is_a_problem_and_its_details_go_to_the_log(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, status: Any
+) -> None:
+    with pytest.raises(Exception, match="fault of the program") as raised:
+        value_of(Outcome(status, "KeyError", detail="Traceback: a secret of the inside"))
+    response = answer_of(monkeypatch, raised.value)
+    assert response.status_code == 500
+    assert "secret" not in response.text
+    assert "secret" in caplog.text
+
+
+def test_one_request_too_many_is_told_to_come_back() -> None:
+    engine = Engine(Settings(workers=1, queue=1))
+    with engine._place_in_queue(), engine._place_in_queue():
+        with pytest.raises(Refusal) as refused, engine._place_in_queue():
+            pass
+        assert refused.value.status == 503
+        assert refused.value.headers == {"Retry-After": "5"}
+    with engine._place_in_queue():
+        pass
+
+
+@pytest.mark.parametrize(("origins", "allowed"), [((), None), (("https://a.example",), "https://a.example")])
+def test_other_pages_may_call_only_where_the_settings_say_so(
+    monkeypatch: pytest.MonkeyPatch, origins: tuple[str, ...], allowed: str | None
+) -> None:
+    response = answer_of(monkeypatch, Refusal(422, "limit", "no"), Settings(cors_origins=origins))
+    assert response.status_code == 422
+    assert response.headers.get("access-control-allow-origin") == allowed
