@@ -1,0 +1,98 @@
+"""Run the benchmark: tables on standard output, and with --output as Markdown and JSON files."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import platform
+import statistics
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from inverse_service import catalogue
+from inverse_service.benchmark import families, tables
+from inverse_service.benchmark.cold_start import cold_starts
+from inverse_service.benchmark.decision_benchmark import comparisons, medians
+from inverse_service.benchmark.growth import against_order, against_size
+
+PARTS = ("decision", "size", "order", "cold")
+Section = tuple[str, list[Any]]  # Markdown, rows
+
+
+def report(line: str) -> None:
+    """What is being measured, on standard error."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def decision_section(options: argparse.Namespace) -> Section:
+    found = comparisons(options.random, options.limit, report)
+    rows = medians(found)
+    head = "## The decision beside a plain SymPy pipeline"
+    return f"{head}\n\n{tables.medians_table(rows)}\n{tables.comparison_table(found)}", [*rows, *found]
+
+
+def size_section(options: argparse.Namespace) -> Section:
+    rows = against_size(options.largest, options.limit, report)
+    return f"## Time and memory against n\n\n{tables.size_table(rows)}", list(rows)
+
+
+def order_section(options: argparse.Namespace) -> Section:
+    against_order(families.cubic_chain(2), 2, options.limit, report)  # loads the compiled kernels
+    rows = []
+    for n in range(1, min(options.largest, 6) + 1):
+        rows += against_order(families.cubic_chain(n), options.order, options.limit / 4, report)
+    return f"## Time against the order of prolongation\n\n{tables.order_table(rows)}", list(rows)
+
+
+def cold_section(options: argparse.Namespace) -> Section:
+    names = [name for name in catalogue.names() if options.all or catalogue.entry(name)["group"] == "paper"]
+    rows = cold_starts(names, options.limit, report)
+    seconds = [row.seconds for row in rows if row.seconds is not None]
+    middle = f"median {statistics.median(seconds):.2f} s, slowest {max(seconds):.2f} s\n\n" if seconds else ""
+    return f"## `inverse-service solve` from a cold start\n\n{middle}{tables.cold_table(rows)}", list(rows)
+
+
+SECTIONS: dict[str, Callable[[argparse.Namespace], Section]] = {
+    "decision": decision_section,
+    "size": size_section,
+    "order": order_section,
+    "cold": cold_section,
+}
+
+
+def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="python -m inverse_service.benchmark", description=__doc__)
+    parser.add_argument("--part", choices=PARTS, action="append", help="only this part (may be repeated)")
+    parser.add_argument("--random", type=int, default=5, help="random systems of each kind for each n (default 5)")
+    parser.add_argument("--limit", type=float, default=60.0, help="seconds for one measurement (default 60)")
+    parser.add_argument("--largest", type=int, default=8, help="largest n (default 8)")
+    parser.add_argument("--order", type=int, default=5, help="highest order of prolongation (default 5)")
+    parser.add_argument("--all", action="store_true", help="cold starts for the whole catalogue")
+    parser.add_argument("--output", type=Path, help="folder for benchmark.md and benchmark.json")
+    return parser.parse_args(arguments)
+
+
+def machine() -> str:
+    """What the numbers were measured on, without naming the computer."""
+    return f"Python {platform.python_version()}, {platform.machine()}, {os.cpu_count()} cores"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    chosen = options(arguments)
+    sections = {part: SECTIONS[part](chosen) for part in chosen.part or PARTS}
+    text = "\n".join([f"# Benchmark\n\n{machine()}\n", *(markdown for markdown, _ in sections.values())])
+    print(text)
+    if chosen.output:
+        chosen.output.mkdir(parents=True, exist_ok=True)
+        data = {part: [dataclasses.asdict(row) for row in rows] for part, (_, rows) in sections.items()}
+        (chosen.output / "benchmark.md").write_text(text, encoding="utf-8")
+        (chosen.output / "benchmark.json").write_text(json.dumps(data, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""`inverse-service solve` from a cold start, for entries of the catalogue."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from inverse_service import catalogue
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class ColdStart:
+    """Wall-clock seconds of one command and its exit code (0: a definite verdict); None past the limit."""
+
+    name: str
+    seconds: float | None
+    exit_code: int | None
+
+
+def cold_starts(names: Sequence[str], limit: float, report: Report) -> list[ColdStart]:
+    """Each entry once, a fresh process for each."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in names:
+            report(f"solve {name}")
+            path = Path(folder) / f"{name}.json"
+            path.write_text(json.dumps(catalogue.document(name)), encoding="utf-8")
+            found.append(_cold_start(name, path, limit))
+    return found
+
+
+def _cold_start(name: str, path: Path, limit: float) -> ColdStart:
+    command = [sys.executable, "-m", "inverse_service.cli", "solve", str(path)]
+    began = time.perf_counter()
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=limit, check=False, env=dict(os.environ))
+    except subprocess.TimeoutExpired:
+        return ColdStart(name, None, None)
+    return ColdStart(name, time.perf_counter() - began, done.returncode)

@@ -1,0 +1,117 @@
+"""Our decision beside the plain pipeline, alternating, on the paper's systems and on random ones."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from inverse_service import catalogue
+from inverse_service.benchmark.families import Document, random_natural, random_quadratic
+from inverse_service.benchmark.isolated import measure
+from inverse_service.benchmark.plain import SIMPLIFICATIONS
+from inverse_service.inverse_problem.decision import decide
+from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+Report = Callable[[str], None]
+REPEATS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One system: our median over fresh seeds, and per simplification the plain seconds (None: past the limit)."""
+
+    name: str
+    n: int
+    expected: str
+    verdict: str
+    order: int
+    seconds: float
+    plain_seconds: dict[str, float | None]
+    plain_verdicts: dict[str, str | None]
+
+    @property
+    def ratio(self) -> float | None:
+        """Fastest plain run that finished with the right verdict, over ours."""
+        right = [s for kind, s in self.plain_seconds.items() if s and self.plain_verdicts[kind] == self.expected]
+        return min(right) / self.seconds if right else None
+
+
+@dataclass(frozen=True, slots=True)
+class Medians:
+    """All systems of one n: medians of our seconds and of the ratios that exist."""
+
+    n: int
+    systems: int
+    seconds: float
+    slowest: float
+    ratio: float | None
+    plain_right: int
+
+
+def paper_systems() -> list[tuple[str, Document, str]]:
+    """(name, document, expected verdict) of the paper's systems in the catalogue."""
+    entries = [catalogue.entry(name) for name in catalogue.names()]
+    paper = [entry for entry in entries if entry["group"] == "paper"]
+    return [(entry["name"], entry["document"], entry["expected"]["verdict"]) for entry in paper]
+
+
+def random_ones(each: int) -> list[tuple[str, Document, str]]:
+    """For n = 2, 3, 4 `each` natural systems and as many random quadratic ones, their verdicts known.
+
+    A quadratic draw that has a Lagrangian after all is told by the decision disagreeing; none has.
+    """
+    found = []
+    for n in (2, 3, 4):
+        for seed in range(1, each + 1):
+            natural, quadratic = random_natural(n, seed), random_quadratic(n, seed)
+            found.append((natural["name"], natural, "variational"))
+            found.append((quadratic["name"], quadratic, "not_variational"))
+    return found
+
+
+def read(document: Document) -> SecondOrderSystem:
+    """The system of a document, as the service reads it."""
+    return read_system(
+        document["coordinates"], document["equations"], document.get("parameters", ()), document.get("functions")
+    )
+
+
+def compare(name: str, document: Document, expected: str, limit: float) -> Comparison:
+    """Ours for L(q, v), both points included, each repeat with a seed of its own; then the plain pipelines."""
+    system = read(document)
+    runs = [decide(system, False, seed=seed) for seed in range(1, REPEATS + 1)]
+    plain = {kind: measure("inverse_service.benchmark.plain", [kind], document, limit) for kind in SIMPLIFICATIONS}
+    return Comparison(
+        name=name,
+        n=len(system.coordinates),
+        expected=expected,
+        verdict=runs[0].verdict,
+        order=runs[0].order,
+        seconds=statistics.median(run.seconds for run in runs),
+        plain_seconds={kind: found["seconds"] if found else None for kind, found in plain.items()},
+        plain_verdicts={kind: found["verdict"] if found else None for kind, found in plain.items()},
+    )
+
+
+def comparisons(each: int, limit: float, report: Report) -> list[Comparison]:
+    """All systems, ours and the plain pipelines in turn, so that both meet the same load of the machine."""
+    decide(read(random_natural(2)), False)  # compiled kernels are loaded once: a warm worker has them
+    found = []
+    for name, document, expected in paper_systems() + random_ones(each):
+        report(name)
+        found.append(compare(name, document, expected, limit))
+    return found
+
+
+def medians(found: Sequence[Comparison]) -> list[Medians]:
+    """One row for each n."""
+    rows = []
+    for n in sorted({c.n for c in found}):
+        group = [c for c in found if c.n == n]
+        ratios = [c.ratio for c in group if c.ratio is not None]
+        seconds = [c.seconds for c in group]
+        ratio = statistics.median(ratios) if ratios else None
+        rows.append(Medians(n, len(group), statistics.median(seconds), max(seconds), ratio, len(ratios)))
+    return rows

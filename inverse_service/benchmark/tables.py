@@ -1,0 +1,86 @@
+"""Measurements as Markdown tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from inverse_service.benchmark.cold_start import ColdStart
+from inverse_service.benchmark.decision_benchmark import Comparison, Medians
+from inverse_service.benchmark.growth import OrderRow, SizeRow
+from inverse_service.benchmark.plain import SIMPLIFICATIONS
+
+MISSING = "-"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table, the first column to the left, the others to the right."""
+    rule = ["---"] + ["---:"] * (len(head) - 1)
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, rule, *rows)) + "\n"
+
+
+def milliseconds(seconds: float | None) -> str:
+    return MISSING if seconds is None else f"{1000 * seconds:.3g}"
+
+
+def times(ratio: float | None) -> str:
+    return MISSING if ratio is None else f"{ratio:.3g}"
+
+
+def comparison_table(found: Sequence[Comparison]) -> str:
+    """Each system: ours, the plain pipelines, the ratio."""
+    kinds = list(SIMPLIFICATIONS)
+    head = ["system", "n", "verdict", "order", "ours, ms", *(f"plain ({kind}), ms" for kind in kinds), "ratio"]
+    rows = []
+    for c in found:
+        plain = [_plain_cell(c, kind) for kind in kinds]
+        verdict = c.verdict if c.verdict == c.expected else f"{c.verdict} (WRONG)"
+        rows.append([c.name, str(c.n), verdict, str(c.order), milliseconds(c.seconds), *plain, times(c.ratio)])
+    return table(head, rows)
+
+
+def _plain_cell(c: Comparison, kind: str) -> str:
+    if c.plain_seconds[kind] is None:
+        return "past the limit"
+    wrong = "" if c.plain_verdicts[kind] == c.expected else " (wrong verdict)"
+    return milliseconds(c.plain_seconds[kind]) + wrong
+
+
+def medians_table(rows: Sequence[Medians]) -> str:
+    """Medians for each n."""
+    head = ["n", "systems", "ours: median, ms", "ours: slowest, ms", "plain finished and right", "median ratio"]
+    return table(head, map(_medians_cells, rows))
+
+
+def _medians_cells(row: Medians) -> list[str]:
+    ours = [milliseconds(row.seconds), milliseconds(row.slowest)]
+    return [str(row.n), str(row.systems), *ours, str(row.plain_right), times(row.ratio)]
+
+
+def size_table(rows: Sequence[SizeRow]) -> str:
+    """Time and memory against n."""
+    return table(["family", "n", "verdict", "order", "ms", "peak MB"], map(_size_cells, rows))
+
+
+def _size_cells(row: SizeRow) -> list[str]:
+    if row.verdict is None:
+        return [row.family, str(row.n), "past the limit", MISSING, MISSING, MISSING]
+    peak = MISSING if row.megabytes is None else f"{row.megabytes:.0f}"
+    return [row.family, str(row.n), row.verdict, str(row.order), milliseconds(row.seconds), peak]
+
+
+def order_table(rows: Sequence[OrderRow]) -> str:
+    """Time against the order of prolongation."""
+    head = ["system", "n", "order", "unknowns", "ms"]
+    return table(head, ([r.name, str(r.n), str(r.order), str(r.unknowns), milliseconds(r.seconds)] for r in rows))
+
+
+def cold_table(rows: Sequence[ColdStart]) -> str:
+    """Cold starts, the slowest first."""
+    ordered = sorted(rows, key=lambda r: float("inf") if r.seconds is None else r.seconds, reverse=True)
+    return table(["entry", "s", "exit code"], map(_cold_cells, ordered))
+
+
+def _cold_cells(row: ColdStart) -> list[str]:
+    if row.seconds is None:
+        return [row.name, "past the limit", MISSING]
+    return [row.name, f"{row.seconds:.2f}", str(row.exit_code)]
