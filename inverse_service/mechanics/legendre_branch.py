@@ -1,0 +1,35 @@
+"""One candidate for the inverse of a momentum map, before it is checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, substitute
+from inverse_service.mechanics.legendre_blocks import Block
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """v(t, q, p) and H(t, q, p) of a block, where every tree of `conditions` (in t, q, v) is positive.
+
+    With a `pivot` the other velocities may contain the pivot's Velocity, for which its own formula
+    is to be put.
+    """
+
+    velocities: tuple[Expression, ...]
+    hamiltonian: Expression
+    conditions: tuple[Expression, ...] = ()
+    pivot: str = ""
+
+
+Family = Callable[[Block], Iterator[Branch]]
+Solver = Callable[[Expression, Sequence[str], Mapping[str, Symbol]], Iterator[Branch]]
+
+
+def resolved(velocities: Sequence[Expression], names: Sequence[str]) -> tuple[Expression, ...]:
+    """The velocities with the pivots replaced: no Velocity of `names` is left."""
+    table: dict[Expression, Expression] = {
+        Velocity(name): tree for name, tree in zip(names, velocities, strict=True)
+    }
+    return tuple(substitute(tree, table) for tree in velocities)

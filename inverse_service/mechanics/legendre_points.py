@@ -1,0 +1,147 @@
+"""Random real points of a Lagrangian, and the check of an inverse momentum map there with 40 digits."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mpmath import mp, mpf
+
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate
+from inverse_service.expressions.tree import PI, Arbitrary, Expression, Symbol, Velocity, walk
+
+DIGITS = 60
+AGREEING_DIGITS = 40
+_MOST_POINTS = 16
+_FEWEST_POINTS = 3
+_ATTEMPTS = 400
+_SEED = 18_340_115
+_WIDTHS = ("1", "1", "3", "0.4", "6", "0.1")
+
+Point = dict[Expression, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """v(p) and H(p) for L(v); `momenta` gives each momentum symbol as a function of v."""
+
+    lagrangian: Expression
+    names: tuple[str, ...]
+    momenta: Mapping[Symbol, Expression]
+    velocities: tuple[Expression, ...]
+    hamiltonian: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """At how many points a claim holds; where it does not hold everywhere, on which conditions it does."""
+
+    holding: int
+    conditions: tuple[Expression, ...]
+
+
+def sample_points(trees: Sequence[Expression]) -> list[Point]:
+    """Up to 16 points at which every tree is real, half of the tries all positive; parameters are drawn too.
+
+    Equal calls of an arbitrary function get the same value however their arguments are written.
+    """
+    leaves, calls = _leaves(trees)
+    source = random.Random(_SEED)
+    found: list[Point] = []
+    with mp.workdps(DIGITS):
+        for attempt in range(_ATTEMPTS):
+            width = mpf(_WIDTHS[attempt // 2 % len(_WIDTHS)])
+            point = {leaf: _draw(source, width, attempt % 2 == 0) for leaf in leaves}
+            point.update({call: point[canonical] for call, canonical in calls.items()})
+            if all(value(tree, point) is not None for tree in trees):
+                found.append(point)
+            if len(found) == _MOST_POINTS:
+                break
+    return found
+
+
+def _leaves(trees: Sequence[Expression]) -> tuple[list[Expression], dict[Expression, Expression]]:
+    """What is drawn, and for every call of an arbitrary function its canonical form, which is drawn too."""
+    nodes = dict.fromkeys(node for tree in (*trees, *map(collect, trees)) for node in walk(tree))
+    calls = {node: collect(node) for node in nodes if isinstance(node, Arbitrary)}
+    drawn = [node for node in nodes if isinstance(node, Symbol | Velocity) and node != PI]
+    return [*drawn, *dict.fromkeys(calls.values())], calls
+
+
+def _draw(source: random.Random, width: Real, positive: bool) -> Real:
+    size = width * (mpf(source.randrange(1, 10**18)) / 10**18 + mpf("0.05"))
+    return size if positive or source.random() < 0.5 else -size
+
+
+def value(tree: Expression, point: Point) -> Real | None:
+    """The value in the working precision, None where there is none."""
+    try:
+        return evaluate(tree, point)
+    except NoRealValue:
+        return None
+
+
+def judge(claim: Claim, conditions: Sequence[Expression], points: Sequence[Point]) -> Judgement | None:
+    """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
+    with mp.workdps(DIGITS):
+        holds = [_holds(claim, point) for point in points]
+        signs = [[_is_positive(condition, point) for condition in conditions] for point in points]
+    needed = list(range(len(conditions)))
+    if not _is_right(holds, signs, needed):
+        return None
+    for place in list(needed):
+        fewer = [other for other in needed if other != place]
+        if _is_right(holds, signs, fewer):
+            needed = fewer
+    return Judgement(sum(holds), tuple(conditions[place] for place in needed))
+
+
+def _is_right(holds: Sequence[bool], signs: Sequence[Sequence[bool]], needed: Sequence[int]) -> bool:
+    """Whether the claim holds at all points, three at least, at which the needed conditions hold."""
+    inside = [held for held, row in zip(holds, signs, strict=True) if all(row[place] for place in needed)]
+    return len(inside) >= _FEWEST_POINTS and all(inside)
+
+
+def _is_positive(condition: Expression, point: Point) -> bool:
+    number = value(condition, point)
+    return number is not None and bool(number > 0)
+
+
+def _holds(claim: Claim, point: Point) -> bool:
+    """v(q, p(q, v)) = v and H(q, p(q, v)) = p v - L at a point, to 40 digits."""
+    momenta = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
+    lagrangian = value(claim.lagrangian, point)
+    if lagrangian is None or any(p is None for p in momenta.values()):
+        return False
+    there: Point = {**point, **momenta}
+    rates = [point[Velocity(name)] for name in claim.names]
+    works = [p * v for p, v in zip(momenta.values(), rates, strict=True)]
+    expected = [*rates, mp.fsum([*works, -lagrangian])]
+    found = [value(tree, there) for tree in (*claim.velocities, claim.hamiltonian)]
+    scales = [abs(rate) for rate in rates] + [abs(lagrangian) + mp.fsum(map(abs, works))]
+    return all(
+        a is not None and abs(a - b) <= mpf(10) ** -AGREEING_DIGITS * scale
+        for a, b, scale in zip(found, expected, scales, strict=True)
+    )
+
+
+def is_singular(matrix: Sequence[Sequence[Expression]], points: Sequence[Point]) -> bool:
+    """Whether the determinant vanishes at every point at which the entries are real (one at least)."""
+    verdicts = []
+    with mp.workdps(DIGITS):
+        for point in points:
+            rows = [[value(entry, point) for entry in row] for row in matrix]
+            if all(entry is not None for row in rows for entry in row):
+                verdicts.append(_vanishes(rows))
+            if verdicts and not verdicts[-1]:
+                return False
+    return bool(verdicts)
+
+
+def _vanishes(rows: list[list[Real]]) -> bool:
+    """|det| against the product of the lengths of the rows (Hadamard)."""
+    bound = mp.fprod(mp.norm(row) for row in rows)
+    return bool(bound == 0 or abs(mp.det(mp.matrix(rows))) <= mpf(10) ** -AGREEING_DIGITS * bound)

@@ -1,0 +1,57 @@
+"""The families of Lagrangians whose momentum map is inverted in closed form, cheapest first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice, product
+
+from inverse_service.expressions.tree import (
+    Expression,
+    Symbol,
+    add,
+    negate,
+    substitute,
+    subtract,
+)
+from inverse_service.mechanics.legendre_blocks import Block, split
+from inverse_service.mechanics.legendre_branch import Branch
+from inverse_service.mechanics.legendre_linear import linear_branches
+from inverse_service.mechanics.legendre_quadratic import quadratic_branches
+from inverse_service.mechanics.legendre_radial import radial_branches
+from inverse_service.mechanics.legendre_ratio import ratio_branches
+from inverse_service.mechanics.legendre_scalar import scalar_branches
+
+_MOST_BRANCHES = 8
+
+
+def block_branches(block: Block) -> Iterator[Branch]:
+    """Candidates for one block without linear terms; none of them is checked here."""
+    yield from quadratic_branches(block)
+    yield from ratio_branches(block, solve)
+    yield from radial_branches(block, solve)
+    yield from linear_branches(block, solve)
+    yield from scalar_branches(block)
+
+
+def solve(function: Expression, names: Sequence[str], momenta: Mapping[str, Symbol]) -> Iterator[Branch]:
+    """Candidates for any function of the velocities: products of those of its blocks."""
+    parts = split(function, names, momenta)
+    found = [list(islice(block_branches(block), _MOST_BRANCHES)) for block in parts.blocks]
+    table = momentum_shifts(parts.linear, momenta)
+    for choice in islice(product(*found), _MOST_BRANCHES):
+        rates = {
+            name: substitute(tree, table)
+            for block, branch in zip(parts.blocks, choice, strict=True)
+            for name, tree in zip(block.names, branch.velocities, strict=True)
+        }
+        energies = [substitute(branch.hamiltonian, table) for branch in choice]
+        conditions = tuple(condition for branch in choice for condition in branch.conditions)
+        velocities = tuple(rates[name] for name in names)
+        yield Branch(velocities, add(*energies, negate(parts.free)), conditions)
+
+
+def momentum_shifts(
+    linear: Mapping[str, Expression], momenta: Mapping[str, Symbol]
+) -> dict[Expression, Expression]:
+    """p -> p - A for the terms A v of a Lagrangian."""
+    return {momenta[name]: subtract(momenta[name], a) for name, a in linear.items()}
