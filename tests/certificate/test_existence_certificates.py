@@ -137,10 +137,12 @@ def test_data_of_one_question_do_not_settle_the_other() -> None:
 
 BAD: list[tuple[str, Any]] = [
     ("order", 0), ("order", 21), ("order", "2"), ("order", 2.0), ("order", ...), ("degree", 0), ("degree", 3),
-    ("degree", True), ("degree", 2), ("dimensions", [1]), ("dimensions", []), ("dimensions", None), ("dimensions.0", -1),
+    ("degree", True), ("degree", 2), ("dimensions", [1]), ("dimensions", []), ("dimensions", None),
+    ("dimensions.0", -1),
     ("dimensions", [1, 1, 1]), ("dimensions.0", 10**400), ("dimensions.1", "1"), ("symbol", ...), ("symbol", []),
     ("symbol.dimension", ...), ("symbol.dimension", None), ("symbol.characters", ...), ("symbol.characters", [0] * 5),
-    ("symbol.characters", [0, -1, 1]), ("symbol.prolonged", 0.0), ("claim", "not_variational"), ("kind", "nonexistence"),
+    ("symbol.characters", [0, -1, 1]), ("symbol.prolonged", 0.0), ("claim", "not_variational"),
+    ("kind", "nonexistence"),
 ]  # fmt: skip
 
 
@@ -169,8 +171,9 @@ def test_the_series_of_a_regular_solution_is_compared(prime: int | None) -> None
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        ("terms", []), ("terms.0.1", "0"), ("terms", [[[0, 2], "1"], [[1, 2], "1"]]), ("terms", [[[0, 2], "1"], [[0, 3], 1]]),
-        ("terms.0.0", [2]), ("terms.0.0", [0, 5]), ("terms.0", [[0, 2]]), ("terms.0.1", "1e3"), ("terms.0.1", None),
+        ("terms", []), ("terms.0.1", "0"), ("terms", [[[0, 2], "1"], [[1, 2], "1"]]),
+        ("terms", [[[0, 2], "1"], [[0, 3], 1]]),
+        ("terms.0.0", [2]), ("terms.0.0", [0, 5]), ("terms.0", [[0, 2]]), ("terms.0.1", "1e333"), ("terms.0.1", None),
         ("point", {"x": "3"}), ("point", {}), ("point.x", "NaN"), ("order", 30), ("prime", 15), ("prime", 2**61),
         ("prime", 7), ("prime", -1), ("terms", {"0": 1}), ("terms.0.1", "1/0"),
     ],

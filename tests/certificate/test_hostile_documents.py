@@ -23,7 +23,8 @@ def nested(depth: int) -> Any:
 
 STRANGE: list[Any] = [
     None, True, 0, 10**5000, 1.5, float("nan"), "", "null", b"{}", [], [[]], {}, {1: 2}, {"": ""}, {"format": []},
-    {"format": "inverse-service/certificate/1"}, {"format": "inverse-service/result/1"}, nested(900), object(), {None: None},
+    {"format": "inverse-service/certificate/1"},
+    {"format": "inverse-service/result/1"}, nested(900), object(), {None: None},
     {"format": "inverse-service/certificate/1", "system": {"coordinates": ["x"], "equations": {"x": "0"}}},
 ]  # fmt: skip
 
@@ -76,8 +77,9 @@ def documents() -> list[Document]:
 
 def paths(value: Any, path: str = "") -> list[str]:
     """The dotted paths of all members, at most three of each list."""
-    members = value.items() if isinstance(value, dict) else list(enumerate(value))[:3] if isinstance(value, list) else ()
-    found = []
+    members: list[tuple[Any, Any]] = list(enumerate(value))[:3] if isinstance(value, list) else []
+    members = list(value.items()) if isinstance(value, dict) else members
+    found: list[str] = []
     for key, part in members:
         found += [f"{path}{key}", *paths(part, f"{path}{key}.")]
     return found
@@ -106,12 +108,16 @@ def test_a_missing_member_is_noticed(number: int) -> None:
 
 
 BAD_SYSTEMS: list[tuple[str, Any]] = [
-    ("coordinates", []), ("coordinates", ["x", "x"]), ("coordinates", ["t"]), ("coordinates", ["sin"]), ("coordinates", "x"),
+    ("coordinates", []), ("coordinates", ["x", "x"]), ("coordinates", ["t"]), ("coordinates", ["sin"]),
+    ("coordinates", "x"),
     ("coordinates", ["x'"]), ("coordinates", ["1x"]), ("coordinates", ["\u0445"]), ("coordinates", ["x" * 101]),
-    ("coordinates", [f"x{k}" for k in range(17)]), ("coordinates", [["x"]]), ("parameters", ["x"]), ("parameters", ["pi"]),
-    ("parameters", ["a", "a"]), ("parameters", {"a": 1}), ("parameters", [0]), ("functions", ["A"]), ("functions", {"x": ["x"]}),
+    ("coordinates", [f"x{k}" for k in range(17)]), ("coordinates", [["x"]]), ("parameters", ["x"]),
+    ("parameters", ["pi"]),
+    ("parameters", ["a", "a"]), ("parameters", {"a": 1}), ("parameters", [0]), ("functions", ["A"]),
+    ("functions", {"x": ["x"]}),
     ("functions", {"A": []}), ("functions", {"A": "x"}), ("functions", {"exp": ["x"]}), ("functions", {"A B": ["x"]}),
-    ("equations", {}), ("equations", ["-x"]), ("equations", {"x": 0}), ("equations", {"x": None}), ("equations", {"x": "y"}),
+    ("equations", {}), ("equations", ["-x"]), ("equations", {"x": 0}), ("equations", {"x": None}),
+    ("equations", {"x": "y"}),
     ("equations", {"x": "-x", "y": "0"}), ("equations", {"x": "-x", 1: "0"}), ("equations", {"x": "x''"}),
 ]  # fmt: skip
 

@@ -70,7 +70,8 @@ def test_existence_and_time_in_f_are_valid_results() -> None:
         ("certificate.claim", "not_variational"), ("certificate.kind", "nonexistence"), ("certificate", []),
         ("certificate.kind", "existence"), ("certificate.lagrangian", ...), ("certificate.question", "both"),
         ("certificate.format", "inverse-service/certificate/2"), ("certificate.near", {"z": "1"}), ("question", "L"),
-        ("certificate.near", {"x": "1e5"}), ("certificate.near", []), ("with_time", []), ("certificate.question", TIMED),
+        ("certificate.near", {"x": "1e555"}), ("certificate.near", []), ("with_time", []),
+        ("certificate.question", TIMED),
     ],
 )  # fmt: skip
 def test_a_change_anywhere_in_a_variational_result_is_invalid(path: str, value: Any) -> None:
@@ -128,7 +129,7 @@ def test_an_undetermined_answer_hides_no_false_one() -> None:
     [
         ({"equations": {"x": "-x*(1+2*y)", "y": "y^2-x^2-y"}}, "valid", "are the canonical"),
         ({"x": "-x*(1+2*y)", "y": "y^2-x^2-y"}, "valid", "are the canonical"),
-        ({"equations": {"x": "-x*(c+2*y)", "y": "y^2-x^2-y"}, "parameters": {"c": "1.0"}}, "valid", "are the canonical"),
+        ({"equations": {"x": "-x*(c+2*y)", "y": "y^2-x^2-y"}, "parameters": {"c": "1.0"}}, "valid", "canonical"),
         ({"equations": {"x": "-x*(c+2*y)", "y": "y^2-x^2-y"}, "parameters": {"c": "1.1"}}, "invalid", "not those"),
         ({"equations": {"x": "-x*(1+2*y)+x^3/10^9", "y": "y^2-x^2-y"}}, "invalid", "not those"),
         ({"equations": {"x": "-x*(sin(y)^2+cos(y)^2+2*y)", "y": "y^2-x^2-y"}}, "valid", "are the canonical"),
