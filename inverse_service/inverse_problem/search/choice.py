@@ -24,7 +24,8 @@ def hessians(space: LagrangianSpace, seed: int) -> tuple[int, list[Matrix]]:
     letters = letters_of(candidates)
     table = letter_table(space.sampler, letters, 1, seed)
     index = {letter: k for k, letter in enumerate(letters)}
-    values = monomial_values(table, letters, candidates)[0]
+    inverse = pow(1 << 64, -1, table.prime)
+    values = [int(x) * inverse % table.prime for x in monomial_values(table, letters, candidates)[0]]
     single = {
         key: _hessian(table, [(index[p], e) for p, e in key], value)
         for key, value in zip(candidates, values, strict=True)

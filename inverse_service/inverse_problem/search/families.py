@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.expressions.tree import Apply, Expression, Number, Sum, Symbol, Velocity
+from inverse_service.expressions.tree import TIME, Apply, Number, Sum, walk
 from inverse_service.inverse_problem.search.integrating import integrating_factor
 from inverse_service.inverse_problem.search.material import (
     Material,
@@ -18,18 +18,24 @@ from inverse_service.inverse_problem.search.material import (
 from inverse_service.inverse_problem.search.motion import euler_lagrange, split_velocities
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, rank, times
 
-MOST_CANDIDATES = 1_500
+_MOST_SEEDS = 700
 _MOST_FACTORS = 24
 HALF = Fraction(1, 2)
 
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """A named ansatz: the terms holding velocities that it tries; potentials are added to all."""
+    """A named ansatz: the terms it starts from, and how often what cancels their residuals is added.
+
+    `position_only` adds functions of position of degree <= 2 and nothing that follows from residuals
+    but potentials.
+    """
 
     name: str
     cost: int
-    terms: Callable[[Material, "Factors"], list[Monomial]]
+    seeds: Callable[[Material, Factors], list[Monomial]]
+    depth: int = 1
+    bound: int = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +46,16 @@ class Factors:
 
 
 def find_factors(material: Material, seed: int) -> Factors:
-    """1 and the integrating factors of the coefficients of f, with their inverses."""
+    """1, the integrating factors of the coefficients of f and of each equation together, and inverses."""
     found: dict[Monomial, None] = {EMPTY: None}
-    for c, variable in integrating_candidates(material)[:_MOST_FACTORS]:
+    by_equation: dict[int, Monomial] = {}
+    for i, c, variable in integrating_candidates(material)[:_MOST_FACTORS]:
         factor = integrating_factor(material, c, variable, seed)
         if factor:
             found[factor] = None
-            found[times(EMPTY, factor, -1)] = None
+            by_equation[i] = times(by_equation.get(i, EMPTY), factor)
+    found.update(dict.fromkeys(by_equation.values()))
+    found.update(dict.fromkeys([times(EMPTY, factor, -1) for factor in found]))
     return Factors(tuple(sorted(found, key=rank)[:_MOST_FACTORS]))
 
 
@@ -89,17 +98,44 @@ def _metric(material: Material, factors: Factors) -> list[Monomial]:
 
 
 def _laurent(material: Material, factors: Factors) -> list[Monomial]:
-    """phi v_i v_j / v_k with k different from i and j, and phi v_i v_j."""
+    """phi v_i v_j / v_k with k different from i and j, and v_i v_j."""
+    return pairs(material) + products(_multipliers(material, factors), _quotients(material))
+
+
+def _quotients(material: Material) -> list[Monomial]:
+    """v_i v_j / w with w a velocity or a sum of velocities that is a factor of f."""
     velocities = material.motion.velocities
-    shapes = [
+    return [
         times(monomial(a, b), monomial(c), -1)
         for a, b in itertools.combinations_with_replacement(velocities, 2)
-        for c in velocities
+        for c in (*velocities, *material.linear_sums)
         if c not in (a, b)
     ]
-    roots = [m for m in position_monomials(material, 1) if m]
-    shapes_of_factors = distinct([*factors.integrating, *products(roots, factors.integrating), *roots])
-    return pairs(material) + products([EMPTY, *shapes_of_factors][:_MOST_FACTORS], shapes)
+
+
+def _multipliers(material: Material, factors: Factors) -> list[Monomial]:
+    """1, integrating factors, products of letters, as many as leave the ansatz small."""
+    roots = position_monomials(material, 2)
+    every = distinct([*factors.integrating, *products(position_monomials(material, 1), factors.integrating), *roots])
+    room = max(4, _MOST_SEEDS // max(1, len(_quotients(material))))
+    chosen = dict.fromkeys([*factors.integrating[: room // 2], *every])
+    return list(chosen)[:room]
+
+
+def _laurent_plain(material: Material, factors: Factors) -> list[Monomial]:
+    return pairs(material) + products(factors.integrating[:3], _quotients(material))
+
+
+def _laurent_double(material: Material, factors: Factors) -> list[Monomial]:
+    """phi v_i v_j / v_k and phi v_i v_j v_k / v_l^2."""
+    velocities = material.motion.velocities
+    shapes = [
+        times(monomial(*chosen), monomial(c), -2)
+        for chosen in itertools.combinations_with_replacement(velocities, 3)
+        for c in velocities
+        if c not in chosen
+    ]
+    return pairs(material) + products(factors.integrating[:3], [*_quotients(material), *shapes])
 
 
 def _velocity_letters(material: Material, factors: Factors) -> list[Monomial]:
@@ -135,60 +171,72 @@ def _separate(material: Material, factors: Factors) -> list[Monomial]:
 
 FAMILIES = (
     Family("constant multiplier", 1, _constant),
-    Family("quadratic with integrating factors", 2, _integrating),
-    Family("quadratic in the velocities", 3, _metric),
-    Family("Laurent monomials v_i v_j / v_k", 4, _laurent),
-    Family("functions of the velocities in f", 5, _velocity_letters),
-    Family("separate functions of the velocities", 6, _separate),
+    Family("quadratic, polynomial in the coordinates", 2, _constant, depth=3),
+    Family("quadratic with integrating factors", 3, _integrating),
+    Family("quadratic in the velocities", 4, _metric, bound=700),
+    Family("Laurent monomials v_i v_j / v_k, polynomial in the coordinates", 5, _laurent_plain, depth=3, bound=800),
+    Family("Laurent monomials v_i v_j / v_k", 6, _laurent, bound=1_000),
+    Family("functions of the velocities in f", 7, _velocity_letters),
+    Family("Laurent monomials v_i v_j v_k / v_l^2", 8, _laurent_double, depth=2, bound=800),
+    Family("separate functions of the velocities", 9, _separate, bound=600),
 )
 
 
-def with_potentials(material: Material, moving: Sequence[Monomial]) -> list[Monomial]:
-    """The terms and what can cancel the velocity-free and linear parts of their Euler-Lagrange expressions."""
-    motion = material.motion
-    found: dict[Monomial, None] = dict.fromkeys(moving)
-    for key in moving:
-        try:
-            residuals = euler_lagrange(motion, key)
-        except TooManyTerms:
-            continue
-        for i, residual in enumerate(residuals):
-            for term in residual:
-                for extra in _cancelling(material, term, i):
-                    found[extra] = None
-        if len(found) > MOST_CANDIDATES:
-            break
-    ordered = sorted(found, key=rank)
-    return [key for key in ordered if _is_admissible(material, key)][:MOST_CANDIDATES]
+def candidates(material: Material, family: Family, factors: Factors) -> list[Monomial]:
+    """The seeds, and terms whose Euler-Lagrange expressions can cancel those of the terms before.
+
+    A residual T(q) w(v) in equation i is cancelled by B(q) w v_i / v_j with dB/dq_j = T; only the
+    velocity shapes of the seeds, 1 and v_k are admitted.
+    """
+    seeds = [key for key in distinct(family.seeds(material, factors)) if _is_admissible(material, key)]
+    if not seeds:
+        return []
+    shapes = {split_velocities(key)[1] for key in seeds} | {EMPTY}
+    shapes |= {monomial(v) for v in material.motion.velocities}
+    found = dict.fromkeys(seeds)
+    bound = max(family.bound, 2 * len(seeds))
+    fresh = seeds
+    for _ in range(family.depth):
+        added: dict[Monomial, None] = {}
+        for key in fresh:
+            added.update(dict.fromkeys(extra for extra in _cancelling(material, key, shapes) if extra not in found))
+            if len(added) + len(found) > 2 * bound:
+                break
+        fresh = sorted(added, key=rank)[: max(0, bound - len(found))]
+        found.update(dict.fromkeys(fresh))
+    return sorted(found, key=rank)
 
 
-def _cancelling(material: Material, term: Monomial, i: int) -> list[Monomial]:
+def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> list[Monomial]:
+    """Admissible terms that answer the residuals of one candidate."""
+    try:
+        residuals = euler_lagrange(material.motion, key)
+    except TooManyTerms:
+        return []
+    found: dict[Monomial, None] = {}
     motion = material.motion
-    position, moving = split_velocities(term)
-    if not moving:
-        return antiderivatives(position, motion.coordinates[i])
-    if len(moving) == 1:
-        ((letter, exponent),) = moving
-        if isinstance(letter, Velocity) and exponent == 1:
-            j = motion.velocities.index(letter)
-            return [
-                times(m, monomial(motion.velocities[k]))
-                for k, q in ((i, motion.coordinates[j]), (j, motion.coordinates[i]))
-                for m in antiderivatives(position, q)
-            ]
-    return []
+    for v, residual in zip(motion.velocities, residuals, strict=True):
+        for term in residual:
+            position, moving = split_velocities(term)
+            for q, w in zip(motion.coordinates, motion.velocities, strict=True):
+                shape = times(times(moving, monomial(v)), monomial(w), -1)
+                if shape in shapes:
+                    found.update(dict.fromkeys(times(m, shape) for m in antiderivatives(position, q)))
+    found.update(dict.fromkeys(m for extra in list(found) for m in _without_squares(extra)))
+    return [extra for extra in found if _is_admissible(material, extra)]
+
+
+def _without_squares(key: Monomial) -> list[Monomial]:
+    """With sin^2 u or cos^2 u also the monomial without it: 1 = sin^2 u + cos^2 u."""
+    return [
+        times(key, frozenset([(letter, Fraction(2))]), -1)
+        for letter, e in key
+        if isinstance(letter, Apply) and letter.function in ("sin", "cos") and e >= 2
+    ]
 
 
 def _is_admissible(material: Material, key: Monomial) -> bool:
     """L may contain t only where asked for, and a pure constant is no term."""
-    if not key or all(isinstance(letter, Number) for letter, _ in key):
+    if all(isinstance(letter, Number) for letter, _ in key):
         return False
-    return material.motion.with_time or not any(_has_time(letter) for letter, _ in key)
-
-
-def _has_time(letter: Expression) -> bool:
-    from inverse_service.expressions.tree import TIME, walk
-
-    return any(node == TIME for node in walk(letter))
-
-
+    return material.motion.with_time or not any(node == TIME for letter, _ in key for node in walk(letter))

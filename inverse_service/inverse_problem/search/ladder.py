@@ -10,7 +10,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.search.choice import as_tree, oriented, regular_members, without_gauge
-from inverse_service.inverse_problem.search.families import FAMILIES, Family, Factors, find_factors, with_potentials
+from inverse_service.inverse_problem.search.families import FAMILIES, Factors, Family, candidates, find_factors
 from inverse_service.inverse_problem.search.linear_ansatz import letters_of, solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.sampling import make_sampler
@@ -40,6 +40,7 @@ def search(
 ) -> SearchOutcome:
     """The first family that holds a regular Lagrangian, or what was tried."""
     tried: list[tuple[str, int]] = []
+    known: set[Monomial] = set()
     try:
         material = gather(analysis, with_time)
     except TooManyTerms:
@@ -51,23 +52,26 @@ def search(
         progress(f"ansatz: {family.name}")
         if factors is None and family.cost > 1:
             factors = find_factors(material, seed)
-        candidates = with_potentials(material, family.terms(material, factors or Factors(())))
-        tried.append((family.name, len(candidates)))
-        found = _solve(material, family, candidates, seed)
+        terms = candidates(material, family, factors or Factors(()))
+        if tried and set(terms) <= known:
+            continue
+        known.update(terms)
+        tried.append((family.name, len(terms)))
+        found = _solve(material, family, terms, seed)
         if found is not None:
             return SearchOutcome(found, tuple(tried))
     return SearchOutcome(None, tuple(tried))
 
 
-def _solve(material: Material, family: Family, candidates: Sequence[Monomial], seed: int) -> Found | None:
+def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: int) -> Found | None:
     exponents = {}
-    for candidate in candidates:
+    for candidate in terms:
         for letter, e in candidate:
             if letter not in exponents or e.denominator > exponents[letter].denominator:
                 exponents[letter] = e
     try:
-        sampler = make_sampler(material.analysis, [(p, exponents[p]) for p in letters_of(candidates)])
-        space = solve_ansatz(sampler, candidates, seed)
+        sampler = make_sampler(material.analysis, [(p, exponents[p]) for p in letters_of(terms)])
+        space = solve_ansatz(sampler, terms, seed)
         sets = regular_members(space, seed)
     except IrreducibleAtoms:
         return None

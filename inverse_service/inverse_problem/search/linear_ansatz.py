@@ -36,7 +36,7 @@ class LagrangianSpace:
 def _fill(  # type: ignore[no-untyped-def]
     values, starts, letters, exponents, along, by_velocity, mixed, by_position, result, prime, negative_inverse
 ):
-    """result[s n + i, c] = m_c (V_i G + H_i - Q_i) at sample s; everything in Montgomery form."""
+    """result[s n + i, c] = m_c (V_i G + H_i - Q_i) at sample s, from and to Montgomery form."""
     samples, count = values.shape
     n = by_velocity.shape[2]
     for s in range(samples):
@@ -70,9 +70,7 @@ def _to_montgomery(array: Words, prime: int) -> Words:
     return np.array([int(x) * radix % prime for x in array.ravel()], np.uint64).reshape(array.shape)
 
 
-def euler_lagrange_matrix(
-    table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]
-) -> list[list[int]]:
+def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
     """EL_i of each candidate at each sample, (samples * n, candidates)."""
     prime = table.prime
     index = {letter: k for k, letter in enumerate(letters)}
@@ -82,7 +80,7 @@ def euler_lagrange_matrix(
             places.append(index[letter])
             exponents.append(e.numerator * pow(e.denominator, -1, prime) % prime)
         starts.append(len(places))
-    values = np.array(monomial_values(table, letters, candidates), np.uint64)
+    values = monomial_values(table, letters, candidates)
     modulus, negative_inverse, _, _ = montgomery.constants(prime)
     result = np.zeros((len(values) * table.by_velocity.shape[2], len(candidates)), np.uint64)
     _fill(
@@ -91,7 +89,7 @@ def euler_lagrange_matrix(
         *(_to_montgomery(a, prime) for a in (table.along, table.by_velocity, table.mixed, table.by_position)),
         result, modulus, negative_inverse,
     )  # fmt: skip
-    return [[int(x) for x in row] for row in result]
+    return result
 
 
 def letters_of(candidates: Sequence[Monomial]) -> list[Expression]:
@@ -108,9 +106,14 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
     samples = (len(candidates) + _SPARE_EQUATIONS) // n + 1
     table = letter_table(sampler, letters, samples, seed)
     matrix = euler_lagrange_matrix(table, letters, candidates)
-    found = _null_vectors(matrix, len(candidates), table.prime)
-    combinations = [{candidates[k]: a for k, a in vector.items()} for vector in found]
-    return LagrangianSpace(sampler, tuple(c for c in combinations if _holds(sampler, c, seed + 77_777)))
+    found = _null_vectors(_from_montgomery(matrix, table.prime), len(candidates), table.prime)
+    kept = _that_hold(sampler, candidates, found, seed + 77_777)
+    return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
+
+
+def _from_montgomery(matrix: Words, prime: int) -> list[list[int]]:
+    inverse = pow(1 << 64, -1, prime)
+    return [[x * inverse % prime for x in row] for row in matrix.tolist()]
 
 
 def _null_vectors(matrix: list[list[int]], width: int, prime: int) -> list[dict[int, Fraction]]:
@@ -133,11 +136,22 @@ def _null_vectors(matrix: list[list[int]], width: int, prime: int) -> list[dict[
     return found
 
 
-def _holds(sampler: Sampler, combination: Combination, seed: int) -> bool:
-    """Whether the Euler-Lagrange expressions vanish at fresh points over another prime."""
-    candidates = list(combination)
-    letters = letters_of(candidates)
+def _that_hold(
+    sampler: Sampler, candidates: Sequence[Monomial], vectors: list[dict[int, Fraction]], seed: int
+) -> list[dict[int, Fraction]]:
+    """Those whose Euler-Lagrange expressions vanish at fresh points over another prime."""
+    used = sorted({k for vector in vectors for k in vector})
+    if not used:
+        return []
+    chosen = [candidates[k] for k in used]
+    letters = letters_of(chosen)
     table = letter_table(sampler, letters, _CONTROL_POINTS, seed)
-    matrix = euler_lagrange_matrix(table, letters, candidates)
-    weights = [a.numerator * pow(a.denominator, -1, table.prime) for a in combination.values()]
-    return all(sum(x * w for x, w in zip(row, weights, strict=True)) % table.prime == 0 for row in matrix)
+    prime = table.prime
+    rows = euler_lagrange_matrix(table, letters, chosen).tolist()
+    place = {k: position for position, k in enumerate(used)}
+
+    def holds(vector: dict[int, Fraction]) -> bool:
+        weights = [(place[k], a.numerator * pow(a.denominator, -1, prime)) for k, a in vector.items()]
+        return all(sum(row[k] * w for k, w in weights) % prime == 0 for row in rows)
+
+    return [vector for vector in vectors if holds(vector)]

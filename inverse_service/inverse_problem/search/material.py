@@ -6,15 +6,18 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.tree import (
     TIME,
     Apply,
     Arbitrary,
     Expression,
     Number,
+    Sum,
     Symbol,
     Velocity,
     walk,
@@ -26,11 +29,14 @@ from inverse_service.inverse_problem.search.terms import (
     Monomial,
     Terms,
     TooManyTerms,
+    add_terms,
     letter_derivative,
     monomial,
     rank,
+    split_content,
     terms_of,
     times,
+    tree_of,
 )
 from inverse_service.mechanics.conditions import exact_motion
 
@@ -46,6 +52,7 @@ class Material:
     motion: MotionTerms
     position_letters: tuple[Expression, ...]
     velocity_letters: tuple[Expression, ...]
+    linear_sums: tuple[Expression, ...]
     parameter_monomials: tuple[Monomial, ...]
 
 
@@ -53,7 +60,7 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     """Raises TooManyTerms where f cannot be written as a moderate sum."""
     system = analysis.system
     trees = _factored(analysis)
-    forces = tuple(terms_of(tree) for tree in trees)
+    forces = tuple(_oriented(terms_of(tree), analysis.real_point) for tree in trees)
     motion = MotionTerms(
         tuple(Symbol(name) for name in system.coordinates),
         tuple(Velocity(name) for name in system.coordinates),
@@ -64,7 +71,7 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     parameters = frozenset(Symbol(name) for name in system.parameters)
     position = [p for p in letters if not has_velocity(p) and depends_on_position(p, motion)]
     moving = [p for p in letters if has_velocity(p) and not isinstance(p, Velocity)]
-    return Material(analysis, motion, tuple(position), tuple(moving), _parameter_monomials(forces, parameters))
+    return Material(analysis, motion, tuple(position), tuple(moving), _linear_sums(trees), _parameter_monomials(forces, parameters))
 
 
 def _factored(analysis: Analysis) -> list[Expression]:
@@ -75,6 +82,20 @@ def _factored(analysis: Analysis) -> list[Expression]:
         return [quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
     except (TooLarge, ZeroDivisionError):
         return list(system.accelerations)
+
+
+def _oriented(terms: Terms, table: RealTable | None) -> Terms:
+    """Sums that are negative at the real point replaced by their opposites, so that roots of letters exist."""
+    result: Terms = {}
+    for key, value in terms.items():
+        product = EMPTY
+        for letter, e in key:
+            if table is not None and isinstance(letter, Sum) and e.denominator == 1 and real_sign(letter, table) < 0:
+                value = value if e % 2 == 0 else -value
+                letter = tree_of({k: -v for k, v in terms_of(letter).items()})
+            product = times(product, frozenset([(letter, e)]))
+        result = add_terms(result, {product: value})
+    return result
 
 
 def _letters(forces: Iterable[Terms]) -> list[Expression]:
@@ -104,6 +125,22 @@ def companions(letter: Expression) -> list[Expression]:
     return []
 
 
+def _linear_sums(trees: Iterable[Expression]) -> tuple[Expression, ...]:
+    """Factors of f such as 2 u' + 3 w': sums of velocities with constant coefficients."""
+    found: dict[Expression, None] = {}
+    for tree in trees:
+        for node in walk(tree):
+            if isinstance(node, Sum):
+                try:
+                    terms = terms_of(node)
+                except TooManyTerms:
+                    continue
+                keys = [[(p, e) for p, e in key if not isinstance(p, Number)] for key in terms]
+                if all(len(k) == 1 and isinstance(k[0][0], Velocity) and k[0][1] == 1 for k in keys):
+                    found[split_content(terms)[2]] = None
+    return tuple(found)
+
+
 def depends_on_position(letter: Expression, motion: MotionTerms) -> bool:
     names = {*motion.coordinates, TIME}
     return any(node in names for node in walk(letter))
@@ -128,7 +165,8 @@ def _parameter_monomials(forces: Iterable[Terms], parameters: frozenset[Symbol])
     return tuple(sorted(parts, key=rank))
 
 
-def antiderivatives(key: Monomial, variable: Expression) -> list[Monomial]:
+@lru_cache(maxsize=8192)
+def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]:
     """Monomials whose derivative by the variable may contain `key`, by raising one letter at a time."""
     letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
     for letter in list(letters):
@@ -146,7 +184,7 @@ def antiderivatives(key: Monomial, variable: Expression) -> list[Monomial]:
             if not any(p == letter for p, _ in raised):
                 found[times(raised, monomial(Apply("log", letter)))] = None
     found.pop(EMPTY, None)
-    return list(found)
+    return tuple(found)
 
 
 def coefficient(terms: Terms, moving: Monomial) -> Terms:
@@ -154,19 +192,19 @@ def coefficient(terms: Terms, moving: Monomial) -> Terms:
     return {split_velocities(key)[0]: value for key, value in terms.items() if split_velocities(key)[1] == moving}
 
 
-def integrating_candidates(material: Material) -> list[tuple[Terms, Expression]]:
-    """(c, variable) with wanted factors exp(-int c d variable): from c v_i v_l, c v_i^2 and c v_i in f_i."""
+def integrating_candidates(material: Material) -> list[tuple[int, Terms, Expression]]:
+    """(i, c, variable) with wanted factors exp(-int c d variable): from c v_i v_l, c v_i^2, c v_i in f_i."""
     motion = material.motion
-    found: list[tuple[Terms, Expression]] = []
-    for v, f in zip(motion.velocities, motion.forces, strict=True):
+    found: list[tuple[int, Terms, Expression]] = []
+    for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
         for q, w in zip(motion.coordinates, motion.velocities, strict=True):
             c = coefficient(f, monomial(v, w))
             if c:
                 factor = 2 if v == w else 1
-                found.append(({key: value * factor for key, value in c.items()}, q))
+                found.append((i, {key: value * factor for key, value in c.items()}, q))
         drag = coefficient(f, monomial(v))
         if drag and motion.with_time:
-            found.append((drag, TIME))
+            found.append((i, drag, TIME))
     return found
 
 

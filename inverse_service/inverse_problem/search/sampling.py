@@ -10,9 +10,11 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from inverse_service.algebra import montgomery
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.branches import fix_branches
 from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.primes import positive_power
 from inverse_service.algebra.real_point import RealTable, find_real_point, real_sign, turns
@@ -43,7 +45,7 @@ class Sampler:
 
 def make_sampler(analysis: Analysis, letters: Iterable[tuple[Expression, Fraction]]) -> Sampler:
     """Raises IrreducibleAtoms where letters and f have no common real point or cannot be reduced."""
-    extra = [to_kernels(power(letter, Fraction(1, e.denominator))) for letter, e in letters]
+    extra = [to_kernels(tree) for letter, e in letters for tree in (letter, power(letter, Fraction(1, e.denominator)))]
     wanted = [*analysis.accelerations, *dict.fromkeys(extra)]
     variables = variables_of(analysis.system)
     table = find_real_point(wanted, variables, seed=2)
@@ -137,19 +139,31 @@ def _logarithmic(expansion: Expansion, kernel: Expression, size: int) -> tuple[i
     return value, gradient, second
 
 
-def monomial_values(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> list[list[int]]:
-    """The value of each candidate at each sample, (samples, candidates)."""
+def monomial_values(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
+    """The value of each candidate at each sample, (samples, candidates), in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
-    result = []
-    for sample in table.values:
-        known: dict[tuple[Expression, Fraction], int] = {}
-        row = []
-        for candidate in candidates:
-            product = 1
-            for item in candidate:
-                if item not in known:
-                    known[item] = positive_power(sample[index[item[0]]], item[1], table.prime)
-                product = product * known[item] % table.prime
-            row.append(product)
-        result.append(row)
+    pairs: dict[tuple[Expression, Fraction], int] = {}
+    starts, places = [0], []
+    for candidate in candidates:
+        places += [pairs.setdefault(item, len(pairs)) for item in candidate]
+        starts.append(len(places))
+    prime, radix = table.prime, (1 << 64) % table.prime
+    powers = [
+        [positive_power(sample[index[letter]], e, prime) * radix % prime for letter, e in pairs]
+        for sample in table.values
+    ]
+    modulus, negative_inverse, one, _ = montgomery.constants(prime)
+    result = np.full((len(powers), len(candidates)), one, np.uint64)
+    _products(
+        np.array(powers, np.uint64).reshape(len(powers), -1), np.array(starts, np.int64),
+        np.array(places, np.int64), result, modulus, negative_inverse,
+    )  # fmt: skip
     return result
+
+
+@compiled
+def _products(powers, starts, places, result, prime, negative_inverse):  # type: ignore[no-untyped-def]
+    for s in range(result.shape[0]):
+        for c in range(result.shape[1]):
+            for k in range(starts[c], starts[c + 1]):
+                result[s, c] = multiply(result[s, c], powers[s, places[k]], prime, negative_inverse)

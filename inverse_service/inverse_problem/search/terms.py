@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from fractions import Fraction
+from functools import lru_cache
 from math import gcd, lcm
 
 from inverse_service.expressions.derivative import differentiate
@@ -34,6 +35,8 @@ Terms = dict[Monomial, Fraction]
 EMPTY: Monomial = frozenset()
 _LARGEST_EXPANSION = 400
 _LARGEST_POWER = 6
+# Exponents of sine and cosine.
+_CIRCULAR = {"tan": (1, -1), "cot": (-1, 1), "sec": (0, -1), "csc": (-1, 0)}
 
 
 class TooManyTerms(ArithmeticError):
@@ -99,6 +102,10 @@ def terms_of(expression: Expression) -> Terms:
             return _power(terms_of(base), exponent)
         case Apply("exp", argument):
             return _exponential(argument)
+        case Apply(("tan" | "cot" | "sec" | "csc") as function, argument):
+            sine, cosine = _CIRCULAR[function]
+            letters = ((Apply("sin", argument), sine), (Apply("cos", argument), cosine))
+            return {frozenset((letter, Fraction(e)) for letter, e in letters if e): Fraction(1)}
         case _:
             return {monomial(expression): Fraction(1)}
 
@@ -164,12 +171,14 @@ def tree_of(terms: Mapping[Monomial, Fraction]) -> Expression:
 
 def monomial_tree(key: Monomial) -> Expression:
     """The monomial as a tree; exponentials are merged back into exp(c u)."""
-    parts = []
+    parts, exponents = [], []
     for letter, exponent in sorted(key, key=_letter_rank):
         if isinstance(letter, Apply) and letter.function == "exp":
-            parts.append(Apply("exp", multiply(number(exponent), letter.argument)))
+            exponents.append(multiply(number(exponent), letter.argument))
         else:
             parts.append(power(letter, exponent))
+    if exponents:
+        parts.append(Apply("exp", add(*exponents)))
     return multiply(*parts)
 
 
@@ -197,6 +206,7 @@ def derivative(key: Monomial, variable: Expression) -> Terms:
     return result
 
 
+@lru_cache(maxsize=4096)
 def letter_derivative(letter: Expression, variable: Expression) -> Terms:
     """The partial derivative of a letter, expanded."""
     if letter == variable:
