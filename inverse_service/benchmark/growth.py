@@ -13,7 +13,7 @@ from inverse_service.benchmark.families import GROWING, Document
 from inverse_service.benchmark.isolated import measure
 from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.inverse_problem.analysis import Analysis, analyse
-from inverse_service.inverse_problem.prolongation import LocalSystem, advance, equations, local_system, start
+from inverse_service.inverse_problem.prolongation import LocalSystem, advance, local_system, start
 
 Report = Callable[[str], None]
 
@@ -69,7 +69,6 @@ def against_order(document: Document, highest: int, limit: float, report: Report
         report(f"{document['name']}, order {order}")
         began = time.perf_counter()
         prolongation = start(_local(analysis, order))
-        prolongation.equations = equations(prolongation.local)
         for _ in range(order + 1):
             advance(prolongation)
         seconds = time.perf_counter() - began

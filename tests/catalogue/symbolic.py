@@ -1,0 +1,63 @@
+"""Documents of the catalogue as SymPy expressions, and their values with 40 digits."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import mpmath
+import sympy
+
+from inverse_service.benchmark.sympy_form import to_sympy
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.mechanics.parameter_values import parameter_values, with_values
+
+Point = dict[sympy.Expr, mpmath.mpf]
+DIGITS = 40
+
+
+class Reader:
+    """Formulas of one document; parameters that carry a value are replaced by it."""
+
+    def __init__(self, document: Mapping[str, Any]) -> None:
+        self.coordinates = tuple(document["coordinates"])
+        parameters = document.get("parameters", ())
+        functions = {name: tuple(arguments) for name, arguments in document.get("functions", {}).items()}
+        self.names = Names(self.coordinates, tuple(parameters), functions)
+        self.values = parameter_values(parameters)
+
+    def __call__(self, formula: str) -> sympy.Expr:
+        return to_sympy(with_values(read_formula(formula, self.names), self.values))
+
+
+def opaque_atoms(expressions: Iterable[sympy.Expr]) -> set[sympy.Expr]:
+    """Symbols, arbitrary functions and their derivatives: all that a point must give a value to."""
+    found: set[sympy.Expr] = set()
+    for expression in expressions:
+        found |= expression.atoms(sympy.Derivative, sympy.core.function.AppliedUndef) | expression.free_symbols
+    return found
+
+
+def random_point(atoms: Iterable[sympy.Expr], seed: int) -> Point:
+    """Independent values between 0.1 and 0.4 for all atoms."""
+    rng = random.Random(seed)
+    ordered = sorted(atoms, key=str)
+    return {atom: mpmath.mpf(rng.randint(10**9, 4 * 10**9)) / 10**10 for atom in ordered}
+
+
+def value(expression: sympy.Expr, point: Point) -> Any:
+    """The number of an expression in mpmath's working precision, real or complex."""
+    if expression in point:
+        return point[expression]
+    if expression.is_Rational:
+        return mpmath.mpf(expression.p) / expression.q
+    parts = [value(part, point) for part in expression.args]
+    if expression.is_Add:
+        return mpmath.fsum(parts)
+    if expression.is_Mul:
+        return mpmath.fprod(parts)
+    if expression.is_Pow:
+        return mpmath.power(*parts)
+    return getattr(mpmath, expression.func.__name__)(*parts)
