@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
+from inverse_service.errors import LimitError
 from inverse_service.expressions.limits import Limits
 from inverse_service.expressions.tokens import limit_passed, refusal
 from inverse_service.expressions.tree import (
@@ -25,21 +26,33 @@ _BITS_PER_DIGIT = 3.3219280948873626
 _EXPONENTIAL = Apply("exp", ONE)
 
 
-def bits(value: Fraction) -> int:
-    """The larger of the lengths of numerator and denominator."""
-    return max(value.numerator.bit_length(), value.denominator.bit_length())
+def _bits(value: Fraction) -> int:
+    """The binary logarithm of the larger of numerator and denominator, rounded down: 0 for 1 and -1."""
+    return max(value.numerator.bit_length(), value.denominator.bit_length()) - 1
 
 
-def check_size(total_bits: float, column: int, limits: Limits) -> None:
-    """LimitError where a number would have too many digits; called before it is computed."""
+def _check_bits(total_bits: float, column: int, limits: Limits) -> None:
+    """LimitError where a number would surely have too many digits; called before it is computed."""
     if total_bits > limits.digits * _BITS_PER_DIGIT:
-        raise limit_passed("a number that is computed here has too many digits", column, limits.digits)
+        raise _too_long(column, limits)
+
+
+def _check_number(value: Fraction, column: int, limits: Limits) -> None:
+    """LimitError where a number has too many digits, so that what is accepted can be read back."""
+    if max(abs(value.numerator), value.denominator) >= 10**limits.digits:
+        raise _too_long(column, limits)
+
+
+def _too_long(column: int, limits: Limits) -> LimitError:
+    return limit_passed("a number that is computed here has too many digits", column, limits.digits)
 
 
 def product(factors: Sequence[Expression], column: int, limits: Limits) -> Expression:
     """The product; LimitError where its coefficient would be too long."""
-    check_size(sum(bits(_coefficient(factor)) for factor in factors), column, limits)
-    return multiply(*factors)
+    _check_bits(sum(_bits(_coefficient(factor)) for factor in factors), column, limits)
+    result = multiply(*factors)
+    _check_number(_coefficient(result), column, limits)
+    return result
 
 
 def _coefficient(expression: Expression) -> Fraction:
@@ -54,7 +67,7 @@ def sum_of(terms: Sequence[Expression], column: int, limits: Limits) -> Expressi
         for part in term.terms if isinstance(term, Sum) else (term,):
             if isinstance(part, Number):
                 constant += part.value
-                check_size(bits(constant), column, limits)
+                _check_number(constant, column, limits)
     return add(*terms)
 
 
@@ -74,6 +87,7 @@ def raised(base: Expression, exponent: Expression, column: int, limits: Limits) 
         if isinstance(base, Number):
             _check_numbers(base.value, exponent.value, column, limits)
     result = power(base, exponent)
+    _check_number(_coefficient(result), column, limits)
     if isinstance(result, Power) and isinstance(result.exponent, Number):
         _check_exponent(result.exponent.value, column, limits)
     return result
@@ -90,7 +104,7 @@ def _check_numbers(base: Fraction, exponent: Fraction, column: int, limits: Limi
     if base < 0 and exponent.denominator != 1:
         raise refusal("a negative number to this power is not real", column, "write -8^(1/3)")
     if abs(base) not in (0, 1):
-        check_size(bits(base) * float(abs(exponent)), column, limits)
+        _check_bits(_bits(base) * float(abs(exponent)), column, limits)
 
 
 def check_depth(expression: Expression, limits: Limits, column: int = 1) -> Expression:

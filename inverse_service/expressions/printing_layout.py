@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import lru_cache
 
 from inverse_service.expressions.tree import (
     ONE,
@@ -70,20 +71,24 @@ def _collect(expression: Expression, inverse: bool, parts: _Parts) -> None:
                 _collect(factor, inverse, parts)
         case Power(base, Number(exponent)) if exponent < 0:
             _collect(power(base, -exponent), not inverse, parts)
-        case Power(base, Number(exponent)) if exponent.denominator == 1 and (below := _inverse_of(base)):
-            _collect(power(below, exponent), not inverse, parts)
+        case Power(base, Number(exponent)) if exponent.denominator == 1 and (plain := _as_written(base)) != base:
+            _collect(power(plain, exponent), inverse, parts)
         case _:
             (parts.denominators if inverse else parts.numerators).append(expression)
 
 
-def _inverse_of(expression: Expression) -> Expression | None:
-    """u where the expression would be written 1/u, so that (1/u)^2 becomes 1/u^2, as the reader has it."""
-    if not isinstance(expression, Product | Power):
-        return None
-    parts = ratio(expression)
-    if parts.negative or parts.over != 1 or parts.numerators:
-        return None
-    return multiply(number(parts.under), *parts.denominators)
+@lru_cache(maxsize=512)  # without it the work doubles with every level of nested powers
+def _as_written(base: Expression) -> Expression:
+    """The base of a whole power as the reader has it: 1/u as u^-1, and x x as x^2."""
+    if not isinstance(base, Product | Power):
+        return base
+    parts = ratio(base)
+    if parts.negative or parts.over != 1 or len(parts.numerators) > 1:
+        return base
+    if not parts.numerators:
+        return power(multiply(number(parts.under), *parts.denominators), -1)
+    alone = parts.under == 1 and not parts.denominators
+    return parts.numerators[0] if alone else base
 
 
 def _gather(factors: Iterable[Expression]) -> tuple[Expression, ...]:

@@ -31,7 +31,7 @@ from inverse_service.expressions.tree import (
 
 Polynomial = Any  # python-flint has no types
 
-MOST_TERMS = 400_000
+MOST_TERMS = 40_000
 _FACTORED_TERMS = 100
 _LARGE = 10**9
 

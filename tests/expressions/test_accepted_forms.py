@@ -183,3 +183,13 @@ def test_equations_are_cut_where_they_end(text: str, sides: list[tuple[str, str]
 def test_declared_names_win_over_constants_and_derivatives() -> None:
     names = Names(("x",), ("e", "i", "xdot", "gamma"))
     assert to_text(read_formula("e^x + i + xdot + gamma*x'", names)) == "e^x + i + xdot + gamma*x'"
+
+
+def test_long_formulas_without_numbers_pass_no_limit_of_digits() -> None:
+    assert to_text(read_formula("x(t)" * 1_000, NAMES)) == "x^1000"
+    assert to_text(read_formula("-x y " * 600, NAMES)).startswith("-x*y")
+
+
+def test_numbers_of_200_digits_are_read_back() -> None:
+    longest = "9" * 200
+    assert to_text(read_formula(f"{longest}*x", NAMES)) == f"{longest}*x"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import re
+import time
 import xml.etree.ElementTree as ElementTree
 from fractions import Fraction
 
@@ -180,3 +181,21 @@ def test_mathml_shows_dots_subscripts_and_greek_letters() -> None:
     assert "<mover" in shown
     assert "<mn>1</mn>" in shown
     assert "\u03c6" in shown
+
+
+@pytest.mark.parametrize(
+    ("opening", "closing"),
+    [
+        ("(y*(1/", ")^-2)^3"),
+        ("(y*(", ")^2)^-1"),
+        ("(1/sqrt(", "))^3"),
+        ("(1/(y*(", ")^2)^2)^2"),
+        ("(x/sqrt(y/(", ")^3)^2)^2"),
+    ],
+)
+def test_nested_powers_cost_little_to_print(opening: str, closing: str) -> None:
+    tree = read_formula(opening * 15 + "x" + closing * 15, NAMES)
+    begin = time.process_time()
+    for show in (to_text, to_latex, to_mathml):
+        show(tree)
+    assert time.process_time() - begin < 0.5

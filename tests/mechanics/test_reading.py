@@ -1,0 +1,155 @@
+"""All forms of a document give the same system; each fault gives one sentence and its place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.printing import to_text
+from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
+
+
+def _texts(system: SecondOrderSystem) -> dict[str, str]:
+    return dict(zip(system.coordinates, map(to_text, system.accelerations), strict=True))
+
+
+FORMS: list[tuple[dict[str, Any], dict[str, str]]] = [
+    ({"equations": {"x": "-y'", "y": "0"}}, {"x": "-y'", "y": "0"}),
+    ({"coordinates": ["y", "x"], "equations": {"x": "-y'", "y": "0"}}, {"y": "0", "x": "-y'"}),
+    ({"equations": {"x''": "-y'", "y_ddot": "0"}}, {"x": "-y'", "y": "0"}),
+    ({"equations": {r"\ddot{x}": "-y'", "yddot": "0"}}, {"x": "-y'", "y": "0"}),
+    ({"equations": {"x": "x'' = -y'", "y": r"\ddot{y} = 0"}}, {"x": "-y'", "y": "0"}),
+    ({"equations": {"x": "-y", "y": "x''"}}, {"x": "-y", "y": "-y"}),
+    ({"equations": "x'' = -y'; y'' + y = 0"}, {"x": "-y'", "y": "-y"}),
+    ({"equations": ["y'' + y", "x'' = -y'"]}, {"y": "-y", "x": "-y'"}),
+    ({"equations": "xddot = -ydot\ny_ddot = 0"}, {"x": "-y'", "y": "0"}),
+    (
+        {"equations": "Derivative(x(t), (t, 2)) = -x(t); diff(y, t, t) = 0; diff(z, t, 2) = 1"},
+        {"x": "-x", "y": "0", "z": "1"},
+    ),
+    ({"equations": r"\ddot{x} = -\dot{y} \\ \ddot{y} = 0"}, {"x": "-y'", "y": "0"}),
+    ({"equations": r"\frac{d^2 x}{dt^2} = -x"}, {"x": "-x"}),
+    ({"equations": "x'' + y'' = -x, x'' - y'' = y"}, {"x": "-(x - y)/2", "y": "-(x + y)/2"}),
+    ({"coordinates": ["\u03c6"], "equations": {"phi": "-sin(\u03c6)"}}, {"phi": "-sin(phi)"}),
+    ({"coordinates": [r"\theta"], "equations": {"theta": "0"}}, {"theta": "0"}),
+    ({"coordinates": ["r_1"], "equations": {"r_1": "-r1"}}, {"r_1": "-r_1"}),
+    ({"coordinates": ["x"], "equations": {"x": "t*x"}}, {"x": "t*x"}),
+    ({"coordinates": ["x"], "equations": {"x": 0}}, {"x": "0"}),
+    ({"equations": {"x": "-k*x"}, "parameters": ["k"]}, {"x": "-k*x"}),
+    ({"equations": {"x": "-k*x"}, "parameters": {"k": None}}, {"x": "-k*x"}),
+    ({"equations": {"x": "-k*x"}, "parameters": {"k": "1/2"}}, {"x": "-x/2"}),
+    ({"equations": {"x": "-k*x"}, "parameters": {"k": "0.1"}}, {"x": "-x/10"}),
+    ({"equations": {"x": "-k*x"}, "parameters": {"k": 0.1}}, {"x": "-x/10"}),
+    ({"equations": {"x": "-k*x"}, "parameters": {"k": "sqrt(2)*pi"}}, {"x": "-sqrt(2)*pi*x"}),
+    ({"equations": {"x": "x^k"}, "parameters": {"k": 3}}, {"x": "x^3"}),
+    ({"equations": {"x": "A'(x)"}, "functions": {"A": ["x"]}}, {"x": "A'(x)"}),
+    ({"equations": {"x": "A"}, "functions": {"A": ["x", "t"]}}, {"x": "A(x, t)"}),
+    ({"equations": "A'(x)*x'' = 1", "functions": {"A": ["x"]}}, {"x": "1/A'(x)"}),
+    ({"equations": "x'' = A''(x)", "functions": {"A": ["x"]}}, {"x": "A''(x)"}),
+    ({"equations": {"E": "-I*E"}, "parameters": ["I"]}, {"E": "-I*E"}),
+    (
+        {"equations": {f"q{k}": "0" for k in range(8)}},
+        {f"q{k}": "0" for k in range(8)},
+    ),
+]
+
+
+def _read(document: dict[str, Any]) -> SecondOrderSystem:
+    return read_system(
+        document.get("coordinates"),
+        document["equations"],
+        document.get("parameters", []),
+        document.get("functions", {}),
+        document.get("name", ""),
+    )
+
+
+@pytest.mark.parametrize(("document", "accelerations"), FORMS, ids=range(len(FORMS)))
+def test_form_is_read_as_explicit_accelerations(document: dict[str, Any], accelerations: dict[str, str]) -> None:
+    system = _read(document)
+    assert _texts(system) == accelerations
+    assert list(system.coordinates) == list(accelerations)
+
+
+def test_declarations_are_kept_and_values_are_put_in() -> None:
+    system = read_system(None, {"x": "a*x + b"}, {"a": None, "b": 2}, {"A": ["x"]}, "two")
+    assert (system.name, system.parameters, system.functions) == ("two", ("a",), (FunctionDeclaration("A", ("x",)),))
+    assert _texts(system) == {"x": "a*x + 2"}
+
+
+def test_explicit_equations_keep_the_form_they_were_written_in() -> None:
+    assert _texts(read_system(["x"], {"x": "x*(x + 1)*(x - 1)"}))["x"] == "x*(x + 1)*(x - 1)"
+
+
+FAULTS: list[tuple[dict[str, Any], str, int | None, str]] = [
+    ({"coordinates": ["x", "y"], "equations": {"x": "0"}}, "/equations", None, "equation of y is missing"),
+    ({"coordinates": ["x"], "equations": {"x": "0", "z": "1"}}, "/equations/z", None, "coordinates are x"),
+    ({"equations": {"x": "0", "x''": "1"}}, "/equations/x''", None, "two equations for x"),
+    ({"coordinates": ["x", "x"], "equations": {"x": "0"}}, "/coordinates/1", None, "declared twice"),
+    ({"coordinates": ["x"], "equations": {"x": "0"}, "parameters": ["x"]}, "/parameters/0", None, "declared twice"),
+    ({"coordinates": ["x"], "equations": {"x": "0"}, "parameters": {"x": 1}}, "/parameters/x", None, "declared twice"),
+    ({"equations": {"x": "0"}, "functions": {"x": ["x"]}}, "/functions/x", None, "declared twice"),
+    ({"coordinates": ["t"], "equations": {"t": "0"}}, "/coordinates/0", None, "the time"),
+    ({"coordinates": ["sin"], "equations": {"sin": "0"}}, "/coordinates/0", None, "a function"),
+    ({"coordinates": ["pi"], "equations": {"pi": "0"}}, "/coordinates/0", None, "the number pi"),
+    ({"coordinates": ["1x"], "equations": {"1x": "0"}}, "/coordinates/0", None, "letter first"),
+    ({"coordinates": ["x y"], "equations": {}}, "/coordinates/0", None, "letter first"),
+    ({"coordinates": ["__import__"], "equations": {}}, "/coordinates/0", None, "letter first"),
+    ({"coordinates": [""], "equations": {}}, "/coordinates/0", None, "letter first"),
+    ({"coordinates": ["x" * 50], "equations": {}}, "/coordinates/0", None, "40 characters"),
+    ({"coordinates": [], "equations": {}}, "/coordinates", None, "no coordinates"),
+    ({"equations": {}}, "/equations", None, "no coordinates"),
+    ({"equations": "x' = 1"}, "/equations", None, "no coordinates"),
+    ({"equations": ""}, "/equations", 1, "empty"),
+    ({"equations": {f"q{k}": "0" for k in range(9)}}, "/equations", None, "limit is 8"),
+    ({"coordinates": list("abcdfghjk"), "equations": {}}, "/coordinates", None, "limit is 8"),
+    ({"equations": ["x'' = 0"] * 9}, "/equations", None, "limit is 8"),
+    ({"equations": "x'' = 0;" * 9}, "/equations", None, "limit is 8"),
+    ({"equations": {"x": "0"}, "parameters": [f"p{k}" for k in range(201)]}, "/parameters", None, "limit is 200"),
+    ({"equations": {"x": "k*x"}}, "/equations/x", 1, "parameters"),
+    ({"equations": {"x": "0", "a/b": "1"}}, "/equations/a~1b", None, "letter first"),
+    ({"equations": {"x": "x + "}}, "/equations/x", 5, "formula ends"),
+    ({"equations": {"x": "y'' = 1", "y": "0"}}, "/equations/x", 1, "left side is not x''"),
+    ({"equations": {"x": "x'' = 1; y'' = 1", "y": "0"}}, "/equations/x", 1, "several equations"),
+    ({"equations": {"x": True}}, "/equations/x", None, "not a text"),
+    ({"equations": {"x": 0.5}}, "/equations/x", None, "not a text"),
+    ({"equations": ["x'' = 0", "y'' = foo"]}, "/equations/1", 7, "foo"),
+    ({"equations": ["x'' = 0", None]}, "/equations/1", None, "not a text"),
+    ({"equations": "x'' = y'"}, "/equations", 7, "add its equation too"),
+    ({"equations": {"x": "1/k"}, "parameters": {"k": 0}}, "/parameters", None, "no real value"),
+    ({"equations": {"x": "log(k)"}, "parameters": {"k": -1}}, "/parameters", None, "no real value"),
+    ({"equations": {"x": "0"}, "parameters": {"k": "1/0"}}, "/parameters/k", 3, "division by zero"),
+    ({"equations": {"x": "0"}, "parameters": {"k": "x"}}, "/parameters/k", 1, "not declared"),
+    ({"equations": {"x": "0"}, "parameters": {"k": "t"}}, "/parameters/k", 1, "time"),
+    ({"equations": {"x": "0"}, "parameters": {"k": "exit()"}}, "/parameters/k", 1, "functions"),
+    ({"equations": {"x": "0"}, "parameters": {"k": True}}, "/parameters/k", None, "not a number"),
+    ({"equations": {"x": "0"}, "parameters": {"k": float("nan")}}, "/parameters/k", 1, "finite"),
+    ({"equations": {"x": "0"}, "parameters": {"k": 10**5000}}, "/parameters/k", None, "digits"),
+    ({"equations": {"x": "0"}, "functions": {"A": ["z"]}}, "/functions/A/0", None, "not a coordinate"),
+    ({"equations": {"x": "0"}, "functions": {"A": ["x", "x"]}}, "/functions/A/1", None, "twice"),
+    ({"equations": {"x": "0"}, "functions": {"A": []}}, "/functions/A", None, "no list"),
+    ({"equations": {"x": "0"}, "functions": {"A": "x"}}, "/functions/A", None, "no list"),
+    ({"equations": {"x": "0"}, "functions": {"exp": ["x"]}}, "/functions/exp", None, "a function"),
+    ({"equations": {"x": "0"}, "parameters": ["x_dot"]}, "/parameters/0", None, "derivative of the coordinate x"),
+    ({"equations": {"x": "0"}, "parameters": ["p_x"]}, "/parameters/0", None, "momentum of the coordinate x"),
+]
+
+
+@pytest.mark.parametrize(("document", "pointer", "column", "fragment"), FAULTS, ids=range(len(FAULTS)))
+def test_fault_is_named_with_its_place(
+    document: dict[str, Any], pointer: str, column: int | None, fragment: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        _read(document)
+    error = caught.value
+    assert (error.pointer, error.column, fragment in error.detail) == (pointer, column, True), error.detail
+    assert error.detail.endswith(".")
+    assert error.detail.isprintable()
+
+
+def test_passed_limits_have_their_own_error() -> None:
+    with pytest.raises(LimitError):
+        read_system([f"q{k}" for k in range(9)], {})
