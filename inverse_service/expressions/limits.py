@@ -26,6 +26,7 @@ class Limits:
     derivative_order: int = 20
     derivative_nodes: int = 2_000
     coordinates: int = 8
+    function_arguments: int = 6
     names: int = 200
 
 

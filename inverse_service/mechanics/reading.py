@@ -95,7 +95,7 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
             'as in ["r1"].',
             pointer,
         )
-    _bounded(list(words), pointer, "arguments", LIMITS.coordinates)
+    _bounded(list(words), pointer, "arguments", LIMITS.function_arguments)
     return tuple(
         "t" if word == "t" else declared_name(word, f"{pointer}/{place}", "argument")
         for place, word in enumerate(words)

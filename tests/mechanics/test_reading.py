@@ -132,6 +132,7 @@ FAULTS: list[tuple[dict[str, Any], str, int | None, str]] = [
     ({"equations": {"x": "0"}, "functions": {"A": ["x", "x"]}}, "/functions/A/1", None, "twice"),
     ({"equations": {"x": "0"}, "functions": {"A": []}}, "/functions/A", None, "no list"),
     ({"equations": {"x": "0"}, "functions": {"A": "x"}}, "/functions/A", None, "no list"),
+    ({"equations": {"x": "0"}, "functions": {"A": list("abcdfgh")}}, "/functions/A", None, "limit is 6"),
     ({"equations": {"x": "0"}, "functions": {"exp": ["x"]}}, "/functions/exp", None, "a function"),
     ({"equations": {"x": "0"}, "parameters": ["x_dot"]}, "/parameters/0", None, "derivative of the coordinate x"),
     ({"equations": {"x": "0"}, "parameters": ["p_x"]}, "/parameters/0", None, "momentum of the coordinate x"),
