@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TypeGuard
 
 from flint import fmpz
 
@@ -25,8 +26,11 @@ from inverse_service.expressions.tree import (
     Power,
     Product,
     Sum,
+    add,
     multiply,
     number,
+    power,
+    square_root,
 )
 
 MOST_TERMS = 3_000
@@ -36,6 +40,8 @@ _UNDONE = {
     ("sin", "asin"), ("cos", "acos"), ("tan", "atan"), ("sinh", "asinh"), ("cosh", "acosh"), ("tanh", "atanh"),
     ("asinh", "sinh"), ("atanh", "tanh"),
 }  # fmt: skip
+# f(g(u)) = sqrt(a + b u^2) where g(u) is real.
+_ROOTS = {("cos", "asin"): (1, -1), ("sin", "acos"): (1, -1), ("cosh", "asinh"): (1, 1), ("sinh", "acosh"): (-1, 1)}
 
 Terms = dict[Monomial, Fraction]
 
@@ -179,16 +185,16 @@ def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, T
     if with_monomial and terms[first] < 0:
         content = -content
     shared: dict[Expression, Fraction] = {}
-    for base, exponent in first:
+    for base, _ in first:
         tables = [dict(monomial) for monomial in terms]
-        if (with_monomial or _is_positive(base)) and all(base in table for table in tables):
+        if (with_monomial or _is_exponential(base)) and all(base in table for table in tables):
             shared[base] = min(table[base] for table in tables)
     inverse = tuple((base, -exponent) for base, exponent in shared.items())
     rest = _sum(_joined(monomial, inverse, value / content) for monomial, value in terms.items())
     return content, tuple(shared.items()), rest
 
 
-def _is_positive(base: Expression) -> bool:
+def _is_exponential(base: Expression) -> TypeGuard[Apply]:
     return isinstance(base, Apply) and base.function == "exp"
 
 
@@ -198,7 +204,7 @@ def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fracti
             raise _TooLarge
         table = {base: inner * exponent for base, inner in monomial}
         return _normal(table, coefficient ** int(exponent))
-    free = {base: inner for base, inner in monomial if _is_positive(base) or inner.denominator != 1}
+    free = {base: inner for base, inner in monomial if _is_exponential(base) or inner.denominator != 1}
     bound = [(base, inner) for base, inner in monomial if base not in free]
     if len(bound) == 1 and coefficient > 0 and bound[0][1] % 2 == 1:
         free[bound[0][0]], bound = bound[0][1], []
@@ -225,6 +231,9 @@ def _function(tree: Apply) -> Terms:
     inner = tree.argument
     if isinstance(inner, Apply) and (tree.function, inner.function) in _UNDONE:
         return _expand(inner.argument)
+    if isinstance(inner, Apply) and (tree.function, inner.function) in _ROOTS:
+        a, b = _ROOTS[tree.function, inner.function]
+        return _expand(square_root(add(number(a), multiply(number(b), power(inner.argument, 2)))))
     special = _SPECIAL.get(tree.function)
     return special(_expand(inner)) if special else _atom(Apply(tree.function, _canonical(inner)))
 
@@ -242,19 +251,26 @@ def _exponential(argument: Terms) -> Terms:
 
 
 def _logarithm(argument: Terms) -> Terms:
-    """log(exp(u) w) = u + log(w) for a single term; log(1) = 0."""
+    """log(exp(u) w) = u + log(w), log(1/w) = -log(w), log(w^r) = r log(w) for r odd or fractional."""
     if argument == {(): Fraction(1)}:
         return {}
     if len(argument) != 1:
         return _atom(Apply("log", _tree(argument)))
     ((monomial, value),) = argument.items()
-    logs = [_scaled(_expand(base.argument), k) for base, k in monomial if _is_positive(base)]
-    rest = tuple((base, exponent) for base, exponent in monomial if not _is_positive(base))
-    if rest == () and value == 1:
-        return _sum(logs)
-    if len(rest) == 1 and value == 1 and rest[0][1].denominator != 1:
-        return _sum([*logs, _scaled(_atom(Apply("log", rest[0][0])), rest[0][1])])
-    return _sum([*logs, _atom(Apply("log", _tree({rest: value})))])
+    logs = [_scaled(_expand(base.argument), k) for base, k in monomial if _is_exponential(base)]
+    rest = tuple((base, exponent) for base, exponent in monomial if not _is_exponential(base))
+    sign = -1 if rest and all(exponent < 0 for _, exponent in rest) else 1
+    factors = tuple((base, sign * exponent) for base, exponent in rest)
+    value = value**sign
+    if len(factors) == 1 and value == 1 and factors[0][1] != 0 and not _is_even(factors[0][1]):
+        return _sum([*logs, _scaled(_atom(Apply("log", factors[0][0])), sign * factors[0][1])])
+    if factors or value != 1:
+        logs.append(_scaled(_atom(Apply("log", _tree({factors: value}))), Fraction(sign)))
+    return _sum(logs)
+
+
+def _is_even(exponent: Fraction) -> bool:
+    return exponent.denominator == 1 and exponent % 2 == 0
 
 
 def _scaled(terms: Terms, factor: Fraction) -> Terms:

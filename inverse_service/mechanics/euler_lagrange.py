@@ -49,7 +49,8 @@ def euler_lagrange_residual(
     Zero along q'' = f exactly when its solutions are extremals. ValueError where the numbers of
     coordinates and accelerations differ.
     """
-    rates = [(Velocity(name), f) for name, f in zip(coordinates, accelerations, strict=True)]
+    pairs = zip(coordinates, accelerations, strict=True)
+    rates: list[tuple[Symbol | Velocity, Expression]] = [(Velocity(name), f) for name, f in pairs]
     rates += [(Symbol(name), Velocity(name)) for name in coordinates]
     residuals = []
     for name, momentum in zip(coordinates, momenta(lagrangian, coordinates), strict=True):

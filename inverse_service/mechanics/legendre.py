@@ -6,11 +6,12 @@ not pass is never returned. Where p = dL/dv has several inverses, `note` says on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import merge_powers
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -29,7 +30,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.mechanics.legendre_blocks import Block, Parts, split
 from inverse_service.mechanics.legendre_branch import Branch, resolved
-from inverse_service.mechanics.legendre_forms import simplified, size, velocities_in
+from inverse_service.mechanics.legendre_forms import roots_apart, shortest, sign_part, simplified, size, velocities_in
 from inverse_service.mechanics.legendre_points import (
     Claim,
     Judgement,
@@ -88,11 +89,12 @@ def legendre(lagrangian: Expression, coordinates: Sequence[str]) -> LegendreTran
         return _noted(implicit, _no_closed_form(missing))
     branches = [chosen for chosen in found.values() if chosen]
     closed = _closed(implicit, names, parts, branches)
-    conditions = [condition for chosen in branches for condition in chosen.judgement.conditions]
+    table = _shifts(implicit, names, parts)
+    conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgement.conditions]
     judgement = judge(_claim(closed, names), conditions, points)
     if judgement is None:
         return _noted(implicit, _no_closed_form(list(found)))
-    return _noted(closed, _branch_note(judgement.conditions))
+    return _noted(closed, _branch_note(judgement.conditions, names))
 
 
 def momentum_symbols(lagrangian: Expression, names: Sequence[str]) -> tuple[tuple[Symbol, ...], str]:
@@ -126,7 +128,7 @@ def _best(block: Block, points: Sequence[Point]) -> _Chosen | None:
     functions = momenta(block.function, block.names)
     known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
     best: _Chosen | None = None
-    for branch in islice(block_branches(block), _MOST_BRANCHES):
+    for branch in _with_variants(islice(block_branches(block), _MOST_BRANCHES)):
         velocities = resolved(branch.velocities, block.names)
         claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
         judgement = judge(claim, branch.conditions, points)
@@ -139,6 +141,17 @@ def _best(block: Block, points: Sequence[Point]) -> _Chosen | None:
     return best
 
 
+def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
+    """Each branch after the same with roots of products taken apart, where that is shorter; both are checked."""
+    for branch in branches:
+        apart = Branch(
+            tuple(map(roots_apart, branch.velocities)), roots_apart(branch.hamiltonian), branch.conditions
+        )
+        if size(apart.hamiltonian) < size(branch.hamiltonian):
+            yield apart
+        yield branch
+
+
 def _rank(branch: Branch, judgement: Judgement) -> tuple[int, int]:
     return judgement.holding, -size(branch.hamiltonian)
 
@@ -147,19 +160,33 @@ def _closed(
     implicit: LegendreTransform, names: Sequence[str], parts: Parts, chosen: Sequence[_Chosen]
 ) -> LegendreTransform:
     """The blocks put together, each momentum less its linear term A_i."""
-    table = momentum_shifts(parts.linear, dict(zip(names, implicit.symbols, strict=True)))
+    table = _shifts(implicit, names, parts)
     rates: dict[str, Expression] = {}
     for block, found in zip(parts.blocks, chosen, strict=True):
-        rates.update(zip(block.names, (substitute(v, table) for v in found.branch.velocities), strict=True))
+        rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
     chained = tuple(rates[name] for name in names)
-    energies = [substitute(found.branch.hamiltonian, table) for found in chosen]
+    energies = [_placed(found.branch.hamiltonian, table) for found in chosen]
     return replace(
         implicit,
-        hamiltonian=add(*energies, _negated(parts.free)),
+        hamiltonian=_collected_if_shorter(add(*energies, _negated(parts.free))),
         velocities=tuple(merge_powers(velocity) for velocity in resolved(chained, names)),
         implicit=False,
         chained=chained,
     )
+
+
+def _shifts(implicit: LegendreTransform, names: Sequence[str], parts: Parts) -> dict[Expression, Expression]:
+    return momentum_shifts(parts.linear, dict(zip(names, implicit.symbols, strict=True)))
+
+
+def _placed(tree: Expression, table: dict[Expression, Expression]) -> Expression:
+    """The tree with p - A for p; collected where that is shorter."""
+    placed = substitute(tree, table)
+    return placed if placed == tree else shortest([placed, simplified(placed)])
+
+
+def _collected_if_shorter(tree: Expression) -> Expression:
+    return shortest([tree, collect(tree)])
 
 
 def _negated(tree: Expression) -> Expression:
@@ -184,11 +211,13 @@ def _no_closed_form(groups: Sequence[Sequence[str]]) -> str:
     )
 
 
-def _branch_note(conditions: Sequence[Expression]) -> str:
+def _branch_note(conditions: Sequence[Expression], names: Sequence[str]) -> str:
     if not conditions:
         return ""
-    named = " and ".join(f"{to_text(simplified(condition))} > 0" for condition in conditions)
-    return f"p = dL/dv has more than one inverse or none elsewhere; this one holds where {named}."
+    named = " and ".join(dict.fromkeys(f"{to_text(sign_part(condition))} > 0" for condition in conditions))
+    if not any(velocities_in(condition, names) for condition in conditions):
+        return f"H is written for {named}."
+    return f"p = dL/dv has more than one inverse; this H belongs to the branch on which {named}."
 
 
 def _degenerate(implicit: LegendreTransform, names: Sequence[str]) -> InputError:

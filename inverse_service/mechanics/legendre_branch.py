@@ -11,16 +11,15 @@ from inverse_service.mechanics.legendre_blocks import Block
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """v(t, q, p) and H(t, q, p) of a block, where every tree of `conditions` (in t, q, v) is positive.
+    """v(t, q, p) and H(t, q, p) of a block, where every tree of `conditions` (in t, q, v, p) is positive.
 
-    With a `pivot` the other velocities may contain the pivot's Velocity, for which its own formula
-    is to be put.
+    A velocity may contain the Velocity of another name of the block whose own formula contains none;
+    `resolved` puts that formula in.
     """
 
     velocities: tuple[Expression, ...]
     hamiltonian: Expression
     conditions: tuple[Expression, ...] = ()
-    pivot: str = ""
 
 
 Family = Callable[[Block], Iterator[Branch]]
@@ -28,7 +27,7 @@ Solver = Callable[[Expression, Sequence[str], Mapping[str, Symbol]], Iterator[Br
 
 
 def resolved(velocities: Sequence[Expression], names: Sequence[str]) -> tuple[Expression, ...]:
-    """The velocities with the pivots replaced: no Velocity of `names` is left."""
+    """The velocities of a branch over (t, q, p) alone: no Velocity of `names` is left."""
     table: dict[Expression, Expression] = {
         Velocity(name): tree for name, tree in zip(names, velocities, strict=True)
     }

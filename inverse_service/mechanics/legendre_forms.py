@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from inverse_service.errors import LimitError
 from inverse_service.expressions.collecting import collect, expand
 from inverse_service.expressions.collecting_trees import merge_powers, separate_tree
 from inverse_service.expressions.tree import (
+    MINUS_ONE,
+    ONE,
+    Apply,
     Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
     Velocity,
     add,
     multiply,
+    negate,
     number,
+    power,
+    rebuild,
+    subtract,
     walk,
 )
 from inverse_service.mechanics.opaque_fractions import OpaqueRing, expanded_terms
@@ -53,6 +64,74 @@ def shortest(forms: Sequence[Expression]) -> Expression:
 
 
 def simplified(tree: Expression) -> Expression:
-    """The shortest of: the tree as it is, collected, as one quotient."""
+    """The shortest of: the tree as it is, collected, as one quotient; with sin^2 = 1 - cos^2 where both occur."""
     collected = collect(tree)
-    return shortest([collected, merge_powers(tree), quotient(collected)])
+    forms = [collected, merge_powers(tree), quotient(collected)]
+    for other in _without_squares(collected):
+        forms += [collect(other), quotient(other)]
+    return shortest(forms)
+
+
+def trigonometric(tree: Expression) -> Expression:
+    """The tree, or the shortest form of it with sin^2 = 1 - cos^2 where both occur."""
+    return shortest([tree, *(quotient(other) for other in _without_squares(tree))])
+
+
+def _without_squares(tree: Expression) -> Iterator[Expression]:
+    """The tree with the squares of sines, and with those of cosines, written by the other function."""
+    nodes = {node for node in walk(tree) if isinstance(node, Apply)}
+    for function, other in (("sin", "cos"), ("cos", "sin")):
+        both = {n.argument for n in nodes if n.function == function and Apply(other, n.argument) in nodes}
+        if both:
+            yield _squares_replaced(tree, function, other, both)
+
+
+def _squares_replaced(tree: Expression, function: str, other: str, both: Collection[Expression]) -> Expression:
+    inner = rebuild(tree, lambda part: _squares_replaced(part, function, other, both))
+    match inner:
+        case Power(Apply(name, argument), Number(value)) if name == function and argument in both:
+            whole = value.numerator // 2 if value.denominator == 1 and value > 1 else 0
+            square = subtract(ONE, power(Apply(other, argument), 2))
+            return multiply(power(square, whole), power(Apply(name, argument), value - 2 * whole))
+        case _:
+            return inner
+
+
+def roots_apart(tree: Expression) -> Expression:
+    """The tree with (u w)^r = u^r w^r and (u^a)^r = u^(a r), which is wrong where a factor is negative."""
+    return simplified(_apart(tree))
+
+
+def _apart(tree: Expression) -> Expression:
+    inner = rebuild(tree, _apart)
+    match inner:
+        case Power(Product(factors), exponent):
+            return multiply(*(_apart(power(factor, exponent)) for factor in factors))
+        case Power(Power(base, Number(value)), Number(exponent)):
+            return power(base, value * exponent)
+        case _:
+            return inner
+
+
+def sign_part(tree: Expression) -> Expression:
+    """A short tree with the sign of this one, wherever it is not zero."""
+    short = quotient(collect(tree))
+    signs = [_sign_factor(factor) for factor in (short.factors if isinstance(short, Product) else (short,))]
+    product = multiply(*signs)
+    match product:
+        case Product((Number(value), Sum(terms))) if value < 0:
+            return add(*map(negate, terms))
+        case _:
+            return shortest([collect(product), product])
+
+
+def _sign_factor(factor: Expression) -> Expression:
+    match factor:
+        case Number(value) if value:
+            return ONE if value > 0 else MINUS_ONE
+        case Power(base, Number(value)) if value.denominator == 1:
+            return base if value % 2 else ONE
+        case Power(_, Number()) | Apply("exp", _):
+            return ONE
+        case _:
+            return factor

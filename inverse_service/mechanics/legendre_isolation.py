@@ -31,7 +31,7 @@ Rule = Callable[[Expression], Expression]
 
 @dataclass(frozen=True, slots=True)
 class Root:
-    """A solution v, right where every tree of `conditions` (in q, v) is positive."""
+    """A solution v, right where every tree of `conditions` (in q, v, p) is positive."""
 
     value: Expression
     conditions: tuple[Expression, ...] = ()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
+from itertools import combinations
 
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
@@ -23,37 +24,39 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.mechanics.legendre_blocks import Block, split
-from inverse_service.mechanics.legendre_branch import Branch, Solver, resolved
+from inverse_service.mechanics.legendre_blocks import Block
+from inverse_service.mechanics.legendre_branch import Branch, Solver
 from inverse_service.mechanics.legendre_forms import simplified, velocities_in
-from inverse_service.mechanics.legendre_quadratic import invert
+from inverse_service.mechanics.legendre_quadratic import Inverse, invert
 
 Form = tuple[Expression, ...]
 
 
 def linear_branches(block: Block, solve: Solver) -> Iterator[Branch]:
-    """The branches after the change to the linear forms that occur, where these are as many as velocities."""
-    forms = _forms(block) if len(block.names) > 1 else None
-    inverse = invert(forms) if forms is not None else None
-    if forms is None or inverse is None:
+    """The branches after a change to the linear forms under functions and powers, completed by velocities."""
+    found = _forms(block) if len(block.names) > 1 else ()
+    units = _units(block.names)
+    if not found or set(found) <= set(units):
         return
+    for chosen in combinations(units, len(block.names) - len(found)):
+        inverse = invert((*found, *chosen))
+        if inverse is not None:
+            yield from _after_change(block, (*found, *chosen), inverse, solve)
+
+
+def _after_change(block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver) -> Iterator[Branch]:
     velocities = [Velocity(name) for name in block.names]
-    old = _table(velocities, [_product(row, velocities) for row in inverse.entries])
-    changed = substitute(block.function, old)
-    if len(split(changed, block.names, block.momenta).blocks) < 2:
-        return
-    columns = list(zip(*inverse.entries, strict=True))
-    momenta = _table(
-        [block.momenta[name] for name in block.names],
-        [_product(column, [block.momenta[name] for name in block.names]) for column in columns],
-    )
+    symbols = [block.momenta[name] for name in block.names]
+    changed = substitute(block.function, _table(velocities, [_product(row, velocities) for row in inverse.entries]))
+    columns = zip(*inverse.entries, strict=True)
+    momenta = _table(symbols, [_product(column, symbols) for column in columns])
     new = _table(velocities, [_product(row, velocities) for row in forms])
     for branch in solve(changed, block.names, block.momenta):
-        rates = [substitute(tree, momenta) for tree in resolved(branch.velocities, block.names)]
+        rates = [substitute(tree, momenta) for tree in branch.velocities]
         yield Branch(
             tuple(simplified(_product(row, rates)) for row in inverse.entries),
             substitute(branch.hamiltonian, momenta),
-            tuple(substitute(condition, new) for condition in branch.conditions),
+            tuple(substitute(condition, {**new, **momenta}) for condition in branch.conditions),
         )
 
 
@@ -65,33 +68,37 @@ def _product(row: Sequence[Expression], column: Sequence[Expression]) -> Express
     return add(*(multiply(a, b) for a, b in zip(row, column, strict=True)))
 
 
-def _forms(block: Block) -> tuple[Form, ...] | None:
-    """The linear forms of the terms, one for each term; None unless there are as many as velocities."""
+def _units(names: Sequence[str]) -> tuple[Form, ...]:
+    return tuple(tuple(number(int(a == b)) for b in names) for a in names)
+
+
+def _forms(block: Block) -> tuple[Form, ...]:
+    """The linear forms on which functions and powers depend; none where there are too many, or others."""
     found: dict[Form, None] = {}
     for monomial, _ in expand(block.function).terms:
-        form = _form_of(monomial, block.names)
-        if form is None:
-            return None
-        found[form] = None
-    return tuple(found) if len(found) == len(block.names) else None
+        forms = _forms_of(monomial, block.names)
+        if forms is None:
+            return ()
+        found.update(dict.fromkeys(forms))
+    return tuple(found) if len(found) <= len(block.names) else ()
 
 
-def _form_of(monomial: Monomial, names: Sequence[str]) -> Form | None:
-    """The one linear form on which a term depends, its first coefficient being 1."""
+def _forms_of(monomial: Monomial, names: Sequence[str]) -> list[Form] | None:
+    """The linear forms in the atoms of a term, bare velocities not counted; None where one is not linear."""
     exponent: dict[str, Expression] = {}
-    forms = set()
+    forms: list[Form | None] = []
     for base, power in monomial:
-        if isinstance(base, Apply) and base.function == "exp" and velocities_in(base, names):
-            part = linear_coefficients(base.argument, names)
-            if part is None:
-                return None
+        if isinstance(base, Velocity) or not velocities_in(base, names):
+            continue
+        part = _inside(base, names)
+        if isinstance(base, Apply) and base.function == "exp" and part:
             for name, value in part.items():
                 exponent[name] = add(exponent.get(name, ZERO), multiply(number(power), value))
-        elif velocities_in(base, names):
-            forms.add(_monic(_inside(base, names), names))
+        else:
+            forms.append(_monic(part, names))
     if exponent:
-        forms.add(_monic(exponent, names))
-    return forms.pop() if len(forms) == 1 else None
+        forms.append(_monic(exponent, names))
+    return None if None in forms else [form for form in forms if form]
 
 
 def _inside(base: Expression, names: Sequence[str]) -> Mapping[str, Expression] | None:

@@ -15,9 +15,10 @@ from inverse_service.expressions.tree import PI, Arbitrary, Expression, Symbol, 
 
 DIGITS = 60
 AGREEING_DIGITS = 40
-_MOST_POINTS = 16
+_MOST_POINTS = 20
+_MOST_POSITIVE = 6
 _FEWEST_POINTS = 3
-_ATTEMPTS = 400
+_ATTEMPTS = 500
 _SEED = 18_340_115
 _WIDTHS = ("1", "1", "3", "0.4", "6", "0.1")
 
@@ -44,20 +45,25 @@ class Judgement:
 
 
 def sample_points(trees: Sequence[Expression]) -> list[Point]:
-    """Up to 16 points at which every tree is real, half of the tries all positive; parameters are drawn too.
+    """Up to 20 points at which every tree is real, six of them with all names positive, parameters too.
 
     Equal calls of an arbitrary function get the same value however their arguments are written.
     """
     leaves, calls = _leaves(trees)
     source = random.Random(_SEED)
     found: list[Point] = []
+    positive = 0
     with mp.workdps(DIGITS):
         for attempt in range(_ATTEMPTS):
             width = mpf(_WIDTHS[attempt // 2 % len(_WIDTHS)])
-            point = {leaf: _draw(source, width, attempt % 2 == 0) for leaf in leaves}
+            in_quadrant = attempt % 2 == 0
+            if in_quadrant and positive == _MOST_POSITIVE:
+                continue
+            point = {leaf: _draw(source, width, in_quadrant) for leaf in leaves}
             point.update({call: point[canonical] for call, canonical in calls.items()})
             if all(value(tree, point) is not None for tree in trees):
                 found.append(point)
+                positive += in_quadrant
             if len(found) == _MOST_POINTS:
                 break
     return found
@@ -87,8 +93,9 @@ def value(tree: Expression, point: Point) -> Real | None:
 def judge(claim: Claim, conditions: Sequence[Expression], points: Sequence[Point]) -> Judgement | None:
     """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
     with mp.workdps(DIGITS):
-        holds = [_holds(claim, point) for point in points]
-        signs = [[_is_positive(condition, point) for condition in conditions] for point in points]
+        known = [_with_momenta(claim, point) for point in points]
+        holds = [point is not None and _holds(claim, point) for point in known]
+        signs = [[point is not None and _is_positive(c, point) for c in conditions] for point in known]
     needed = list(range(len(conditions)))
     if not _is_right(holds, signs, needed):
         return None
@@ -110,17 +117,20 @@ def _is_positive(condition: Expression, point: Point) -> bool:
     return number is not None and bool(number > 0)
 
 
+def _with_momenta(claim: Claim, point: Point) -> Point | None:
+    momenta = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
+    return None if any(p is None for p in momenta.values()) else {**point, **momenta}
+
+
 def _holds(claim: Claim, point: Point) -> bool:
     """v(q, p(q, v)) = v and H(q, p(q, v)) = p v - L at a point, to 40 digits."""
-    momenta = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
     lagrangian = value(claim.lagrangian, point)
-    if lagrangian is None or any(p is None for p in momenta.values()):
+    if lagrangian is None:
         return False
-    there: Point = {**point, **momenta}
     rates = [point[Velocity(name)] for name in claim.names]
-    works = [p * v for p, v in zip(momenta.values(), rates, strict=True)]
+    works = [point[symbol] * v for symbol, v in zip(claim.momenta, rates, strict=True)]
     expected = [*rates, mp.fsum([*works, -lagrangian])]
-    found = [value(tree, there) for tree in (*claim.velocities, claim.hamiltonian)]
+    found = [value(tree, point) for tree in (*claim.velocities, claim.hamiltonian)]
     scales = [abs(rate) for rate in rates] + [abs(lagrangian) + mp.fsum(map(abs, works))]
     return all(
         a is not None and abs(a - b) <= mpf(10) ** -AGREEING_DIGITS * scale

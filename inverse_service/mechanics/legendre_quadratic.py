@@ -5,7 +5,7 @@ G is inverted exactly by fraction-free elimination (Bareiss 1968) over polynomia
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -17,6 +17,8 @@ from inverse_service.expressions.tree import (
     ONE,
     ZERO,
     Expression,
+    Number,
+    Product,
     Sum,
     Symbol,
     add,
@@ -27,7 +29,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.legendre_blocks import Block, degrees, without
 from inverse_service.mechanics.legendre_branch import Branch
-from inverse_service.mechanics.legendre_forms import separated, shortest
+from inverse_service.mechanics.legendre_forms import separated, shortest, trigonometric
 from inverse_service.mechanics.opaque_fractions import OpaqueFraction, OpaqueRing, Polynomial, times
 
 Matrix = tuple[tuple[Expression, ...], ...]
@@ -117,6 +119,8 @@ def _reduced(ring: OpaqueRing, adjugate: Rows, determinant: Polynomial, scale: P
             common = common.gcd(entry)
     short = [[divmod(entry, common)[0] for entry in row] for row in rows]
     bottom = divmod(determinant, common)[0]
+    if _has_minus(_tree(ring, bottom, ring.constant(1))):
+        short, bottom = [[-entry for entry in row] for row in short], -bottom
     return Inverse(
         tuple(tuple(_tree(ring, entry, ring.constant(1)) for entry in row) for row in short),
         _tree(ring, bottom, ring.constant(1)),
@@ -125,7 +129,13 @@ def _reduced(ring: OpaqueRing, adjugate: Rows, determinant: Polynomial, scale: P
 
 
 def _tree(ring: OpaqueRing, numerator: Polynomial, denominator: Polynomial) -> Expression:
-    return merge_powers(ring.tree(ring.reduced(numerator, denominator)))
+    return trigonometric(merge_powers(ring.tree(ring.reduced(numerator, denominator))))
+
+
+def _has_minus(tree: Expression) -> bool:
+    """Whether a minus sign stands before the tree."""
+    first = tree.factors[0] if isinstance(tree, Product) else tree
+    return isinstance(first, Number) and first.value < 0
 
 
 def quadratic_form(inverse: Inverse, momenta: Sequence[Symbol]) -> Expression:

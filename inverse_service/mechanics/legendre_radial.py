@@ -18,7 +18,6 @@ from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     HALF,
-    ONE,
     ZERO,
     Expression,
     Number,
@@ -29,7 +28,6 @@ from inverse_service.expressions.tree import (
     add,
     divide,
     multiply,
-    negate,
     number,
     power,
     square_root,
@@ -229,7 +227,7 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]
             ]
             size = square_root(multiply(number(e), whole))
             slope = substitute(differentiate(radial.function, _S), {_S: multiply(HALF, whole)})
-            conditions = [*(substitute(c, {_W: size}) for c in inner.conditions), multiply(number(d), slope)]
+            conditions = [*(substitute(c, {_W: size, **known}) for c in inner.conditions), multiply(number(d), slope)]
             conditions.append(multiply(number(e), whole))
             placed = tuple(simplified(substitute(condition, place)) for condition in conditions)
             yield _shifted(radial, rates, energy, momenta, placed)

@@ -21,7 +21,7 @@ from inverse_service.expressions.tree import (
     substitute,
 )
 from inverse_service.mechanics.legendre_blocks import Block, without
-from inverse_service.mechanics.legendre_branch import Branch, Solver, resolved
+from inverse_service.mechanics.legendre_branch import Branch, Solver
 from inverse_service.mechanics.legendre_forms import velocities_in
 
 
@@ -62,13 +62,10 @@ def _joined(block: Block, pivot: str, inner: Branch, outer: Branch) -> Branch:
     others = [name for name in block.names if name != pivot]
     momentum = block.momenta[pivot]
     shifted: dict[Expression, Expression] = {momentum: add(momentum, inner.hamiltonian)}
-    rates = resolved(inner.velocities, others)
-    velocities = {name: multiply(rate, Velocity(pivot)) for name, rate in zip(others, rates, strict=True)}
+    velocities = {name: multiply(rate, Velocity(pivot)) for name, rate in zip(others, inner.velocities, strict=True)}
     velocities[pivot] = substitute(outer.velocities[0], shifted)
     ratios: dict[Expression, Expression] = {Velocity(n): divide(Velocity(n), Velocity(pivot)) for n in others}
-    return Branch(
-        tuple(velocities[name] for name in block.names),
-        substitute(outer.hamiltonian, shifted),
-        (*(substitute(condition, ratios) for condition in inner.conditions), *outer.conditions),
-        pivot,
-    )
+    conditions = [substitute(condition, ratios) for condition in inner.conditions]
+    conditions += [substitute(condition, shifted) for condition in outer.conditions]
+    rates = tuple(velocities[name] for name in block.names)
+    return Branch(rates, substitute(outer.hamiltonian, shifted), tuple(conditions))

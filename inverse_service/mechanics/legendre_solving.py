@@ -14,11 +14,13 @@ from inverse_service.expressions.tree import (
     subtract,
 )
 from inverse_service.mechanics.legendre_blocks import Block, split
-from inverse_service.mechanics.legendre_branch import Branch
+from inverse_service.mechanics.legendre_branch import Branch, resolved
+from inverse_service.mechanics.legendre_elimination import elimination_branches
 from inverse_service.mechanics.legendre_linear import linear_branches
 from inverse_service.mechanics.legendre_quadratic import quadratic_branches
 from inverse_service.mechanics.legendre_radial import radial_branches
 from inverse_service.mechanics.legendre_ratio import ratio_branches
+from inverse_service.mechanics.legendre_routh import routh_branches
 from inverse_service.mechanics.legendre_scalar import scalar_branches
 
 _MOST_BRANCHES = 8
@@ -29,25 +31,37 @@ def block_branches(block: Block) -> Iterator[Branch]:
     yield from quadratic_branches(block)
     yield from ratio_branches(block, solve)
     yield from radial_branches(block, solve)
+    yield from routh_branches(block, solve)
     yield from linear_branches(block, solve)
-    yield from scalar_branches(block)
+    yield from scalar_branches(block, solve)
+    yield from elimination_branches(block)
 
 
 def solve(function: Expression, names: Sequence[str], momenta: Mapping[str, Symbol]) -> Iterator[Branch]:
     """Candidates for any function of the velocities: products of those of its blocks."""
     parts = split(function, names, momenta)
-    found = [list(islice(block_branches(block), _MOST_BRANCHES)) for block in parts.blocks]
+    found = [_up_to_certain(block) for block in parts.blocks]
     table = momentum_shifts(parts.linear, momenta)
     for choice in islice(product(*found), _MOST_BRANCHES):
         rates = {
             name: substitute(tree, table)
             for block, branch in zip(parts.blocks, choice, strict=True)
-            for name, tree in zip(block.names, branch.velocities, strict=True)
+            for name, tree in zip(block.names, resolved(branch.velocities, block.names), strict=True)
         }
         energies = [substitute(branch.hamiltonian, table) for branch in choice]
-        conditions = tuple(condition for branch in choice for condition in branch.conditions)
+        conditions = tuple(substitute(condition, table) for branch in choice for condition in branch.conditions)
         velocities = tuple(rates[name] for name in names)
         yield Branch(velocities, add(*energies, negate(parts.free)), conditions)
+
+
+def _up_to_certain(block: Block) -> list[Branch]:
+    """The candidates up to the first that claims to hold everywhere."""
+    found = []
+    for branch in islice(block_branches(block), _MOST_BRANCHES):
+        found.append(branch)
+        if not branch.conditions:
+            break
+    return found
 
 
 def momentum_shifts(
