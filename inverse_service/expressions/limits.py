@@ -24,7 +24,7 @@ class Limits:
     decimal_exponent: int = 150
     name_characters: int = 40
     derivative_order: int = 20
-    derivative_nodes: int = 2_000
+    derivative_nodes: int = 1_000
     coordinates: int = 8
     function_arguments: int = 6
     names: int = 200
