@@ -555,9 +555,11 @@ class Elimination:
         heapify(queue)
         while queue:
             number = heappop(queue)
-            factor = self.arithmetic.row({0: raw.pop(self.pivots[number], 0)}).get(0, 0)
+            factor = self.arithmetic.reduce(raw.pop(self.pivots[number], 0))
+            if not factor or self.arithmetic.vanishes(factor, self.arithmetic.one):
+                continue
             self.arithmetic.task.check_time()
-            for key, value in self.rows[number].items() if factor else ():
+            for key, value in self.rows[number].items():
                 if key not in raw and key in self.order and key >> self.shift == top:
                     heappush(queue, self.order[key])
                 raw[key] = raw.get(key, 0) - factor * value
