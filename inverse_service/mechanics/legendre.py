@@ -38,6 +38,7 @@ from inverse_service.mechanics.legendre_points import (
     is_singular,
     judge,
     sample_points,
+    vanishes_at,
 )
 from inverse_service.mechanics.legendre_solving import block_branches, momentum_shifts
 
@@ -82,7 +83,7 @@ def legendre(lagrangian: Expression, coordinates: Sequence[str]) -> LegendreTran
     if not points:
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
     if is_singular(hessian(lagrangian, names), points):
-        raise _degenerate(implicit, names)
+        raise _degenerate(implicit, parts, names, points)
     found = {block.names: _best(block, points) for block in parts.blocks}
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
@@ -220,12 +221,14 @@ def _branch_note(conditions: Sequence[Expression], names: Sequence[str]) -> str:
     return f"p = dL/dv has more than one inverse; this H belongs to the branch on which {named}."
 
 
-def _degenerate(implicit: LegendreTransform, names: Sequence[str]) -> InputError:
+def _degenerate(
+    implicit: LegendreTransform, parts: Parts, names: Sequence[str], points: Sequence[Point]
+) -> InputError:
     """The refusal of a Lagrangian whose momenta do not determine the velocities."""
     detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
     lost = [name for name in names if not any(velocities_in(p, [name]) for p in implicit.momenta)]
     if lost:
         detail += f" (no momentum depends on the velocity of {', '.join(lost)})"
-    elif not velocities_in(implicit.hamiltonian, names):
+    elif vanishes_at(add(implicit.hamiltonian, parts.free), points):
         detail += " (up to a potential L is homogeneous of degree 1 in the velocities)"
     return InputError(f"{detail}: give one whose momenta determine the velocities.")

@@ -99,18 +99,23 @@ def _squares_replaced(tree: Expression, function: str, other: str, both: Collect
 
 def roots_apart(tree: Expression) -> Expression:
     """The tree with (u w)^r = u^r w^r and (u^a)^r = u^(a r), which is wrong where a factor is negative."""
-    return simplified(_apart(tree))
+    apart = _apart(tree)
+    return tree if apart == tree else simplified(apart)
 
 
 def _apart(tree: Expression) -> Expression:
     inner = rebuild(tree, _apart)
     match inner:
-        case Power(Product(factors), exponent):
+        case Power(Product(factors), exponent) if not _is_whole(exponent):
             return multiply(*(_apart(power(factor, exponent)) for factor in factors))
         case Power(Power(base, Number(value)), Number(exponent)):
             return power(base, value * exponent)
         case _:
             return inner
+
+
+def _is_whole(exponent: Expression) -> bool:
+    return isinstance(exponent, Number) and exponent.value.denominator == 1
 
 
 def sign_part(tree: Expression) -> Expression:

@@ -138,6 +138,13 @@ def _holds(claim: Claim, point: Point) -> bool:
     )
 
 
+def vanishes_at(tree: Expression, points: Sequence[Point]) -> bool:
+    """Whether the tree is 0 to 40 digits at every point at which it is real (one at least)."""
+    with mp.workdps(DIGITS):
+        values = [number for number in (value(tree, point) for point in points) if number is not None]
+        return bool(values) and all(abs(number) <= mpf(10) ** -AGREEING_DIGITS for number in values)
+
+
 def is_singular(matrix: Sequence[Sequence[Expression]], points: Sequence[Point]) -> bool:
     """Whether the determinant vanishes at every point at which the entries are real (one at least)."""
     verdicts = []

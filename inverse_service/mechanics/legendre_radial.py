@@ -1,9 +1,8 @@
 """Blocks L = F(S), S = u^T G u/2 with u = v + h a shifted velocity: relativistic, Finsler, radial quartic.
 
-p = F'(S) G u. With R = p^T G^-1 p:
-F = k sqrt(b + s S): H_u = -+ sqrt(b (b k^2 ... )) in closed form for any signs, see `_of_root`;
-otherwise, with e, d signs and w = sqrt(2 e S): f(w) = F(e w^2/2) is a problem in one velocity with
-momentum e d sqrt(e R), and u = d w G^-1 p/sqrt(e R). Last, H = H_u - p h.
+p = F'(S) G u. Let R = p^T G^-1 p. For F = k sqrt(b + s S), H_u^2 = b (k^2 - 2 R/s); else, with signs
+e, d and w = sqrt(2 e S), f(w) = F(e w^2/2) is a problem in one velocity with momentum e d sqrt(e R),
+and u = d w G^-1 p/sqrt(e R). Last, H = H_u - p h.
 """
 
 from __future__ import annotations
