@@ -30,12 +30,14 @@ class Point:
     """Values of variables and atoms modulo `prime`; atoms are added innermost first.
 
     `signs` gives for a variable the sign of the residue symbol that its value is to have (the sign
-    of the variable at the real point that stands for the domain of the answer).
+    of the variable at the real point that stands for the domain of the answer); `salts` choose
+    among the random values of single variables.
     """
 
     prime: int
     seed: int
     signs: Mapping[Variable, int] = field(default_factory=dict)
+    salts: Mapping[Variable, int] = field(default_factory=dict)
     variables: dict[Variable, int] = field(default_factory=dict)
     atoms: dict[Expression, int] = field(default_factory=dict)
 
@@ -50,7 +52,7 @@ class Point:
     def variable(self, name: Variable) -> int:
         """The value of a coordinate, velocity, parameter, of t, or of pi."""
         if name not in self.variables:
-            value = self.draw(name)
+            value = self.draw((name, self.salts.get(name, 0)))
             sign = self.signs.get(name, 0)
             if sign and (pow(value, (self.prime - 1) // 2, self.prime) == 1) != (sign > 0):
                 value = self.prime - value

@@ -1,54 +1,27 @@
-"""Reduction of all atoms of a system to independent generators.
+"""Independent generators of all atoms of a system, and points at which all atoms have values.
 
-Atoms are taken innermost first. For each transcendental one the linear dependence over Q of its
-argument (exp, angles) or its logarithmic differential (log, atan) on those before it is computed at
-random points modulo a prime; rational coefficients are reconstructed. Roots need no such search
-(`primes.py`) but for the branch: `signs` lists the quantities that must have the residue symbol
-that is their sign at a real point of the domain (`branches.py` finds them).
+A tower lists, innermost first, how the value of each transcendental atom follows from free
+generators (`rules.py`; `relations.py` finds the rules). Roots need no rule (`primes.py`) but for the
+branch: `signs` lists the quantities that must have the residue symbol that is their sign at a real
+point of the domain (`branches.py` finds them).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 
-from flint import nmod_mat
-
-from inverse_service.algebra.kernels import is_even_root, is_root
-from inverse_service.algebra.point import Expansion, Point, Variable, evaluate
-from inverse_service.algebra.primes import is_positive, prime_factors, reconstruct, safe_prime
-from inverse_service.algebra.rules import (
-    RADIAN,
-    AngleRule,
-    ArctangentRule,
-    ExponentialRule,
-    LogarithmRule,
-    Rule,
-    replay,
-)
-from inverse_service.algebra.series import SingularPoint, derivative, value_at_point
+from inverse_service.algebra.kernels import is_root
+from inverse_service.algebra.point import Point, Variable, evaluate
+from inverse_service.algebra.primes import is_positive, safe_prime
+from inverse_service.algebra.rules import Rule, replay
+from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import (
-    ONE,
-    PI,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    add,
-    children,
-    power,
-    walk,
-)
+from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, children, walk
 
 # In the search for relations an angle may be any of these fractions of a free one.
 _SEARCH_SCALE = 2520
-_COEFFICIENT_BOUND = 10_000
 _DRAWS = 4_000
-# (atom, sum a_j u_j) -> (atom - sum)/pi at a real point: what an arctangent relation leaves open.
-Turns = Callable[[Expression, Sequence[tuple[Expression, Fraction]]], Fraction]
 
 
 @dataclass(slots=True)
@@ -89,270 +62,65 @@ def _collect(expression: Expression, found: dict[Expression, None]) -> None:
 def draw_point(tower: Tower, seed: int, prime: int | None = None) -> Point:
     """A random point at which every atom has a value and every sign is as in the tower.
 
-    The prime is chosen anew with the seed unless given. IrreducibleAtoms when none is found.
+    The prime is chosen anew with the seed unless given. Requirements on different variables are met
+    one after another. IrreducibleAtoms when no point is found.
     """
-    for attempt in range(_DRAWS):
-        modulus = prime or safe_prime(seed * 1009 + attempt // 64, tower.residues)
-        point = Point(modulus, seed * _DRAWS + attempt, tower.real_signs)
-        if try_to_replay(tower, point):
+    groups = _requirement_groups(tower)
+    for attempt in range(_DRAWS // 64):
+        modulus = prime or safe_prime(seed * 1009 + attempt, tower.residues)
+        point = _meet(tower, groups, modulus, seed * _DRAWS + attempt)
+        if point is not None:
             return point
     raise IrreducibleAtoms("no point was found at which all roots exist together")
 
 
-def try_to_replay(tower: Tower, point: Point) -> bool:
-    """Whether all atoms get values at the point and all signs are right there."""
+Requirement = tuple[Expression, int]
+
+
+def _requirement_groups(tower: Tower) -> list[tuple[frozenset[Variable], list[Requirement]]]:
+    """(variables, requirements) such that requirements of different groups share no variable."""
+    groups: list[tuple[frozenset[Variable], list[Requirement]]] = []
+    for requirement in [*((w, 1) for w in tower.radicands), *tower.signs]:
+        names = frozenset(node for node in walk(requirement[0]) if isinstance(node, Symbol | Velocity))
+        joined = [group for group in groups if group[0] & names]
+        groups = [group for group in groups if not group[0] & names]
+        together = [r for _, requirements in joined for r in requirements]
+        groups.append((names.union(*(group[0] for group in joined)), [*together, requirement]))
+    return groups
+
+
+def _meet(
+    tower: Tower, groups: Sequence[tuple[frozenset[Variable], list[Requirement]]], prime: int, seed: int
+) -> Point | None:
+    """A point with these numbers, the variables of each group drawn until its requirements hold."""
+    salts: dict[Variable, int] = {}
+    point = _replayed(tower, prime, seed, salts)
+    for names, requirements in groups:
+        for salt in range(64 << min(len(requirements), 6)):
+            salts.update(dict.fromkeys(names, salt))
+            point = _replayed(tower, prime, seed, salts)
+            if point is not None and all(_holds(p, sign, point) for p, sign in requirements):
+                break
+            if not names:
+                return None
+        else:
+            return None
+    return point
+
+
+def _replayed(tower: Tower, prime: int, seed: int, salts: Mapping[Variable, int]) -> Point | None:
+    """The point with all atoms valued, or None where one has no value."""
+    point = Point(prime, seed, tower.real_signs, dict(salts))
     try:
         for rule in tower.rules:
             replay(rule, point, tower.scale)
-        if not all(is_positive(evaluate(w, point), point.prime) for w in tower.radicands):
-            return False
-        return all(is_positive(evaluate(p, point), point.prime) == (sign > 0) for p, sign in tower.signs)
+    except (SingularPoint, ValueError, ZeroDivisionError):
+        return None
+    return point
+
+
+def _holds(expression: Expression, sign: int, point: Point) -> bool:
+    try:
+        return is_positive(evaluate(expression, point), point.prime) == (sign > 0)
     except (SingularPoint, ValueError, ZeroDivisionError):
         return False
-
-
-@dataclass(slots=True)
-class _Samples:
-    """Points of one prime used to find linear relations."""
-
-    tower: Tower
-    points: list[Point]
-
-    def values(self, expression: Expression) -> list[int]:
-        return [evaluate(expression, point) for point in self.points]
-
-    def gradients(self, expression: Expression) -> list[list[int]]:
-        """Per point the partial derivatives with respect to all variables and parameters."""
-        rows = []
-        for point in self.points:
-            series = Expansion(point, self.tower.variables, 1).expand(expression)
-            rows.append([value_at_point(derivative(series, k)) for k in range(len(self.tower.variables))])
-        return rows
-
-    @property
-    def prime(self) -> int:
-        return self.points[0].prime
-
-    def solve(self, columns: Sequence[Sequence[int]], target: Sequence[int]) -> list[Fraction] | None:
-        """Rational a with sum a_j columns_j = target, or None; refuses what is not unique."""
-        if not columns:
-            return None if any(target) else []
-        rows = [[*entries, b] for entries, b in zip(zip(*columns, strict=True), target, strict=True)]
-        reduced, rank = nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], self.prime).rref()
-        pivots = [next(k for k in range(len(rows[0])) if int(reduced[i, k])) for i in range(rank)]
-        if len(columns) in pivots:
-            return None
-        if rank < len(columns):
-            raise IrreducibleAtoms("arguments of exponentials, logarithms or angles have irrational ratios")
-        solution = [reconstruct(int(reduced[i, len(columns)]), self.prime, _COEFFICIENT_BOUND) for i in range(rank)]
-        return None if any(a is None for a in solution) else [a for a in solution if a is not None]
-
-
-def build_tower(
-    expressions: Sequence[Expression],
-    variables: Sequence[Variable],
-    real_signs: Mapping[Variable, int],
-    turns: Turns,
-) -> Tower:
-    """The tower of all atoms in `expressions` (in kernels); IrreducibleAtoms where it can't be settled."""
-    atoms = atoms_in_order(expressions)
-    names = tuple(variables) + ((PI,) if any(node == PI for e in expressions for node in walk(e)) else ())
-    tower = Tower(names, real_signs, residues=_root_primes(expressions))
-    samples = _Samples(tower, [])
-    for atom in atoms:
-        if is_root(atom):
-            _admit_root(atom, tower, samples)
-        else:
-            _admit(atom, tower, samples, turns)
-    _finish_scales(tower)
-    return tower
-
-
-def _root_primes(expressions: Sequence[Expression]) -> frozenset[int]:
-    """The primes that occur in numbers under even roots."""
-    found: set[int] = set()
-    for expression in expressions:
-        for node in walk(expression):
-            if is_even_root(node) and isinstance(node, Power) and isinstance(node.base, Number):
-                value = node.base.value
-                if value > 0:
-                    found.update(ell for k in (value.numerator, value.denominator) for ell, _ in prime_factors(k))
-    return frozenset(ell for ell in found if ell > 13)
-
-
-def _admit_root(atom: Expression, tower: Tower, samples: _Samples) -> None:
-    assert isinstance(atom, Power)
-    if not is_even_root(atom):
-        return
-    if isinstance(atom.base, Number) and atom.base.value <= 0:
-        raise IrreducibleAtoms("an even root of a negative number is not real")
-    if atom.base not in tower.radicands and not isinstance(atom.base, Number):
-        tower.radicands.append(atom.base)
-        samples.points.clear()
-
-
-def _sample(tower: Tower, samples: _Samples, columns: int) -> None:
-    """Enough points of one prime, with all rules so far replayed."""
-    wanted = columns + 6
-    prime = samples.points[0].prime if samples.points else draw_point(tower, 7).prime
-    while len(samples.points) < wanted:
-        samples.points.append(draw_point(tower, 1000 + len(samples.points), prime))
-
-
-def _admit(atom: Expression, tower: Tower, samples: _Samples, turns: Turns) -> None:
-    assert isinstance(atom, Apply)
-    if atom.function in ("sin", "cos") and any(
-        isinstance(rule, AngleRule) and rule.angle == atom.argument for rule in tower.rules
-    ):
-        return
-    _sample(tower, samples, len(tower.rules) + 4)
-    work = {"exp": _exponential_rule, "log": _logarithm_rule, "atan": _arctangent_rule}.get(atom.function, _angle_rule)
-    rule = work(atom, tower, samples, turns)
-    _sample(tower, samples, len(tower.rules) + 4)
-    tower.rules.append(rule)
-    for point in samples.points:
-        replay(rule, point, tower.scale)
-
-
-def _require_positive(radicand: Expression, tower: Tower, samples: _Samples) -> None:
-    """From now on only points at which the radicand has a root."""
-    if radicand not in tower.radicands:
-        tower.radicands.append(radicand)
-        samples.points[:] = [p for p in samples.points if is_positive(evaluate(radicand, p), p.prime)]
-
-
-def _free(tower: Tower, kind: type[Rule]) -> list[Expression]:
-    """The free atoms (for angles: the angles) of a kind."""
-    return [
-        rule.angle if isinstance(rule, AngleRule) else rule.atom
-        for rule in tower.rules
-        if isinstance(rule, kind) and rule.free
-    ]
-
-
-def _logarithm_primes(tower: Tower) -> list[int]:
-    constants = [rule.constant for rule in tower.rules if isinstance(rule, LogarithmRule)]
-    return sorted({ell for c in constants for k in (c.numerator, c.denominator) for ell, _ in prime_factors(k)})
-
-
-def _exponential_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> Rule:
-    exponentials = _free(tower, ExponentialRule)
-    logarithms = _free(tower, LogarithmRule)
-    primes = _logarithm_primes(tower)
-    columns = [samples.values(_argument(e)) for e in exponentials]
-    columns += [samples.values(log) for log in logarithms]
-    columns += [[point.draw(("log", ell)) for point in samples.points] for ell in primes]
-    columns.append([1] * len(samples.points))
-    solution = samples.solve(columns, samples.values(atom.argument))
-    if solution is None:
-        return ExponentialRule(atom, True)
-    first, second = len(exponentials), len(exponentials) + len(logarithms)
-    of_logs = tuple(
-        (_argument(log), c) for log, c in zip(logarithms, solution[first:second], strict=True) if c
-    )
-    for argument, c in of_logs:
-        if c.denominator % 2 == 0:
-            _require_positive(argument, tower, samples)
-    return ExponentialRule(
-        atom,
-        False,
-        tuple((e, a) for e, a in zip(exponentials, solution, strict=False) if a),
-        of_logs,
-        tuple((ell, a) for ell, a in zip(primes, solution[second:], strict=False) if a),
-        solution[-1],
-    )
-
-
-def _logarithm_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> Rule:
-    if isinstance(atom.argument, Number):
-        if atom.argument.value <= 0:
-            raise IrreducibleAtoms("the logarithm of a number that is not positive is not real")
-        return LogarithmRule(atom, False, (), atom.argument.value)
-    basis = [_argument(e) for e in _free(tower, ExponentialRule)] + _free(tower, LogarithmRule)
-    columns = [_flat(samples.gradients(u)) for u in basis]
-    inverse = [pow(w, -1, samples.prime) for w in samples.values(atom.argument)]
-    gradient = samples.gradients(atom.argument)
-    target = [x * w % samples.prime for row, w in zip(gradient, inverse, strict=True) for x in row]
-    solution = samples.solve(columns, target) if any(target) else [Fraction(0)] * len(columns)
-    if solution is None:
-        return LogarithmRule(atom, True)
-    linear = tuple((u, a) for u, a in zip(basis, solution, strict=True) if a)
-    constant, root = _constant_factor(atom, linear, samples)
-    return LogarithmRule(atom, False, linear, constant, root)
-
-
-def _constant_factor(
-    atom: Apply, linear: Sequence[tuple[Expression, Fraction]], samples: _Samples
-) -> tuple[Fraction, int]:
-    """kappa^root = w^root / prod (e^u_j)^(a_j root), a positive rational; else IrreducibleAtoms."""
-    root = 2
-    for _, a in linear:
-        root *= a.denominator
-    found: set[Fraction | None] = set()
-    for point in samples.points:
-        value = pow(evaluate(atom.argument, point), root, point.prime)
-        for u, a in linear:
-            base = point.atoms[Apply("exp", u)] if Apply("exp", u) in point.atoms else evaluate(_argument(u), point)
-            value = value * pow(base, -int(a * root), point.prime) % point.prime
-        found.add(reconstruct(value, point.prime, _COEFFICIENT_BOUND**2))
-    constant = found.pop()
-    if found or constant is None or constant <= 0:
-        raise IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
-    return constant, root
-
-
-def _angle_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> Rule:
-    angles, arctangents = _free(tower, AngleRule), _free(tower, ArctangentRule)
-    columns = [samples.values(u) for u in (*angles, *arctangents)]
-    columns.append([1] * len(samples.points))
-    if PI in tower.variables:
-        columns.append(samples.values(PI))
-    solution = samples.solve(columns, samples.values(atom.argument))
-    if solution is None:
-        return AngleRule(atom.argument, True)
-    by_angle = tuple((u, a) for u, a in zip(angles, solution, strict=False) if a)
-    rest = solution[len(angles):]
-    by_atan = tuple((u, a) for u, a in zip(arctangents, rest, strict=False) if a)
-    if any(a.denominator != 1 for _, a in by_atan):
-        raise IrreducibleAtoms("a fraction of an arctangent occurs as an angle")
-    for u, _ in by_atan:
-        _require_positive(add(ONE, power(_argument(u), 2)), tower, samples)
-    turns_of_pi = rest[-1] if PI in tower.variables else Fraction(0)
-    return AngleRule(atom.argument, False, by_angle, by_atan, rest[len(arctangents)], turns_of_pi)
-
-
-def _arctangent_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> Rule:
-    basis = _free(tower, AngleRule) + _free(tower, ArctangentRule)
-    columns = [_flat(samples.gradients(u)) for u in basis]
-    w = samples.values(atom.argument)
-    factor = [pow(1 + x * x, -1, samples.prime) for x in w]
-    gradient = samples.gradients(atom.argument)
-    target = [x * k % samples.prime for row, k in zip(gradient, factor, strict=True) for x in row]
-    if not any(target):
-        raise IrreducibleAtoms("the arctangent of a constant cannot be reduced")
-    solution = samples.solve(columns, target)
-    if solution is None:
-        return ArctangentRule(atom, True)
-    linear = tuple((u, a) for u, a in zip(basis, solution, strict=True) if a)
-    return ArctangentRule(atom, False, linear, turns(atom, linear))
-
-
-def _finish_scales(tower: Tower) -> None:
-    """The coarsest free angles of which all others are whole multiples."""
-    for rule in tower.rules:
-        if isinstance(rule, AngleRule):
-            for angle, factor in rule.angles:
-                tower.scales[angle] = math.lcm(tower.scales.get(angle, 1), factor.denominator)
-            if rule.radians:
-                tower.scales[RADIAN] = math.lcm(tower.scales.get(RADIAN, 1), rule.radians.denominator)
-    tower.default_scale = 1
-
-
-def _argument(atom: Expression) -> Expression:
-    assert isinstance(atom, Apply)
-    return atom.argument
-
-
-def _flat(rows: Sequence[Sequence[int]]) -> list[int]:
-    return [x for row in rows for x in row]
-
