@@ -9,7 +9,8 @@ from inverse_service.algebra.branches import fix_branches
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Variable
 from inverse_service.algebra.real_point import RealTable, find_real_point, real_sign, turns
-from inverse_service.algebra.tower import Tower, build_tower
+from inverse_service.algebra.relations import build_tower
+from inverse_service.algebra.tower import Tower
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

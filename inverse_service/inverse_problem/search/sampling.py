@@ -18,8 +18,9 @@ from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.primes import positive_power
 from inverse_service.algebra.real_point import RealTable, find_real_point, real_sign, turns
+from inverse_service.algebra.relations import build_tower
 from inverse_service.algebra.series import SingularPoint
-from inverse_service.algebra.tower import Tower, build_tower, draw_point
+from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, power
 from inverse_service.inverse_problem.analysis import Analysis, variables_of
