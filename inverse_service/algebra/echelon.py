@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,70 +20,112 @@ from inverse_service.algebra.montgomery import compiled, multiply, power
 
 Words = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]
+Columns = npt.NDArray[np.int32]
+Kind = TypeVar("Kind", bound=np.generic)
+
+
+# The state of a basis: rows, entries, recorded multiples.
+_ROWS, _ENTRIES, _USES = 0, 1, 2
 
 
 @compiled
-def _reduce_rows(  # type: ignore[no-untyped-def]
-    start, row_starts, columns, values, work, pivot_of, basis_starts, basis_columns, basis_values,
-    origin, use_starts, use_rows, use_factors, state, prime, negative_inverse, one, square,
-):
-    """Insert rows start, start + 1, …; stop early (returning its number) where an array is full.
+def _minus(a: np.uint64, b: np.uint64, prime: np.uint64) -> np.uint64:
+    return a - b if a >= b else a + (prime - b)
 
-    state = (rows in the basis, entries in the basis, recorded multiples).
-    """
-    zero = np.uint64(0)
+
+@compiled
+def _unpack(
+    start: int, stop: int, columns: Indices, values: Words, work: Words,
+    prime: np.uint64, negative_inverse: np.uint64, square: np.uint64,
+) -> int:
+    """Add a row to the dense `work`, in Montgomery form; its last column."""
+    top = -1
+    for k in range(start, stop):
+        column = columns[k]
+        total = work[column] + multiply(values[k], square, prime, negative_inverse)
+        work[column] = total - prime if total >= prime else total
+        top = max(top, column)
+    return top
+
+
+@compiled
+def _reduce(
+    top: int, work: Words, pivot_of: Indices, basis_starts: Indices, basis_columns: Columns, basis_values: Words,
+    use_rows: Columns, use_factors: Words, state: Indices, prime: np.uint64, negative_inverse: np.uint64,
+) -> int:
+    """Reduce `work` by the basis and record the multiples used; the pivot that is left, or -1."""
+    pivot, uses = -1, state[_USES]
+    for column in range(top, -1, -1):
+        factor = work[column]
+        if factor == np.uint64(0):
+            continue
+        used = pivot_of[column]
+        if used < 0:
+            pivot = max(pivot, column)
+            continue
+        use_rows[uses], use_factors[uses] = used, factor
+        uses += 1
+        for k in range(basis_starts[used], basis_starts[used + 1]):
+            product = multiply(factor, basis_values[k], prime, negative_inverse)
+            work[basis_columns[k]] = _minus(work[basis_columns[k]], product, prime)
+    if pivot >= 0:
+        state[_USES] = uses
+    return pivot
+
+
+@compiled
+def _store(
+    pivot: int, inverse: np.uint64, work: Words, basis_columns: Columns, basis_values: Words, state: Indices,
+    prime: np.uint64, negative_inverse: np.uint64,
+) -> None:
+    """Move `work` times `inverse` into the basis and clear it."""
+    entries = state[_ENTRIES]
+    for column in range(pivot, -1, -1):
+        if work[column] != np.uint64(0):
+            basis_columns[entries] = column
+            basis_values[entries] = multiply(work[column], inverse, prime, negative_inverse)
+            work[column] = np.uint64(0)
+            entries += 1
+    state[_ENTRIES] = entries
+
+
+@compiled
+def _reduce_rows(
+    start: int, row_starts: Indices, columns: Indices, values: Words, work: Words,
+    pivot_of: Indices, basis_starts: Indices, basis_columns: Columns, basis_values: Words, origin: Indices,
+    use_starts: Indices, use_rows: Columns, use_factors: Words, state: Indices,
+    prime: np.uint64, negative_inverse: np.uint64, one: np.uint64, square: np.uint64,
+) -> int:
+    """Insert rows start, start + 1, …; stop early (returning its number) where an array is full."""
     for row in range(start, len(row_starts) - 1):
-        count, entries, uses = state[0], state[1], state[2]
-        top = np.int64(-1)
-        for k in range(row_starts[row], row_starts[row + 1]):
-            column = columns[k]
-            total = work[column] + multiply(values[k], square, prime, negative_inverse)
-            work[column] = total - prime if total >= prime else total
-            top = max(top, column)
-        room = entries + top + 1 <= len(basis_columns) and uses + top + 1 <= len(use_rows)
-        if not room or count + 2 > len(basis_starts):
-            for k in range(row_starts[row], row_starts[row + 1]):
-                work[columns[k]] = zero
+        first, last = row_starts[row], row_starts[row + 1]
+        top = _unpack(first, last, columns, values, work, prime, negative_inverse, square)
+        room = state[_ENTRIES] + top + 1 <= len(basis_columns) and state[_USES] + top + 2 <= len(use_rows)
+        if not room or state[_ROWS] + 2 > len(basis_starts):
+            for k in range(first, last):
+                work[columns[k]] = np.uint64(0)
             return row
-        pivot = np.int64(-1)
-        for column in range(top, -1, -1):
-            factor = work[column]
-            if factor == zero:
-                continue
-            used = pivot_of[column]
-            if used < 0:
-                pivot = max(pivot, np.int64(column))
-                continue
-            use_rows[uses] = used
-            use_factors[uses] = factor
-            uses += 1
-            for k in range(basis_starts[used], basis_starts[used + 1]):
-                c = basis_columns[k]
-                product = multiply(factor, basis_values[k], prime, negative_inverse)
-                work[c] = work[c] - product if work[c] >= product else work[c] + (prime - product)
+        pivot = _reduce(
+            top, work, pivot_of, basis_starts, basis_columns, basis_values, use_rows, use_factors, state,
+            prime, negative_inverse,
+        )
         if pivot < 0:
             continue
         inverse = power(work[pivot], prime - np.uint64(2), one, prime, negative_inverse)
-        for column in range(pivot, -1, -1):
-            if work[column] != zero:
-                basis_columns[entries] = column
-                basis_values[entries] = multiply(work[column], inverse, prime, negative_inverse)
-                work[column] = zero
-                entries += 1
-        origin[count] = row
-        pivot_of[pivot] = count
-        use_rows[uses] = -1
-        use_factors[uses] = inverse
-        uses += 1
-        count += 1
-        basis_starts[count] = entries
-        use_starts[count] = uses
-        state[0], state[1], state[2] = count, entries, uses
+        _store(pivot, inverse, work, basis_columns, basis_values, state, prime, negative_inverse)
+        count, uses = state[_ROWS], state[_USES]
+        origin[count], pivot_of[pivot] = row, count
+        use_rows[uses], use_factors[uses] = -1, inverse
+        state[_ROWS], state[_USES] = count + 1, uses + 1
+        basis_starts[count + 1], use_starts[count + 1] = state[_ENTRIES], uses + 1
     return len(row_starts) - 1
 
 
 @compiled
-def _trace(weights, origin, use_starts, use_rows, use_factors, prime, negative_inverse):  # type: ignore[no-untyped-def]
+def _trace(
+    weights: Words, use_starts: Indices, use_rows: Columns, use_factors: Words,
+    prime: np.uint64, negative_inverse: np.uint64,
+) -> None:
     """Turn weights on basis rows into weights on original rows, last inserted first (in place)."""
     for k in range(len(weights) - 1, -1, -1):
         if weights[k] == np.uint64(0):
@@ -92,10 +135,7 @@ def _trace(weights, origin, use_starts, use_rows, use_factors, prime, negative_i
         weights[k] = weight
         for u in range(use_starts[k], last):
             product = multiply(weight, use_factors[u], prime, negative_inverse)
-            target = use_rows[u]
-            weights[target] = (
-                weights[target] - product if weights[target] >= product else weights[target] + (prime - product)
-            )
+            weights[use_rows[u]] = _minus(weights[use_rows[u]], product, prime)
 
 
 @dataclass(slots=True)
@@ -108,11 +148,11 @@ class Echelon:
     inserted: int = 0
     pivot_of: Indices = field(default_factory=lambda: np.empty(0, np.int64))
     starts: Indices = field(default_factory=lambda: np.zeros(64, np.int64))
-    columns: npt.NDArray[np.int32] = field(default_factory=lambda: np.empty(4096, np.int32))
+    columns: Columns = field(default_factory=lambda: np.empty(4096, np.int32))
     values: Words = field(default_factory=lambda: np.empty(4096, np.uint64))
     origin: Indices = field(default_factory=lambda: np.empty(64, np.int64))
     use_starts: Indices = field(default_factory=lambda: np.zeros(64, np.int64))
-    use_rows: npt.NDArray[np.int32] = field(default_factory=lambda: np.empty(4096, np.int32))
+    use_rows: Columns = field(default_factory=lambda: np.empty(4096, np.int32))
     use_factors: Words = field(default_factory=lambda: np.empty(4096, np.uint64))
     state: Indices = field(default_factory=lambda: np.zeros(3, np.int64))
 
@@ -136,16 +176,17 @@ class Echelon:
             if row == total:
                 break
             self._grow()
-        self.count = int(self.state[0])
+        self.count = int(self.state[_ROWS])
         self.origin[first : self.count] += self.inserted
         self.inserted += total
 
     def _grow(self) -> None:
-        if self.state[0] + 2 > len(self.starts):
-            self.starts, self.use_starts, self.origin = map(_doubled, (self.starts, self.use_starts, self.origin))
-        while self.state[1] + self.width + 1 > len(self.columns):
+        if self.state[_ROWS] + 2 > len(self.starts):
+            self.starts, self.use_starts = _doubled(self.starts), _doubled(self.use_starts)
+            self.origin = _doubled(self.origin)
+        while self.state[_ENTRIES] + self.width + 1 > len(self.columns):
             self.columns, self.values = _doubled(self.columns), _doubled(self.values)
-        while self.state[2] + self.width + 1 > len(self.use_rows):
+        while self.state[_USES] + self.width + 1 > len(self.use_rows):
             self.use_rows, self.use_factors = _doubled(self.use_rows), _doubled(self.use_factors)
 
     def rank_within(self, width: int) -> int:
@@ -170,9 +211,9 @@ class Echelon:
         vector = np.zeros(self.count, np.uint64)
         for number, weight in weights.items():
             vector[number] = weight % self.prime
-        _trace(vector, self.origin, self.use_starts, self.use_rows, self.use_factors, prime, negative_inverse)
+        _trace(vector, self.use_starts, self.use_rows, self.use_factors, prime, negative_inverse)
         return [int(self.origin[k]) for k in np.flatnonzero(vector)]
 
 
-def _doubled(array: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+def _doubled(array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:
     return np.concatenate([array, np.zeros_like(array)])

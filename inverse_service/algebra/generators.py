@@ -255,8 +255,8 @@ def _circular(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]:
         scale = ring.tower.scale(angle)
         t = ring.generator(half_angle(angle, scale))
         count = int(factor * scale)
-        sign = 1 if count > 0 else -1
+        c, s = one - t * t, t * (2 if count > 0 else -2)
         for _ in range(abs(count)):
-            c, s = one - t * t, t * (2 * sign)
-            real, imaginary, denominator = real * c - imaginary * s, real * s + imaginary * c, denominator * (one + t * t)
+            real, imaginary = real * c - imaginary * s, real * s + imaginary * c
+        denominator *= (one + t * t) ** abs(count)
     return Quotient(real, denominator), Quotient(imaginary, denominator)

@@ -7,10 +7,10 @@ Montgomery form: x stands for x R modulo P, R = 2^64; a product costs three mult
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import njit, types
 from numba.extending import intrinsic
 
@@ -20,14 +20,13 @@ Work = TypeVar("Work", bound=Callable[..., Any])
 def compiled(work: Work) -> Work:
     """numba.njit, its result kept on disk where the machine lets us write."""
     try:
-        return njit(cache=True)(work)  # type: ignore[no-any-return]
+        return cast(Work, njit(cache=True)(work))
     except RuntimeError:  # no place for a cache: compile in each process
-        return njit(work)  # type: ignore[no-any-return]
+        return cast(Work, njit(work))
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def high_product(typing_context: Any, a: Any, b: Any) -> Any:
-    """The upper 64 bits of the 128-bit product."""
+def _upper_word(typing_context: Any, a: Any, b: Any) -> Any:
+    """The upper 64 bits of the 128-bit product, as code for the compiler."""
     signature = types.uint64(types.uint64, types.uint64)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -37,6 +36,9 @@ def high_product(typing_context: Any, a: Any, b: Any) -> Any:
         return builder.trunc(upper, ir.IntType(64))
 
     return signature, generate
+
+
+high_product = cast(Callable[[np.uint64, np.uint64], np.uint64], intrinsic(_upper_word))
 
 
 @compiled
@@ -51,7 +53,9 @@ def multiply(a: np.uint64, b: np.uint64, prime: np.uint64, negative_inverse: np.
 
 
 @compiled
-def power(base: np.uint64, exponent: np.uint64, one: np.uint64, prime: np.uint64, negative_inverse: np.uint64) -> np.uint64:
+def power(
+    base: np.uint64, exponent: np.uint64, one: np.uint64, prime: np.uint64, negative_inverse: np.uint64
+) -> np.uint64:
     """base^exponent, base and result in Montgomery form."""
     result = one
     while exponent > np.uint64(0):

@@ -162,7 +162,7 @@ def _prolong(run: _Run, seed: int) -> Decision:
         run.history.append(tuple(prolongation.dimension(d) for d in range(order + 1)))
         found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
         if found:
-                    return replace(found, points=points)
+                return replace(found, points=points)
 
 
 def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:

@@ -20,12 +20,13 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.echelon import Echelon
+from inverse_service.algebra.echelon import Echelon, Words
 from inverse_service.algebra.monomials import MonomialKeys, exponents_of_degree, keys_of
 from inverse_service.algebra.montgomery import compiled
 from inverse_service.algebra.series import Series, SeriesRing
 
 Integers = npt.NDArray[np.int64]
+Exponents = npt.NDArray[np.int8]
 # (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
 RowName = tuple[str, int, int, tuple[int, ...]]
 _NO_DERIVATIVE = -1
@@ -132,10 +133,11 @@ def _zero_order(i: int, k: int, series: Series, negative: bool) -> list[Term]:
 
 
 @compiled
-def _emit(  # type: ignore[no-untyped-def]
-    fill, keys, exponents, term_key, term_value, vi, vj, da, row_keys, row_order, bits, prime,
-    counts, columns, values, base,
-):
+def _emit(
+    fill: bool, keys: Integers, exponents: Exponents, term_key: np.int64, term_value: np.uint64,
+    vi: int, vj: int, da: int, row_keys: Integers, row_order: Integers, bits: int, prime: np.uint64,
+    counts: Integers, columns: Integers, values: Words, base: int,
+) -> None:
     """Entries of series-term * (d_a) g_ij for all unknown monomials `keys`; counted or filled in."""
     for m in range(len(keys)):
         ei = np.int64(exponents[m, vi])
@@ -180,8 +182,8 @@ class Prolongation:
     echelon: Echelon
     order: int = -1
     equations: list[Equation] = field(default_factory=list)
-    blocks: list[npt.NDArray[np.int8]] = field(default_factory=list)
-    row_blocks: list[tuple[int, npt.NDArray[np.int8]]] = field(default_factory=list)
+    blocks: list[Exponents] = field(default_factory=list)
+    row_blocks: list[tuple[int, Exponents]] = field(default_factory=list)
 
     @property
     def size(self) -> int:
@@ -215,10 +217,11 @@ def start(local: LocalSystem) -> Prolongation:
     return Prolongation(local, Echelon(local.ring.prime), equations=equations(local))
 
 
-def unknown_block(prolongation: Prolongation, degree: int) -> npt.NDArray[np.int8]:
+def unknown_block(prolongation: Prolongation, degree: int) -> Exponents:
     """Exponents of the unknowns of degree `degree` in g: total degree + 2, v-degree >= 2."""
     table = exponents_of_degree(prolongation.size, degree + 2)
-    return table[table[:, prolongation.first_velocity :].sum(axis=1) >= 2]
+    kept: Exponents = table[table[:, prolongation.first_velocity :].sum(axis=1) >= 2]
+    return kept
 
 
 def advance(prolongation: Prolongation) -> None:
@@ -240,21 +243,21 @@ def _insert(prolongation: Prolongation, number: int, equation: Equation, degree:
     keys = keys_of(monomials, exponents)
     order = np.argsort(keys)
     rows = (keys[order], order.astype(np.int64))
-    modulus = (monomials.bits, np.uint64(prolongation.local.ring.prime))
+    bits, prime = monomials.bits, np.uint64(prolongation.local.ring.prime)
     counts = np.zeros(len(keys) + 1, np.int64)
     none = (np.empty(0, np.int64), np.empty(0, np.uint64))
     for part in _pieces(prolongation, equation, degree):
-        _emit(False, *part[:7], *rows, *modulus, counts, *none, part[7])
+        _emit(False, *part[:7], *rows, bits, prime, counts, *none, part[7])
     starts = np.concatenate([[0], np.cumsum(counts[:-1])]).astype(np.int64)
     columns, values = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.uint64)
     cursor = starts.copy()
     for part in _pieces(prolongation, equation, degree):
-        _emit(True, *part[:7], *rows, *modulus, cursor, columns, values, part[7])
+        _emit(True, *part[:7], *rows, bits, prime, cursor, columns, values, part[7])
     prolongation.echelon.insert(starts, columns, values)
     prolongation.row_blocks.append((number, exponents))
 
 
-Piece = tuple[Integers, npt.NDArray[np.int8], np.int64, np.uint64, int, int, int, int]
+Piece = tuple[Integers, Exponents, np.int64, np.uint64, int, int, int, int]
 
 
 def _pieces(prolongation: Prolongation, equation: Equation, degree: int) -> Iterator[Piece]:
