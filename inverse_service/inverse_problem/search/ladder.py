@@ -10,8 +10,9 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.search.choice import as_tree, oriented, regular_members, without_gauge
-from inverse_service.inverse_problem.search.families import FAMILIES, Factors, Family, candidates, find_factors
-from inverse_service.inverse_problem.search.linear_ansatz import letters_of, solve_ansatz
+from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
+from inverse_service.inverse_problem.search.families import FAMILIES, Family, candidates
+from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.sampling import make_sampler
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, tree_of
@@ -52,7 +53,7 @@ def search(
         progress(f"ansatz: {family.name}")
         if factors is None and family.cost > 1:
             factors = find_factors(material, seed)
-        terms = candidates(material, family, factors or Factors(()))
+        terms = candidates(material, family, factors or NO_FACTORS)
         if tried and set(terms) <= known:
             continue
         known.update(terms)
@@ -64,13 +65,8 @@ def search(
 
 
 def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: int) -> Found | None:
-    exponents = {}
-    for candidate in terms:
-        for letter, e in candidate:
-            if letter not in exponents or e.denominator > exponents[letter].denominator:
-                exponents[letter] = e
     try:
-        sampler = make_sampler(material.analysis, [(p, exponents[p]) for p in letters_of(terms)])
+        sampler = make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
         space = solve_ansatz(sampler, terms, seed)
         sets = regular_members(space, seed)
     except IrreducibleAtoms:

@@ -1,0 +1,89 @@
+"""Terms that an ansatz needs beside its seeds: what can cancel the residuals of the seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+
+from inverse_service.expressions.tree import TIME, Apply, Number, walk
+from inverse_service.inverse_problem.search.material import Material, antiderivatives
+from inverse_service.inverse_problem.search.motion import euler_lagrange, split_velocities
+from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, rank, times
+
+
+def closed(material: Material, seeds: Sequence[Monomial], depth: int, bound: int) -> list[Monomial]:
+    """The seeds, and terms whose Euler-Lagrange expressions can cancel those of the terms before.
+
+    A residual T(q) w(v) in equation i is cancelled by B(q) w v_i / v_j with dB/dq_j = T; only the
+    velocity shapes of the seeds, 1 and v_k are admitted. Stops at `bound` terms beyond the seeds.
+    """
+    shapes = {split_velocities(key)[1] for key in seeds} | {EMPTY}
+    shapes |= {monomial(v) for v in material.motion.velocities}
+    found = dict.fromkeys(seeds)
+    fresh, room = list(seeds), bound
+    for _ in range(depth):
+        added: dict[Monomial, None] = {}
+        for key in fresh:
+            added.update(dict.fromkeys(extra for extra in _cancelling(material, key, shapes) if extra not in found))
+            if len(added) > 2 * room:
+                break
+        fresh = sorted(added, key=rank)[:room]
+        room -= len(fresh)
+        found.update(dict.fromkeys(fresh))
+    return list(found)
+
+
+def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> list[Monomial]:
+    """Admissible terms that answer the residuals of one candidate."""
+    try:
+        residuals = euler_lagrange(material.motion, key)
+    except TooManyTerms:
+        return []
+    found: dict[Monomial, None] = {}
+    motion = material.motion
+    for v, residual in zip(motion.velocities, residuals, strict=True):
+        for term in residual:
+            position, moving = split_velocities(term)
+            for q, w in zip(motion.coordinates, motion.velocities, strict=True):
+                shape = times(times(moving, monomial(v)), monomial(w), -1)
+                if shape in shapes:
+                    found.update(dict.fromkeys(times(m, shape) for m in antiderivatives(position, q)))
+    found.update(dict.fromkeys(m for extra in list(found) for m in _without_squares(extra)))
+    return list(found)
+
+
+def _without_squares(key: Monomial) -> list[Monomial]:
+    """With sin^2 u or cos^2 u also the monomial without it: 1 = sin^2 u + cos^2 u."""
+    return [
+        times(key, frozenset([(letter, Fraction(2))]), -1)
+        for letter, e in key
+        if isinstance(letter, Apply) and letter.function in ("sin", "cos") and e >= 2
+    ]
+
+
+def potentials(material: Material, factors: Iterable[Monomial], bound: int) -> list[Monomial]:
+    """B(q) and B(q) v_k with dB/dq_j = phi T for the position parts T of the terms of f.
+
+    In f^i = g^-1 (dL/dq - …) the potential and the linear terms of L stand undivided, so T runs over
+    the terms of f with all that holds velocities left out.
+    """
+    motion = material.motion
+    parts = dict.fromkeys(split_velocities(key)[0] for terms in motion.forces for key in terms)
+    found: dict[Monomial, None] = {}
+    linear: dict[Monomial, None] = {}
+    for factor in factors:
+        for part in sorted(parts, key=rank):
+            for q in motion.coordinates:
+                for m in antiderivatives(times(part, factor), q):
+                    found[m] = None
+                    linear.update(dict.fromkeys(times(m, monomial(v)) for v in motion.velocities))
+    for extra in list(found):
+        found.update(dict.fromkeys(_without_squares(extra)))
+    return [*sorted(found, key=rank)[:bound], *sorted(linear, key=rank)[:bound]]
+
+
+def is_admissible(material: Material, key: Monomial) -> bool:
+    """L may contain t only where asked for, and a pure constant is no term."""
+    if all(isinstance(letter, Number) for letter, _ in key):
+        return False
+    return material.motion.with_time or not any(node == TIME for letter, _ in key for node in walk(letter))

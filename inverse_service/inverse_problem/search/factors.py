@@ -1,0 +1,85 @@
+"""Functions of position and time that multiply the velocity shapes of an ansatz."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from inverse_service.expressions.tree import TIME, Sum
+from inverse_service.inverse_problem.search.integrating import integrating_factor
+from inverse_service.inverse_problem.search.material import Material, distinct, integrating_candidates
+from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, rank, times
+
+_MOST_FACTORS = 24
+_MOST_COEFFICIENTS = 40
+HALF = Fraction(1, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Factors:
+    """What follows from the coefficients c of v_i v_l and v_i in f_i.
+
+    `along[i]` is exp(-int c_ii dq_i), `across[i]` the product of exp(-int c_il dq_l) over l != i;
+    `in_time` holds 1 and exp(-int c dt); `plain` all factors for a quadratic L, and their inverses.
+    """
+
+    along: Mapping[int, Monomial]
+    across: Mapping[int, Monomial]
+    in_time: tuple[Monomial, ...]
+    plain: tuple[Monomial, ...]
+
+    def of_degree(self, i: int, degree: int) -> Monomial:
+        """phi with g_ii = phi v_i^degree a multiplier of q_i'' = c_ii v_i^2 + sum c_il v_i v_l."""
+        return times(self.across.get(i, EMPTY), self.along.get(i, EMPTY), 2 + degree)
+
+
+NO_FACTORS = Factors({}, {}, (EMPTY,), (EMPTY,))
+
+
+def find_factors(material: Material, seed: int) -> Factors:
+    """Integrating factors of all coefficients for which they are products of letters."""
+    along: dict[int, Monomial] = {}
+    across: dict[int, Monomial] = {}
+    single: dict[Monomial, None] = {EMPTY: None}
+    in_time: dict[Monomial, None] = {EMPTY: None}
+    for i, c, variable in integrating_candidates(material)[:_MOST_COEFFICIENTS]:
+        factor = integrating_factor(material, c, variable, seed)
+        if not factor:
+            continue
+        if variable == TIME:
+            in_time[factor] = None
+        elif variable == material.motion.coordinates[i]:
+            along[i] = factor
+            single[times(EMPTY, factor, 2)] = None
+        else:
+            across[i] = times(across.get(i, EMPTY), factor)
+            single[factor] = None
+    for i in range(material.motion.size):
+        single[times(across.get(i, EMPTY), along.get(i, EMPTY), 2)] = None
+    for factor in list(single):
+        single[times(EMPTY, factor, -1)] = None
+    chosen = tuple(sorted(single, key=rank)[:_MOST_FACTORS])
+    return Factors(along, across, tuple(sorted(in_time, key=rank)[:6]), chosen)
+
+
+def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomial]:
+    """All products of one of each."""
+    return [times(a, b) for a in left for b in right]
+
+
+def position_monomials(material: Material, degree: int) -> list[Monomial]:
+    """Products of at most `degree` of the letters that depend on position; sums also inverted and rooted."""
+    units: list[Monomial] = []
+    for letter in material.position_letters:
+        exponents = [1, -1, HALF, -HALF] if isinstance(letter, Sum) else [1]
+        units += [frozenset([(letter, Fraction(e))]) for e in exponents]
+    found = [EMPTY]
+    for count in range(1, degree + 1):
+        for chosen in itertools.combinations_with_replacement(units, count):
+            product = EMPTY
+            for unit in chosen:
+                product = times(product, unit)
+            found.append(product)
+    return distinct(found)
