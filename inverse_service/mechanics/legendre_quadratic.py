@@ -30,9 +30,10 @@ from inverse_service.expressions.tree import (
 from inverse_service.mechanics.legendre_blocks import Block, degrees, without
 from inverse_service.mechanics.legendre_branch import Branch
 from inverse_service.mechanics.legendre_forms import separated, shortest, trigonometric
-from inverse_service.mechanics.opaque_fractions import OpaqueFraction, OpaqueRing, Polynomial, times
+from inverse_service.mechanics.opaque_fractions import OpaqueFraction, OpaqueRing, Polynomial
 
 Matrix = tuple[tuple[Expression, ...], ...]
+_MOST_TERMS = 4_000
 Rows = list[list[Polynomial]]
 
 
@@ -81,6 +82,13 @@ def invert(matrix: Sequence[Sequence[Expression]]) -> Inverse | None:
         return None if solved is None else _reduced(ring, solved[0], solved[1], common)
     except (LimitError, ZeroDivisionError):
         return None
+
+
+def times(left: Polynomial, right: Polynomial) -> Polynomial:
+    """The product; LimitError where it could have so many terms that nobody would read the inverse."""
+    if len(left) * len(right) > _MOST_TERMS:
+        raise LimitError("an inverse matrix has too many terms to be written down")
+    return left * right
 
 
 def _common_denominator(ring: OpaqueRing, entries: Sequence[OpaqueFraction]) -> Polynomial:

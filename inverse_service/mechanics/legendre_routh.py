@@ -30,7 +30,7 @@ from inverse_service.mechanics.legendre_forms import simplified
 from inverse_service.mechanics.legendre_linear import linear_coefficients
 from inverse_service.mechanics.legendre_quadratic import Inverse, form_matrix, invert, quadratic_form
 
-_MOST_CHOICES = 40
+_MOST_CHOICES = 12
 Terms = list[tuple[Monomial, Fraction]]
 
 

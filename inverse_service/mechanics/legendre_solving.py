@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice, product
 
+from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.tree import (
     Expression,
     Symbol,
@@ -17,7 +18,7 @@ from inverse_service.mechanics.legendre_blocks import Block, split
 from inverse_service.mechanics.legendre_branch import Branch, resolved
 from inverse_service.mechanics.legendre_elimination import elimination_branches
 from inverse_service.mechanics.legendre_linear import linear_branches
-from inverse_service.mechanics.legendre_quadratic import quadratic_branches
+from inverse_service.mechanics.legendre_quadratic import form_matrix, quadratic_branches
 from inverse_service.mechanics.legendre_radial import radial_branches
 from inverse_service.mechanics.legendre_ratio import ratio_branches
 from inverse_service.mechanics.legendre_routh import routh_branches
@@ -29,6 +30,8 @@ _MOST_BRANCHES = 8
 def block_branches(block: Block) -> Iterator[Branch]:
     """Candidates for one block without linear terms; none of them is checked here."""
     yield from quadratic_branches(block)
+    if form_matrix(expand(block.function), block.names) is not None:
+        return
     yield from ratio_branches(block, solve)
     yield from radial_branches(block, solve)
     yield from routh_branches(block, solve)

@@ -359,3 +359,12 @@ def test_eight_coupled_coordinates_are_inverted() -> None:
     found = transform(text, " ".join(names))
     assert not found.implicit
     assert_right(found, names, signed=True, points=1)
+
+
+def test_a_matrix_too_large_to_invert_is_implicit_and_soon_said() -> None:
+    names = [f"q{k}" for k in range(6)]
+    pairs = [(i, j) for i in range(6) for j in range(i, 6)]
+    text = " + ".join(f"g{i}{j}*q{i}'*q{j}'" for i, j in pairs)
+    found = transform(text, " ".join(names), " ".join(f"g{i}{j}" for i, j in pairs))
+    assert found.implicit
+    assert_right(found, names, points=1)
