@@ -61,25 +61,35 @@ def _without_squares(key: Monomial) -> list[Monomial]:
     ]
 
 
-def potentials(material: Material, factors: Iterable[Monomial], bound: int) -> list[Monomial]:
-    """B(q) and B(q) v_k with dB/dq_j = phi T for the position parts T of the terms of f.
+def potentials(material: Material, seeds: Iterable[Monomial], bound: int) -> list[Monomial]:
+    """B(q) and B(q) v_k with dB/dq_j = phi T, phi the factor of a seed that holds v_i, T from f^i.
 
     In f^i = g^-1 (dL/dq - …) the potential and the linear terms of L stand undivided, so T runs over
-    the terms of f with all that holds velocities left out.
+    the terms of f^i with all that holds velocities left out. At most `bound` of each kind.
     """
     motion = material.motion
-    parts = dict.fromkeys(split_velocities(key)[0] for terms in motion.forces for key in terms)
     found: dict[Monomial, None] = {}
     linear: dict[Monomial, None] = {}
-    for factor in factors:
-        for part in sorted(parts, key=rank):
-            for q in motion.coordinates:
-                for m in antiderivatives(times(part, factor), q):
-                    found[m] = None
-                    linear.update(dict.fromkeys(times(m, monomial(v)) for v in motion.velocities))
+    for product in sorted(_forces_of_seeds(material, seeds), key=rank)[: 4 * bound]:
+        for q in motion.coordinates:
+            for m in antiderivatives(product, q):
+                found[m] = None
+                linear.update(dict.fromkeys(times(m, monomial(v)) for v in motion.velocities))
     for extra in list(found):
         found.update(dict.fromkeys(_without_squares(extra)))
     return [*sorted(found, key=rank)[:bound], *sorted(linear, key=rank)[:bound]]
+
+
+def _forces_of_seeds(material: Material, seeds: Iterable[Monomial]) -> set[Monomial]:
+    """phi T for the factor phi of each seed and the position parts T of the forces on its velocities."""
+    motion = material.motion
+    parts = [{split_velocities(key)[0] for key in terms} for terms in motion.forces]
+    factors = set()
+    for seed in seeds:
+        position, moving = split_velocities(seed)
+        nodes = {node for letter, _ in moving for node in walk(letter)}
+        factors |= {(position, i) for i, v in enumerate(motion.velocities) if v in nodes}
+    return {times(position, part) for position, i in factors for part in parts[i]}
 
 
 def is_admissible(material: Material, key: Monomial) -> bool:

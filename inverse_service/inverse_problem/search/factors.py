@@ -7,13 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.expressions.tree import TIME, Sum
+from inverse_service.expressions.tree import TIME, Apply, Sum
 from inverse_service.inverse_problem.search.integrating import integrating_factor
 from inverse_service.inverse_problem.search.material import Material, distinct, integrating_candidates
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, rank, times
 
 _MOST_FACTORS = 24
 _MOST_COEFFICIENTS = 40
+_MOST_IN_TIME = 6
 HALF = Fraction(1, 2)
 
 
@@ -30,9 +31,10 @@ class Factors:
     in_time: tuple[Monomial, ...]
     plain: tuple[Monomial, ...]
 
-    def of_degree(self, i: int, degree: int) -> Monomial:
-        """phi with g_ii = phi v_i^degree a multiplier of q_i'' = c_ii v_i^2 + sum c_il v_i v_l."""
-        return times(self.across.get(i, EMPTY), self.along.get(i, EMPTY), 2 + degree)
+    def of_degree(self, i: int, degree: int) -> list[Monomial]:
+        """Candidates phi with g_ii = phi v_i^degree, from all c_il or from c_ii alone."""
+        own = times(EMPTY, self.along.get(i, EMPTY), 2 + degree)
+        return list(dict.fromkeys([own, times(own, self.across.get(i, EMPTY))]))
 
 
 NO_FACTORS = Factors({}, {}, (EMPTY,), (EMPTY,))
@@ -49,7 +51,8 @@ def find_factors(material: Material, seed: int) -> Factors:
         if not factor:
             continue
         if variable == TIME:
-            in_time[factor] = None
+            # g = e^(-(1 + k) int c dt) v^k solves Gamma(g) = -g df/dv for f = c v.
+            in_time.update(dict.fromkeys(times(EMPTY, factor, e) for e in (1, -1, 2, -2, 3)))
         elif variable == material.motion.coordinates[i]:
             along[i] = factor
             single[times(EMPTY, factor, 2)] = None
@@ -58,10 +61,9 @@ def find_factors(material: Material, seed: int) -> Factors:
             single[factor] = None
     for i in range(material.motion.size):
         single[times(across.get(i, EMPTY), along.get(i, EMPTY), 2)] = None
-    for factor in list(single):
-        single[times(EMPTY, factor, -1)] = None
-    chosen = tuple(sorted(single, key=rank)[:_MOST_FACTORS])
-    return Factors(along, across, tuple(sorted(in_time, key=rank)[:6]), chosen)
+    inverted = [times(EMPTY, factor, -1) for factor in single]
+    chosen = tuple(dict.fromkeys([*sorted(single, key=rank), *sorted(inverted, key=rank)]))[:_MOST_FACTORS]
+    return Factors(along, across, tuple(sorted(in_time, key=rank)[:_MOST_IN_TIME]), chosen)
 
 
 def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomial]:
@@ -70,11 +72,15 @@ def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomi
 
 
 def position_monomials(material: Material, degree: int) -> list[Monomial]:
-    """Products of at most `degree` of the letters that depend on position; sums also inverted and rooted."""
+    """Products of at most `degree` letters of position; sums also inverted and rooted, exponentials inverted."""
     units: list[Monomial] = []
     for letter in material.position_letters:
-        exponents = [1, -1, HALF, -HALF] if isinstance(letter, Sum) else [1]
-        units += [frozenset([(letter, Fraction(e))]) for e in exponents]
+        exponents = [Fraction(1)]
+        if isinstance(letter, Sum):
+            exponents += [Fraction(-1), HALF, -HALF]
+        elif isinstance(letter, Apply) and letter.function == "exp":
+            exponents.append(Fraction(-1))
+        units += [frozenset([(letter, e)]) for e in exponents]
     found = [EMPTY]
     for count in range(1, degree + 1):
         for chosen in itertools.combinations_with_replacement(units, count):

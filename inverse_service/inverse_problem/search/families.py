@@ -9,8 +9,7 @@ from inverse_service.inverse_problem.search import shapes
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
 from inverse_service.inverse_problem.search.material import Material, distinct
-from inverse_service.inverse_problem.search.motion import split_velocities
-from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, rank
+from inverse_service.inverse_problem.search.terms import Monomial, rank
 
 _MOST_SEEDS = 700
 
@@ -56,10 +55,10 @@ def _laurent_plain(material: Material, factors: Factors) -> list[Monomial]:
 def _laurent(material: Material, factors: Factors) -> list[Monomial]:
     """phi v_i v_j / v_k with phi an integrating factor, a product of letters, or both; and v_i v_j."""
     quotients = shapes.quotients(material)
-    mixed = products(position_monomials(material, 1), factors.plain)
-    every = distinct([*mixed, *position_monomials(material, 2)])
+    simple = position_monomials(material, 1)
+    every = distinct([*products(simple, factors.plain), *position_monomials(material, 2)])
     room = max(4, _MOST_SEEDS // max(1, len(quotients)))
-    chosen = list(dict.fromkeys([*factors.plain[: room // 2], *every]))[:room]
+    chosen = list(dict.fromkeys([*simple[: room // 3], *factors.plain[: room // 3], *every]))[:room]
     return products(factors.in_time[:2], shapes.pairs(material) + products(chosen, quotients))
 
 
@@ -82,7 +81,7 @@ def _separate(material: Material, factors: Factors) -> list[Monomial]:
         m
         for i, v in enumerate(material.motion.velocities)
         for k, shape in shapes.single(v)
-        for m in products([factors.of_degree(i, k)], [shape])
+        for m in products(factors.of_degree(i, k), [shape])
     ]
     letters = products(factors.plain[:6], shapes.of_letters(material)[: _MOST_SEEDS // 6])
     return products(factors.in_time, distinct([*fitted, *shapes.pairs(material), *letters]))
@@ -100,8 +99,8 @@ FAMILIES = (
     Family("quadratic, polynomial in the coordinates", 2, _constant_in_time, depth=3),
     Family("quadratic with integrating factors", 3, _integrating),
     Family("Laurent monomials v_i v_j / v_k, polynomial in the coordinates", 4, _laurent_plain, depth=3, bound=600),
-    Family("functions of the velocities, constant coefficients", 5, _velocity_functions, depth=0, bound=120),
-    Family("functions of one velocity with fitted factors", 6, _separate, depth=0, bound=120),
+    Family("functions of the velocities, constant coefficients", 5, _velocity_functions, depth=0, bound=200),
+    Family("functions of one velocity with fitted factors", 6, _separate, depth=0, bound=200),
     Family("quadratic in the velocities", 7, _metric, bound=500),
     Family("Laurent monomials v_i v_j / v_k", 8, _laurent, bound=400),
     Family("logarithms and roots of velocities", 9, _logarithms),
@@ -117,7 +116,5 @@ def candidates(material: Material, family: Family, factors: Factors) -> list[Mon
     if family.depth:
         every = closed(material, seeds, family.depth, family.bound)
     else:
-        used = dict.fromkeys([EMPTY, *(split_velocities(key)[0] for key in seeds)])
-        chosen = sorted(used, key=rank)[: max(1, 2 * len(factors.in_time))] if len(used) > 12 else list(used)
-        every = [*seeds, *potentials(material, chosen, family.bound)]
+        every = [*seeds, *potentials(material, seeds, family.bound)]
     return [key for key in sorted(dict.fromkeys(every), key=rank) if is_admissible(material, key)]

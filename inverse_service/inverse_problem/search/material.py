@@ -71,7 +71,8 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     parameters = frozenset(Symbol(name) for name in system.parameters)
     position = [p for p in letters if not has_velocity(p) and depends_on_position(p, motion)]
     moving = [p for p in letters if has_velocity(p) and not isinstance(p, Velocity)]
-    return Material(analysis, motion, tuple(position), tuple(moving), _linear_sums(trees), _parameter_monomials(forces, parameters))
+    constants = _parameter_monomials(forces, parameters)
+    return Material(analysis, motion, tuple(position), tuple(moving), _linear_sums(trees), constants)
 
 
 def _factored(analysis: Analysis) -> list[Expression]:
@@ -200,18 +201,17 @@ def integrating_candidates(material: Material) -> list[tuple[int, Terms, Express
         for q, w in zip(motion.coordinates, motion.velocities, strict=True):
             c = coefficient(f, monomial(v, w))
             if c:
-                factor = 2 if v == w else 1
-                found.append((i, {key: value * factor for key, value in c.items()}, q))
+                found.append((i, c, q))
         drag = coefficient(f, monomial(v))
-        if drag and motion.with_time:
+        if drag and motion.with_time and not any(_has_position(key, motion) for key in drag):
             found.append((i, drag, TIME))
     return found
+
+
+def _has_position(key: Monomial, motion: MotionTerms) -> bool:
+    return any(node in motion.coordinates for letter, _ in key for node in walk(letter))
 
 
 def distinct(parts: Sequence[Monomial]) -> list[Monomial]:
     """Each once, simple ones first."""
     return sorted(dict.fromkeys(parts), key=rank)
-
-
-def constant_exponent(letter: Expression, exponent: Fraction | int) -> Monomial:
-    return frozenset([(letter, Fraction(exponent))])

@@ -24,13 +24,22 @@ def powers(material: Material, degree: int) -> list[Monomial]:
 
 
 def quotients(material: Material) -> list[Monomial]:
-    """v_i v_j / w with w another velocity, or a sum of velocities that is a factor of f."""
+    """v_i v_j / w with w another velocity, or a sum of velocities that is a factor of f.
+
+    Where some velocities are constant along the motion, only these are divided by.
+    """
     return [
         times(pair, monomial(w), -1)
         for pair in pairs(material)
-        for w in (*material.motion.velocities, *material.linear_sums)
+        for w in (*divisors(material), *material.linear_sums)
         if all(w != letter for letter, _ in pair)
     ]
+
+
+def divisors(material: Material) -> list[Expression]:
+    motion = material.motion
+    constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
+    return list(constant or motion.velocities)
 
 
 def double_quotients(material: Material) -> list[Monomial]:
@@ -38,7 +47,7 @@ def double_quotients(material: Material) -> list[Monomial]:
     return [
         times(triple, monomial(w), -2)
         for triple in powers(material, 3)
-        for w in material.motion.velocities
+        for w in divisors(material)
         if all(w != letter for letter, _ in triple)
     ]
 

@@ -113,7 +113,7 @@ def terms_of(expression: Expression) -> Terms:
 def _power(base: Terms, exponent: Fraction) -> Terms:
     if not base:
         return {}
-    if exponent.denominator == 1 and 0 < exponent <= _LARGEST_POWER and len(base) ** int(exponent) <= _LARGEST_EXPANSION:
+    if _is_small_power(len(base), exponent):
         result: Terms = {EMPTY: Fraction(1)}
         for _ in range(int(exponent)):
             result = multiply_terms(result, base)
@@ -124,6 +124,10 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
     if rest != ONE:
         whole = times(whole, monomial(rest), exponent)
     return {whole: factor}
+
+
+def _is_small_power(count: int, exponent: Fraction) -> bool:
+    return exponent.denominator == 1 and 0 < exponent <= _LARGEST_POWER and count**exponent <= _LARGEST_EXPANSION
 
 
 def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:
@@ -190,7 +194,8 @@ def _letter_rank(item: tuple[Expression, Fraction]) -> tuple[int, str]:
 
 def rank(key: Monomial) -> tuple[Fraction, int, str]:
     """Simple monomials first: small exponents, few letters, then by name."""
-    weight = sum((abs(e) * (1 if isinstance(letter, Symbol | Velocity | Number) else 2) for letter, e in key), Fraction(0))
+    plain = Symbol | Velocity | Number
+    weight = sum((abs(e) * (1 if isinstance(letter, plain) else 2) for letter, e in key), Fraction(0))
     penalty = sum(1 for _, e in key if e < 0 or e.denominator > 1)
     return (weight + penalty, len(key), repr(sorted((repr(letter), e) for letter, e in key)))
 
