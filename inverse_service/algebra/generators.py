@@ -38,6 +38,8 @@ from inverse_service.expressions.tree import (
 )
 
 _MOST_TERMS = 3_000
+# Of an angle under a root: its sine has twice this degree in the tangent of the half angle.
+_LARGEST_MULTIPLE = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,6 +257,8 @@ def _circular(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]:
         scale = ring.tower.scale(angle)
         t = ring.generator(half_angle(angle, scale))
         count = int(factor * scale)
+        if abs(count) > _LARGEST_MULTIPLE:
+            raise IrreducibleAtoms("an angle under a root is too large a multiple of another to be reduced")
         c, s = one - t * t, t * (2 if count > 0 else -2)
         for _ in range(abs(count)):
             real, imaginary = real * c - imaginary * s, real * s + imaginary * c

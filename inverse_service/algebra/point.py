@@ -6,6 +6,7 @@ import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import lru_cache
 
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.primes import positive_power
@@ -20,6 +21,7 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    walk,
 )
 
 Variable = Symbol | Velocity
@@ -31,7 +33,7 @@ class Point:
 
     `signs` gives for a variable the sign of the residue symbol that its value is to have (the sign
     of the variable at the real point that stands for the domain of the answer); `salts` choose
-    among the random values of single variables.
+    among the random values of single variables and of the free generators that contain them.
     """
 
     prime: int
@@ -45,9 +47,9 @@ class Point:
         """A random nonzero residue that depends on the seed and the key alone."""
         return random.Random(f"{self.seed}|{key!r}").randrange(2, self.prime - 1)
 
-    def draw_positive(self, key: object) -> int:
-        """A random square."""
-        return pow(self.draw(key), 2, self.prime)
+    def draw_free(self, atom: Expression) -> int:
+        """A random nonzero residue for a free generator; the salts of its variables change it too."""
+        return self.draw((atom, tuple(self.salts.get(name, 0) for name in variables_in(atom))))
 
     def variable(self, name: Variable) -> int:
         """The value of a coordinate, velocity, parameter, of t, or of pi."""
@@ -62,6 +64,12 @@ class Point:
     def jet(self, name: str, arguments: tuple[int, ...], orders: tuple[int, ...]) -> int:
         """A partial derivative of an arbitrary function at a place: equal places, equal values."""
         return self.draw((name, arguments, orders))
+
+
+@lru_cache(maxsize=1024)
+def variables_in(expression: Expression) -> tuple[Variable, ...]:
+    """The coordinates, velocities and parameters in a tree, in the order of their first places."""
+    return tuple(dict.fromkeys(node for node in walk(expression) if isinstance(node, Symbol | Velocity)))
 
 
 def number_value(value: Fraction, prime: int) -> int:

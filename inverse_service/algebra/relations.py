@@ -9,14 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
-from flint import nmod_mat
-
 from inverse_service.algebra.kernels import is_even_root, is_root
-from inverse_service.algebra.point import Expansion, Point, Variable, evaluate
-from inverse_service.algebra.primes import is_positive, prime_factors, reconstruct
+from inverse_service.algebra.point import Point, Variable, evaluate, number_value
+from inverse_service.algebra.primes import prime_factors, reconstruct
 from inverse_service.algebra.rules import (
     RADIAN,
     AngleRule,
@@ -26,51 +23,15 @@ from inverse_service.algebra.rules import (
     Rule,
     replay,
 )
-from inverse_service.algebra.series import derivative, value_at_point
+from inverse_service.algebra.samples import Samples
+from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import ONE, PI, Apply, Expression, Number, Power, add, power, walk
 
-_COEFFICIENT_BOUND = 10_000
+_CONSTANT_BOUND = 10**8
 # (atom, sum a_j u_j) -> (atom - sum)/pi at a real point: what an arctangent relation leaves open.
 Turns = Callable[[Expression, Sequence[tuple[Expression, Fraction]]], Fraction]
-
-
-@dataclass(slots=True)
-class _Samples:
-    """Points of one prime used to find linear relations."""
-
-    tower: Tower
-    points: list[Point]
-
-    def values(self, expression: Expression) -> list[int]:
-        return [evaluate(expression, point) for point in self.points]
-
-    def gradients(self, expression: Expression) -> list[list[int]]:
-        """Per point the partial derivatives with respect to all variables and parameters."""
-        rows = []
-        for point in self.points:
-            series = Expansion(point, self.tower.variables, 1).expand(expression)
-            rows.append([value_at_point(derivative(series, k)) for k in range(len(self.tower.variables))])
-        return rows
-
-    @property
-    def prime(self) -> int:
-        return self.points[0].prime
-
-    def solve(self, columns: Sequence[Sequence[int]], target: Sequence[int]) -> list[Fraction] | None:
-        """Rational a with sum a_j columns_j = target, or None; refuses what is not unique."""
-        if not columns:
-            return None if any(target) else []
-        rows = [[*entries, b] for entries, b in zip(zip(*columns, strict=True), target, strict=True)]
-        reduced, rank = nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], self.prime).rref()
-        pivots = [next(k for k in range(len(rows[0])) if int(reduced[i, k])) for i in range(rank)]
-        if len(columns) in pivots:
-            return None
-        if rank < len(columns):
-            raise IrreducibleAtoms("arguments of exponentials, logarithms or angles have irrational ratios")
-        solution = [reconstruct(int(reduced[i, len(columns)]), self.prime, _COEFFICIENT_BOUND) for i in range(rank)]
-        return None if any(a is None for a in solution) else [a for a in solution if a is not None]
 
 
 def build_tower(
@@ -83,12 +44,15 @@ def build_tower(
     atoms = atoms_in_order(expressions)
     names = tuple(variables) + ((PI,) if any(node == PI for e in expressions for node in walk(e)) else ())
     tower = Tower(names, real_signs, residues=_root_primes(expressions))
-    samples = _Samples(tower, [])
-    for atom in atoms:
-        if is_root(atom):
-            _admit_root(atom, tower, samples)
-        else:
-            _admit(atom, tower, samples, turns)
+    samples = Samples(tower)
+    try:
+        for atom in atoms:
+            if is_root(atom):
+                _admit_root(atom, tower, samples)
+            else:
+                _admit(atom, tower, samples, turns)
+    except SingularPoint as problem:
+        raise IrreducibleAtoms("a denominator inside a function vanishes at the points tried") from problem
     _finish_scales(tower)
     return tower
 
@@ -105,7 +69,7 @@ def _root_primes(expressions: Sequence[Expression]) -> frozenset[int]:
     return frozenset(ell for ell in found if ell > 13)
 
 
-def _admit_root(atom: Expression, tower: Tower, samples: _Samples) -> None:
+def _admit_root(atom: Expression, tower: Tower, samples: Samples) -> None:
     assert isinstance(atom, Power)
     if not is_even_root(atom):
         return
@@ -116,34 +80,19 @@ def _admit_root(atom: Expression, tower: Tower, samples: _Samples) -> None:
         samples.points.clear()
 
 
-def _sample(tower: Tower, samples: _Samples, columns: int) -> None:
-    """Enough points of one prime, with all rules so far replayed."""
-    wanted = columns + 6
-    prime = samples.points[0].prime if samples.points else draw_point(tower, 7).prime
-    while len(samples.points) < wanted:
-        samples.points.append(draw_point(tower, 1000 + len(samples.points), prime))
-
-
-def _admit(atom: Expression, tower: Tower, samples: _Samples, turns: Turns) -> None:
+def _admit(atom: Expression, tower: Tower, samples: Samples, turns: Turns) -> None:
     assert isinstance(atom, Apply)
     if atom.function in ("sin", "cos") and any(
         isinstance(rule, AngleRule) and rule.angle == atom.argument for rule in tower.rules
     ):
         return
-    _sample(tower, samples, len(tower.rules) + 4)
+    samples.ensure(len(tower.rules) + 4)
     work = {"exp": _exponential_rule, "log": _logarithm_rule, "atan": _arctangent_rule}.get(atom.function, _angle_rule)
     rule = work(atom, tower, samples, turns)
-    _sample(tower, samples, len(tower.rules) + 4)
+    samples.ensure(len(tower.rules) + 4)
     tower.rules.append(rule)
     for point in samples.points:
         replay(rule, point, tower.scale)
-
-
-def _require_positive(radicand: Expression, tower: Tower, samples: _Samples) -> None:
-    """From now on only points at which the radicand has a root."""
-    if radicand not in tower.radicands:
-        tower.radicands.append(radicand)
-        samples.points[:] = [p for p in samples.points if is_positive(evaluate(radicand, p), p.prime)]
 
 
 def _free(tower: Tower, kind: type[Rule]) -> list[Expression]:
@@ -160,7 +109,7 @@ def _logarithm_primes(tower: Tower) -> list[int]:
     return sorted({ell for c in constants for k in (c.numerator, c.denominator) for ell, _ in prime_factors(k)})
 
 
-def _exponential_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> Rule:
+def _exponential_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
     exponentials = _free(tower, ExponentialRule)
     logarithms = _free(tower, LogarithmRule)
     primes = _logarithm_primes(tower)
@@ -177,7 +126,7 @@ def _exponential_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns
     )
     for argument, c in of_logs:
         if c.denominator % 2 == 0:
-            _require_positive(argument, tower, samples)
+            samples.require_positive(argument)
     return ExponentialRule(
         atom,
         False,
@@ -188,13 +137,15 @@ def _exponential_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns
     )
 
 
-def _logarithm_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> Rule:
+def _logarithm_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
     if isinstance(atom.argument, Number):
         if atom.argument.value <= 0:
             raise IrreducibleAtoms("the logarithm of a number that is not positive is not real")
         return LogarithmRule(atom, False, (), atom.argument.value)
     basis = [_argument(e) for e in _free(tower, ExponentialRule)] + _free(tower, LogarithmRule)
     columns = [_flat(samples.gradients(u)) for u in basis]
+    if not all(samples.values(atom.argument)):
+        raise IrreducibleAtoms("the argument of a logarithm vanishes at the points tried")
     inverse = [pow(w, -1, samples.prime) for w in samples.values(atom.argument)]
     gradient = samples.gradients(atom.argument)
     target = [x * w % samples.prime for row, w in zip(gradient, inverse, strict=True) for x in row]
@@ -207,26 +158,38 @@ def _logarithm_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) 
 
 
 def _constant_factor(
-    atom: Apply, linear: Sequence[tuple[Expression, Fraction]], samples: _Samples
+    atom: Apply, linear: Sequence[tuple[Expression, Fraction]], samples: Samples
 ) -> tuple[Fraction, int]:
     """kappa^root = w^root / prod (e^u_j)^(a_j root), a positive rational; else IrreducibleAtoms."""
     root = 2
     for _, a in linear:
         root *= a.denominator
-    found: set[Fraction | None] = set()
-    for point in samples.points:
-        value = pow(evaluate(atom.argument, point), root, point.prime)
-        for u, a in linear:
-            base = point.atoms[Apply("exp", u)] if Apply("exp", u) in point.atoms else evaluate(_argument(u), point)
-            value = value * pow(base, -int(a * root), point.prime) % point.prime
-        found.add(reconstruct(value, point.prime, _COEFFICIENT_BOUND**2))
+    found = {
+        reconstruct(_constant_power(atom, linear, root, point), point.prime, _CONSTANT_BOUND)
+        for point in samples.points
+    }
     constant = found.pop()
-    if found or constant is None or constant <= 0:
+    # A second prime tells a rational number from another one that looks like it modulo the first.
+    other = draw_point(samples.tower, 11)
+    if found or constant is None or constant <= 0 or other.prime == samples.prime:
+        raise IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
+    if number_value(constant, other.prime) != _constant_power(atom, linear, root, other):
         raise IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
     return constant, root
 
 
-def _angle_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> Rule:
+def _constant_power(
+    atom: Apply, linear: Sequence[tuple[Expression, Fraction]], root: int, point: Point
+) -> int:
+    """w^root / prod (e^u_j)^(a_j root) at a point."""
+    value = pow(evaluate(atom.argument, point), root, point.prime)
+    for u, a in linear:
+        base = point.atoms[Apply("exp", u)] if Apply("exp", u) in point.atoms else evaluate(_argument(u), point)
+        value = value * pow(base, -int(a * root), point.prime) % point.prime
+    return value
+
+
+def _angle_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
     angles, arctangents = _free(tower, AngleRule), _free(tower, ArctangentRule)
     columns = [samples.values(u) for u in (*angles, *arctangents)]
     columns.append([1] * len(samples.points))
@@ -241,12 +204,22 @@ def _angle_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> R
     if any(a.denominator != 1 for _, a in by_atan):
         raise IrreducibleAtoms("a fraction of an arctangent occurs as an angle")
     for u, _ in by_atan:
-        _require_positive(add(ONE, power(_argument(u), 2)), tower, samples)
+        samples.require_positive(add(ONE, power(_argument(u), 2)))
     turns_of_pi = rest[-1] if PI in tower.variables else Fraction(0)
+    _refine_scales(tower, samples, (*by_angle, (RADIAN, rest[len(arctangents)])))
     return AngleRule(atom.argument, False, by_angle, by_atan, rest[len(arctangents)], turns_of_pi)
 
 
-def _arctangent_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns) -> Rule:
+def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[Expression, Fraction]]) -> None:
+    """Free angles become fine enough to have these multiples; points with coarser ones are dropped."""
+    for angle, factor in parts:
+        scale = tower.scale(angle)
+        if scale % factor.denominator:
+            tower.scales[angle] = math.lcm(scale, factor.denominator)
+            samples.points.clear()
+
+
+def _arctangent_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
     basis = _free(tower, AngleRule) + _free(tower, ArctangentRule)
     columns = [_flat(samples.gradients(u)) for u in basis]
     w = samples.values(atom.argument)
@@ -264,6 +237,7 @@ def _arctangent_rule(atom: Apply, tower: Tower, samples: _Samples, turns: Turns)
 
 def _finish_scales(tower: Tower) -> None:
     """The coarsest free angles of which all others are whole multiples."""
+    tower.scales.clear()
     for rule in tower.rules:
         if isinstance(rule, AngleRule):
             for angle, factor in rule.angles:

@@ -39,8 +39,8 @@ class ExponentialRule:
 
     def value(self, point: Point, scale: Scale) -> int:
         if self.free:
-            return point.draw_positive(self.atom)
-        result = positive_power(point.draw_positive("e"), self.constant, point.prime)
+            return pow(point.draw_free(self.atom), 2, point.prime)
+        result = positive_power(pow(point.draw("e"), 2, point.prime), self.constant, point.prime)
         for atom, exponent in self.exponentials:
             result *= positive_power(point.atoms[atom], exponent, point.prime)
         for argument, exponent in self.arguments_of_logarithms:
@@ -62,7 +62,7 @@ class LogarithmRule:
 
     def value(self, point: Point, scale: Scale) -> int:
         if self.free:
-            return point.draw(self.atom)
+            return point.draw_free(self.atom)
         result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
         return (result + constant_logarithm(self.constant, self.root, point)) % point.prime
 
@@ -118,7 +118,7 @@ class ArctangentRule:
 
     def value(self, point: Point, scale: Scale) -> int:
         if self.free:
-            return point.draw(self.atom)
+            return point.draw_free(self.atom)
         result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
         return (result + point.variable(PI) * number_value(self.turns, point.prime)) % point.prime
 
@@ -134,7 +134,7 @@ def replay(rule: Rule, point: Point, scale: Scale) -> None:
         point.atoms[Apply("sin", rule.angle)] = sine
         if rule.free:
             half = half_angle(rule.angle, scale(rule.angle))
-            point.atoms[half] = point.draw(("turn", rule.angle))
+            point.atoms[half] = point.draw_free(rule.angle)
     else:
         point.atoms[rule.atom] = rule.value(point, scale)
 
@@ -160,9 +160,9 @@ def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int,
     return result
 
 
-def _random_turn(point: Point, key: object) -> tuple[int, int]:
+def _random_turn(point: Point, angle: Expression) -> tuple[int, int]:
     """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is no square."""
-    t = point.draw(("turn", key))
+    t = point.draw_free(angle)
     factor = pow(1 + t * t, -1, point.prime)
     return (1 - t * t) * factor % point.prime, 2 * t * factor % point.prime
 
