@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
@@ -39,13 +39,16 @@ class Lagrangian:
 class Hamiltonian:
     """H over (q, p), p of coordinate x being Symbol("p_x"); over (q, v) where `implicit`.
 
-    `momenta[i]` is p_i(t, q, v).
+    `symbols[i]` names the momentum of coordinate i, `momenta[i]` is p_i(t, q, v); `note` says on
+    which branch the transform was inverted, or why it was not.
     """
 
     expression: Expression
     momenta: tuple[Expression, ...]
     implicit: bool
     constraints: tuple[Expression, ...] = ()
+    symbols: tuple[Symbol, ...] = ()
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.errors import CertificateRefused, IrreducibleAtoms
-from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem import certify
 from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision import Decision, Limits, decide
 from inverse_service.inverse_problem.explanation import explain_negative
+from inverse_service.inverse_problem.finding import (
+    existence_steps,
+    hamiltonian_of,
+    legendre_steps,
+    not_found,
+    of_lagrangian,
+    verification_steps,
+)
 from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
@@ -37,6 +45,10 @@ class _Work:
     deadline: float
     seconds: dict[str, float] = field(default_factory=dict)
     points: list[Mapping[str, int]] = field(default_factory=list)
+    outcome: SearchOutcome | None = None
+
+    def add_seconds(self, stage: str, began: float) -> None:
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.monotonic() - began
 
     def left(self) -> float:
         return self.deadline - time.monotonic()
@@ -91,16 +103,26 @@ def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
     if wanted is False and not depends:
         return autonomous, None
     if autonomous is not None and autonomous.verdict == "variational":
-        return autonomous, autonomous
+        return autonomous, autonomous if autonomous.lagrangian is not None else _with_time_instead(work, autonomous)
     return autonomous, _answer(work, with_time=True)
+
+
+def _with_time_instead(work: _Work, autonomous: Answer) -> Answer:
+    """Where L(q, v) exists but was not found: an L(t, q, v) in closed form if there is one, else the same."""
+    decision = _decide(work, with_time=True)
+    if decision.verdict != "variational":
+        return autonomous
+    answer = _by_lagrangian(work, decision)
+    return autonomous if answer is None else answer
 
 
 def _answer(work: _Work, with_time: bool) -> Answer:
     decision = _decide(work, with_time)
     if decision.verdict == "undetermined":
         return Answer("undetermined", reason=decision.reason)
-    answer = _positive(work, decision) if decision.verdict == "variational" else _negative(work, decision)
-    return _checked(work, answer)
+    if decision.verdict == "not_variational":
+        return _checked(work, _negative(work, decision))
+    return _by_lagrangian(work, decision) or _checked(work, _by_existence(work, decision))
 
 
 def _decide(work: _Work, with_time: bool) -> Decision:
@@ -118,85 +140,66 @@ def _decide(work: _Work, with_time: bool) -> Decision:
 def _negative(work: _Work, decision: Decision) -> Answer:
     began = time.monotonic()
     work.progress("explanation")
-    chosen = smallest_sufficient_set(work.analysis, work.options.seed)
-    found = explain_negative(work.analysis, chosen, decision.with_time, work.options.seed)
-    work.seconds["explanation"] = work.seconds.get("explanation", 0.0) + time.monotonic() - began
-    return Answer(
-        "not_variational",
-        certificate=certify.of_decision(work.analysis, decision),
-        explanation=found.steps,
-    )
+    try:
+        chosen = smallest_sufficient_set(work.analysis, work.options.seed)
+        steps = explain_negative(work.analysis, chosen, decision.with_time, work.options.seed).steps
+    except IrreducibleAtoms as problem:
+        steps = (Step(f"The conditions could not be written out: {problem.detail}."),)
+    work.add_seconds("explanation", began)
+    return Answer("not_variational", certificate=certify.of_decision(work.analysis, decision), explanation=steps)
 
 
-def _positive(work: _Work, decision: Decision) -> Answer:
-    """A Lagrangian where one is found, else the existence proof."""
+def _by_existence(work: _Work, decision: Decision) -> Answer:
+    certificate = certify.of_decision(work.analysis, decision)
+    tried = not_found(work.outcome) if work.outcome is not None else ()
+    steps = (*existence_steps(decision), *tried)
+    return Answer("variational", space=decision.space, certificate=certificate, explanation=steps)
+
+
+def _by_lagrangian(work: _Work, decision: Decision) -> Answer | None:
+    """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found."""
     began = time.monotonic()
     deadline = began + _SEARCH_SHARE * work.left()
-    outcome = search(work.analysis, decision.with_time, work.options.seed, deadline, work.progress)
-    work.seconds["search"] = work.seconds.get("search", 0.0) + time.monotonic() - began
-    existence = _existence_steps(decision)
-    if outcome.found is None:
-        return Answer(
-            "variational",
-            space=decision.space,
-            certificate=certify.of_decision(work.analysis, decision),
-            explanation=(*existence, _not_found(outcome)),
-        )
-    described = [describe(work.analysis, tree, outcome.found.family) for tree in outcome.found.lagrangians]
-    return Answer(
-        "variational",
-        lagrangian=described[0],
-        other_lagrangians=tuple(described[1:]),
-        space=decision.space,
-        certificate=certify.of_lagrangian(work.analysis, described[0].expression, decision.with_time),
-        explanation=(*existence, *_search_steps(outcome)),
-    )
+    work.outcome = search(work.analysis, decision.with_time, work.options.seed, deadline, work.progress)
+    work.add_seconds("search", began)
+    trees = work.outcome.found.lagrangians if work.outcome.found is not None else ()
+    for tree in trees:
+        answer = _checked(work, of_lagrangian(work.analysis, decision, work.outcome, tree))
+        if answer.verdict == "variational":
+            return _completed(work, answer, [other for other in trees if other != tree], decision)
+    return None
 
 
-def _not_found(outcome: SearchOutcome) -> Step:
-    tried = "; ".join(f"{name} ({count} terms)" for name, count in outcome.tried) or "none fits f"
-    return Step(f"No closed form was found. Families tried: {tried}.")
+def _completed(work: _Work, answer: Answer, others: list[Expression], decision: Decision) -> Answer:
+    """With the Hamiltonian, and those other Lagrangians that the checker confirms."""
+    assert answer.lagrangian is not None
+    began = time.monotonic()
+    work.progress("Hamiltonian")
+    names = work.analysis.system.coordinates
+    hamiltonian = hamiltonian_of(answer.lagrangian.expression, names)
+    steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
+    work.add_seconds("Hamiltonian", began)
+    described = [describe(work.analysis, other, answer.lagrangian.family) for other in others]
+    confirmed = [
+        other
+        for other in described
+        if _verdict(work, certify.of_lagrangian(work.analysis, other.expression, decision.with_time)).verdict == "valid"
+    ]
+    return replace(answer, hamiltonian=hamiltonian, other_lagrangians=tuple(confirmed), explanation=steps)
 
 
-def _search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
-    assert outcome.found is not None
-    name, count = outcome.tried[-1]
-    first = Step(
-        f"In the family '{name}' ({count} candidate terms) the Euler-Lagrange equations are linear in the "
-        "coefficients; solved, they leave the Lagrangian",
-        to_latex(outcome.found.lagrangians[0]),
-    )
-    if len(outcome.found.parts) < 2:
-        return (first,)
-    parts = " + ".join(f"C_{k} ({to_latex(part)})" for k, part in enumerate(outcome.found.parts, start=1))
-    return (first, Step("More generally, with constants C_k that keep the Hessian regular,", parts))
-
-
-def _existence_steps(decision: Decision) -> tuple[Step, ...]:
-    assert decision.space is not None
-    assert decision.symbol is not None
-    order, degree = decision.order, decision.degree
-    dimensions = ", ".join(map(str, decision.history[order][: degree + 1]))
-    return (
-        Step(
-            f"The Helmholtz conditions, prolonged to order {order}, leave a space of Taylor polynomials of the "
-            f"multiplier of dimensions {dimensions} in degrees 0 to {degree}; it no longer shrinks."
-        ),
-        Step(
-            f"Its symbol in degree {degree} has dimension {decision.symbol.dimension} and passes Cartan's test "
-            f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive."
-        ),
-        Step(f"A regular g is left at a generic point, so a regular Lagrangian exists; {decision.space.statement}."),
-    )
+def _verdict(work: _Work, certificate: Mapping[str, Any]) -> CheckResult:
+    began = time.monotonic()
+    work.progress("check")
+    found = check_certificate(certificate, time_limit=max(1.0, work.left()))
+    work.add_seconds("check", began)
+    return found
 
 
 def _checked(work: _Work, answer: Answer) -> Answer:
     """The answer with the checker's verdict; one that it cannot confirm is undetermined."""
     assert answer.certificate is not None
-    began = time.monotonic()
-    work.progress("check")
-    found = check_certificate(answer.certificate, time_limit=max(1.0, work.left()))
-    work.seconds["check"] = work.seconds.get("check", 0.0) + time.monotonic() - began
+    found = _verdict(work, answer.certificate)
     if found.verdict == "invalid":
         raise CertificateRefused("; ".join(found.reasons))
     if found.verdict == "incomplete":

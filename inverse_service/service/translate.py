@@ -95,7 +95,7 @@ def to_result(solution: Solution, schema: SystemDocument) -> ResultDocument:
 
 
 def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Answer, Answer | None]:
-    """The answer of the main fields, and the one with time where its verdict differs from that."""
+    """The answer of the main fields, and the one with time where it says more than that."""
     main = solution.with_time if answers_time(solution, time_dependent) else solution.autonomous
     if main is None:
         raise ValueError("the solver answered neither question")
@@ -151,11 +151,12 @@ def _lagrangian(lagrangian: Lagrangian) -> LagrangianPart:
 
 def _hamiltonian(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> HamiltonianPart:
     written = _formula(hamiltonian.expression)
-    pairs = zip(coordinates, hamiltonian.momenta, strict=True)
+    names = [symbol.name for symbol in hamiltonian.symbols] or [f"p_{coordinate}" for coordinate in coordinates]
+    pairs = zip(names, hamiltonian.momenta, strict=True)
     return HamiltonianPart(
         text=written.text,
         latex=written.latex,
-        momenta={f"p_{coordinate}": to_text(momentum) for coordinate, momentum in pairs},
+        momenta={name: to_text(momentum) for name, momentum in pairs},
         implicit=hamiltonian.implicit,
         constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
     )

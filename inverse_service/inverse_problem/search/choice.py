@@ -12,8 +12,9 @@ from flint import nmod_mat
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, letters_of
+from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.sampling import LetterTable, letter_table, monomial_values
-from inverse_service.inverse_problem.search.terms import add_terms, rank, tree_of
+from inverse_service.inverse_problem.search.terms import Monomial, add_terms, rank, tree_of
 
 Matrix = list[list[int]]
 
@@ -45,7 +46,7 @@ def _hessian(table: LetterTable, letters: Sequence[tuple[int, Fraction]], value:
     ]  # fmt: skip
 
 
-def _combined(single: dict[object, Matrix], combination: Combination, prime: int) -> Matrix:
+def _combined(single: dict[Monomial, Matrix], combination: Combination, prime: int) -> Matrix:
     n = len(next(iter(single.values())))
     total = [[0] * n for _ in range(n)]
     for key, a in combination.items():
@@ -66,13 +67,21 @@ def regular_members(space: LagrangianSpace, seed: int, most: int = 4) -> list[tu
     prime, matrices = hessians(space, seed)
     useful = [k for k, matrix in enumerate(matrices) if any(map(any, matrix))]
     order = sorted(useful, key=lambda k: complexity(space.combinations[k]))
+    squares_first = sorted(order, key=lambda k: not _is_diagonal(matrices[k]))
     generator = random.Random(seed)
     weights = {k: generator.randrange(1, prime) for k in order}
-    alone = [(k,) for k in order if _rank([matrices[k]], [1], prime) == len(matrices[k])]
-    together = _grown(order, matrices, weights, prime)
-    found = alone if together is None else [*alone, together]
-    found.sort(key=lambda ks: (sum(complexity(space.combinations[k])[0] for k in ks), ks))
+    found: list[tuple[int, ...]] = [(k,) for k in order if _rank([matrices[k]], [1], prime) == len(matrices[k])]
+    for sequence in (squares_first, order):
+        together = _grown(sequence, matrices, weights, prime)
+        if together is not None:
+            found.append(together)
+    found = list(dict.fromkeys(found))
+    found.sort(key=lambda ks: sum(complexity(space.combinations[k])[0] for k in ks))
     return found[:most]
+
+
+def _is_diagonal(matrix: Matrix) -> bool:
+    return not any(x for i, row in enumerate(matrix) for j, x in enumerate(row) if i != j)
 
 
 def _grown(
@@ -104,13 +113,14 @@ def complexity(combination: Combination) -> tuple[Fraction, int]:
     return sum((rank(key)[0] + 1 for key in combination), Fraction(0)), len(combination)
 
 
-def without_gauge(space: LagrangianSpace, members: Sequence[int], seed: int) -> Combination:
-    """The sum of the members, reduced by combinations without Hessian to the fewest terms."""
+def gauge_of(space: LagrangianSpace, seed: int) -> list[Combination]:
+    """The combinations without Hessian."""
     _, matrices = hessians(space, seed)
-    gauge = [c for c, m in zip(space.combinations, matrices, strict=True) if not any(map(any, m))]
-    total: Combination = {}
-    for k in members:
-        total = add_terms(total, _scaled(space.combinations[k]))
+    return [c for c, m in zip(space.combinations, matrices, strict=True) if not any(map(any, m))]
+
+
+def reduced(total: Combination, gauge: Sequence[Combination]) -> Combination:
+    """Gauge elements subtracted as long as the rest gets simpler."""
     improved = True
     while improved:
         improved = False
@@ -118,45 +128,37 @@ def without_gauge(space: LagrangianSpace, members: Sequence[int], seed: int) -> 
             for key, a in element.items():
                 if key in total:
                     shorter = add_terms(total, element, -total[key] / a)
-                    if complexity(shorter) < complexity(total):
+                    if shorter and complexity(shorter) < complexity(total):
                         total, improved = shorter, True
     return total
 
 
-def _scaled(combination: Combination) -> Combination:
-    """Kinetic-looking normalisation: the simplest term that holds velocities gets coefficient +-1/2 or 1."""
-    moving = [key for key in combination if _velocity_degree(key) > 0]
-    leading = min(moving or combination, key=rank)
-    target = Fraction(1, 2) if _velocity_degree(leading) == 2 and len(leading) == 1 else Fraction(1)
-    if any(e == 2 for letter, e in leading if _is_moving(letter)):
-        target = Fraction(1, 2)
+def scaled(combination: Combination) -> Combination:
+    """The simplest term that is not linear in the velocities gets coefficient 1/2 if quadratic, else 1."""
+    moving = [key for key in combination if _velocity_degree(key) not in (0, 1)] or list(combination)
+    leading = min(moving, key=rank)
+    target = Fraction(1, 2) if any(e == 2 and has_velocity(letter) for letter, e in leading) else Fraction(1)
     factor = target / combination[leading]
     return {key: a * factor for key, a in combination.items()}
 
 
-def _is_moving(letter: Expression) -> bool:
-    from inverse_service.inverse_problem.search.motion import has_velocity
-
-    return has_velocity(letter)
-
-
-def _velocity_degree(key: object) -> Fraction:
-    return sum((abs(e) for letter, e in key if _is_moving(letter)), Fraction(0))  # type: ignore[attr-defined]
+def _velocity_degree(key: Monomial) -> Fraction:
+    """0 without velocities, 1 for a single velocity, else a number above 1."""
+    return sum((1 + abs(e - 1) for letter, e in key if has_velocity(letter)), Fraction(0))
 
 
-def oriented(space: LagrangianSpace, combination: Combination, hessian: Sequence[Sequence[Expression]]) -> Combination:
-    """L or -L, whichever has the larger number of positive directions at the real point."""
+def signature(space: LagrangianSpace, hessian: Sequence[Sequence[Expression]]) -> tuple[int, int] | None:
+    """(positive, negative) eigenvalues of a Hessian at the real point; None where it has no value there."""
     table = space.sampler.real_point
     if table is None:
-        return combination
+        return None
     with mpmath.workdps(30):
         try:
             matrix = mpmath.matrix([[evaluate(entry, table) for entry in row] for row in hessian])
             values = mpmath.eigsy(matrix, eigvals_only=True)
         except (NoRealValue, ArithmeticError):
-            return combination
-        positive = sum(1 for value in values if value > 0)
-    return combination if 2 * positive >= len(values) else {key: -a for key, a in combination.items()}
+            return None
+    return sum(1 for value in values if value > 0), sum(1 for value in values if value < 0)
 
 
 def as_tree(combination: Combination) -> Expression:

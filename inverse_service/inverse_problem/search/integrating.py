@@ -16,7 +16,7 @@ from inverse_service.algebra.point import Expansion, evaluate
 from inverse_service.algebra.primes import reconstruct
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import Apply, Expression, Symbol
+from inverse_service.expressions.tree import Apply, Expression
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, companions
 from inverse_service.inverse_problem.search.sampling import make_sampler, sample_points
 from inverse_service.inverse_problem.search.terms import (
@@ -36,7 +36,7 @@ def integrating_factor(material: Material, c: Terms, variable: Expression, seed:
     """exp(-int c d variable), or None where it is no such product."""
     letters = [variable, *material.position_letters]
     letters += [p for key in c for letter, _ in key for p in (letter, *companions(letter))]
-    letters = [p for p in dict.fromkeys(letters) if isinstance(p, Symbol) or not isinstance(p, Apply) or p.function != "exp"]
+    letters = [p for p in dict.fromkeys(letters) if not (isinstance(p, Apply) and p.function == "exp")]
     primitives = dict.fromkeys(m for key in c for m in antiderivatives(key, variable))
     columns = [Apply("log", p) for p in letters] + [monomial_tree(m) for m in primitives]
     if len(columns) > _MOST_COLUMNS:

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
-from inverse_service.inverse_problem.search.choice import as_tree, oriented, regular_members, without_gauge
+from inverse_service.inverse_problem.search.choice import as_tree, gauge_of, reduced, regular_members, scaled, signature
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import FAMILIES, Family, candidates
-from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
+from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.sampling import make_sampler
-from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, tree_of
+from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, add_terms
 from inverse_service.mechanics.euler_lagrange import hessian
 
 
@@ -73,10 +73,21 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
         return None
     if not sets:
         return None
+    members = [_member(material, space, chosen, seed) for chosen in sets]
+    members.sort(key=lambda member: not member[1])
+    parts = tuple(as_tree(space.combinations[k]) for k in sets[0])
+    return Found(tuple(dict.fromkeys(tree for tree, _ in members)), family.name, parts)
+
+
+def _member(material: Material, space: LagrangianSpace, chosen: Sequence[int], seed: int) -> tuple[Expression, bool]:
+    """The sum of the chosen combinations, each with the sign that makes its Hessian positive; is it definite?"""
     names = material.analysis.system.coordinates
-    lagrangians = []
-    for members in sets:
-        combination = without_gauge(space, members, seed)
-        lagrangians.append(as_tree(oriented(space, combination, hessian(as_tree(combination), names))))
-    parts = tuple(tree_of(space.combinations[k]) for k in sets[0])
-    return Found(tuple(dict.fromkeys(lagrangians)), family.name, parts)
+    gauge = gauge_of(space, seed)
+    total: Combination = {}
+    for k in chosen:
+        part = scaled(reduced(space.combinations[k], gauge))
+        found = signature(space, hessian(as_tree(part), names))
+        total = add_terms(total, part, -1 if found is not None and found[1] > found[0] else 1)
+    tree = as_tree(reduced(total, gauge))
+    found = signature(space, hessian(tree, names))
+    return tree, found is not None and found[0] == len(names)

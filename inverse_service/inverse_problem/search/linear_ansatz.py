@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from flint import nmod_mat
@@ -33,9 +34,10 @@ class LagrangianSpace:
 
 
 @compiled
-def _fill(  # type: ignore[no-untyped-def]
-    values, starts, letters, exponents, along, by_velocity, mixed, by_position, result, prime, negative_inverse
-):
+def _fill(
+    values: Any, starts: Any, letters: Any, exponents: Any, along: Any, by_velocity: Any, mixed: Any,
+    by_position: Any, result: Any, prime: Any, negative_inverse: Any,
+) -> None:  # fmt: skip
     """result[s n + i, c] = m_c (V_i G + H_i - Q_i) at sample s, from and to Montgomery form."""
     samples, count = values.shape
     n = by_velocity.shape[2]
@@ -86,7 +88,8 @@ def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], can
     _fill(
         values, np.array(starts, np.int64), np.array(places, np.int64),
         _to_montgomery(np.array(exponents, np.uint64), prime),
-        *(_to_montgomery(a, prime) for a in (table.along, table.by_velocity, table.mixed, table.by_position)),
+        _to_montgomery(table.along, prime), _to_montgomery(table.by_velocity, prime),
+        _to_montgomery(table.mixed, prime), _to_montgomery(table.by_position, prime),
         result, modulus, negative_inverse,
     )  # fmt: skip
     return result

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -87,7 +88,8 @@ def letter_table(sampler: Sampler, letters: Sequence[Expression], count: int, se
     """The table at `count` random points; points at which a letter vanishes are replaced."""
     kernels = [to_kernels(letter) for letter in letters]
     forces = sampler.analysis.accelerations
-    kept, rows = [], []
+    kept: list[Point] = []
+    rows = []
     for block in range(_ATTEMPTS):
         for point in sample_points(sampler, count, seed + block * 100_003) if len(kept) < count else []:
             if kept and point.prime != kept[0].prime:
@@ -163,7 +165,7 @@ def monomial_values(table: LetterTable, letters: Sequence[Expression], candidate
 
 
 @compiled
-def _products(powers, starts, places, result, prime, negative_inverse):  # type: ignore[no-untyped-def]
+def _products(powers: Any, starts: Any, places: Any, result: Any, prime: Any, negative_inverse: Any) -> None:
     for s in range(result.shape[0]):
         for c in range(result.shape[1]):
             for k in range(starts[c], starts[c + 1]):

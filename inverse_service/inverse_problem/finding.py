@@ -1,0 +1,98 @@
+"""A positive answer put into words: how the Lagrangian was found, what proves it, its Hamiltonian."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem import certify
+from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.decision import Decision
+from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
+from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.inverse_problem.search.ladder import SearchOutcome
+from inverse_service.inverse_problem.verification import explain_positive
+from inverse_service.mechanics.legendre import legendre
+
+
+def existence_steps(decision: Decision) -> tuple[Step, ...]:
+    """The involution data as sentences."""
+    assert decision.space is not None
+    assert decision.symbol is not None
+    order, degree = decision.order, decision.degree
+    dimensions = ", ".join(map(str, decision.history[order][: degree + 1]))
+    return (
+        Step(
+            f"The Helmholtz conditions, prolonged to order {order}, leave a space of Taylor polynomials of the "
+            f"multiplier of dimensions {dimensions} in degrees 0 to {degree}; it no longer shrinks."
+        ),
+        Step(
+            f"Its symbol in degree {degree} has dimension {decision.symbol.dimension} and passes Cartan's test "
+            f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive."
+        ),
+        Step(f"A regular g is left at a generic point, so a regular Lagrangian exists; {decision.space.statement}."),
+    )
+
+
+def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
+    """Which families were tried in vain."""
+    tried = "; ".join(f"{name} ({count} terms)" for name, count in outcome.tried) or "none fits f"
+    return (Step(f"No closed form was found. Families tried: {tried}."),)
+
+
+def of_lagrangian(analysis: Analysis, decision: Decision, outcome: SearchOutcome, tree: Expression) -> Answer:
+    """The answer that this Lagrangian proves, not yet checked."""
+    assert outcome.found is not None
+    return Answer(
+        "variational",
+        lagrangian=describe(analysis, tree, outcome.found.family),
+        space=decision.space,
+        certificate=certify.of_lagrangian(analysis, tree, decision.with_time),
+        explanation=(*existence_steps(decision), *_search_steps(outcome, tree)),
+    )
+
+
+def _search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
+    assert outcome.found is not None
+    name, count = outcome.tried[-1]
+    first = Step(
+        f"In the family '{name}' ({count} candidate terms) the Euler-Lagrange equations along the motion are "
+        "linear in the coefficients; solved, they leave the Lagrangian",
+        "L = " + to_latex(tree),
+    )
+    if len(outcome.found.parts) < 2:
+        return (first,)
+    parts = " + ".join(f"C_{{{k}}}\\left({to_latex(p)}\\right)" for k, p in enumerate(outcome.found.parts, start=1))
+    return (first, Step("More generally, with constants C_k that keep the Hessian regular,", "L = " + parts))
+
+
+def verification_steps(analysis: Analysis, lagrangian: Lagrangian) -> tuple[Step, ...]:
+    """The Helmholtz conditions for its multiplier, worked out where they are short."""
+    return explain_positive(analysis.system, lagrangian.multiplier).steps
+
+
+def hamiltonian_of(lagrangian: Expression, names: Sequence[str]) -> Hamiltonian | None:
+    """The Legendre transform; None where the Hessian is singular after all."""
+    try:
+        transform = legendre(lagrangian, names)
+    except InputError:
+        return None
+    return Hamiltonian(
+        transform.hamiltonian, transform.momenta, transform.implicit, (), transform.symbols, transform.note
+    )
+
+
+def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
+    """How H follows from the momenta."""
+    if hamiltonian is None:
+        return ()
+    pairs = zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)
+    momenta = r",\quad ".join(f"{to_latex(symbol)} = {to_latex(p)}" for symbol, p in pairs)
+    solved = "cannot be solved for the velocities in closed form" if hamiltonian.implicit else "are solved for them"
+    note = f" ({hamiltonian.note})" if hamiltonian.note else ""
+    return (
+        Step("The momenta p = dL/dv are", momenta),
+        Step(f"They {solved}{note}; with them H = p v - L.", "H = " + to_latex(hamiltonian.expression)),
+    )
