@@ -69,5 +69,5 @@ def turns(table: RealTable | None, atom: Expression, linear: Sequence[tuple[Expr
         steps = total / mpmath.pi * 12
         nearest = int(mpmath.nint(steps))
         if abs(steps - nearest) > _TINY:
-            raise IrreducibleAtoms("an arctangent relation holds only up to a constant that is no multiple of pi/12")
+            raise IrreducibleAtoms("an arctangent is a constant, or holds one, that is no multiple of pi/12")
     return Fraction(nearest, 12)

@@ -39,14 +39,22 @@ def build_tower(
     variables: Sequence[Variable],
     real_signs: Mapping[Variable, int],
     turns: Turns,
+    known: Tower | None = None,
 ) -> Tower:
-    """The tower of all atoms in `expressions` (in kernels); IrreducibleAtoms where it can't be settled."""
-    atoms = atoms_in_order(expressions)
-    names = tuple(variables) + ((PI,) if any(node == PI for e in expressions for node in walk(e)) else ())
+    """The tower of all atoms in `expressions` (in kernels); IrreducibleAtoms where it can't be settled.
+
+    `known` is an earlier tower of the same expressions whose branches are fixed: its signs hold
+    from the first point on at which they have a meaning.
+    """
+    names = (*variables, PI) if _needs_pi(expressions) else tuple(variables)
     tower = Tower(names, real_signs, residues=_root_primes(expressions))
     samples = Samples(tower)
+    if known is not None:
+        tower.scales, tower.default_scale = dict(known.scales), 1
+        samples.pending = [*known.signs, *((radicand, 1) for radicand in known.radicands)]
     try:
-        for atom in atoms:
+        for atom in atoms_in_order(expressions):
+            samples.admit_pending()
             if is_root(atom):
                 _admit_root(atom, tower, samples)
             else:
@@ -54,7 +62,16 @@ def build_tower(
     except SingularPoint as problem:
         raise IrreducibleAtoms("a denominator inside a function vanishes at the points tried") from problem
     _finish_scales(tower)
+    samples.admit_pending()
+    if samples.pending or not all(tower.values_all(p) for p, _ in tower.signs):
+        raise IrreducibleAtoms("the branches of roots and the relations among angles could not be settled together")
     return tower
+
+
+def _needs_pi(expressions: Sequence[Expression]) -> bool:
+    """Whether pi occurs, or may: two arctangents often differ by a part of pi."""
+    nodes = (node for expression in expressions for node in walk(expression))
+    return any(node == PI or (isinstance(node, Apply) and node.function == "atan") for node in nodes)
 
 
 def _root_primes(expressions: Sequence[Expression]) -> frozenset[int]:
@@ -113,6 +130,7 @@ def _exponential_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns)
     exponentials = _free(tower, ExponentialRule)
     logarithms = _free(tower, LogarithmRule)
     primes = _logarithm_primes(tower)
+    samples.ensure(len(exponentials) + len(logarithms) + len(primes) + 1)
     columns = [samples.values(_argument(e)) for e in exponentials]
     columns += [samples.values(log) for log in logarithms]
     columns += [[point.draw(("log", ell)) for point in samples.points] for ell in primes]
@@ -227,7 +245,7 @@ def _arctangent_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) 
     gradient = samples.gradients(atom.argument)
     target = [x * k % samples.prime for row, k in zip(gradient, factor, strict=True) for x in row]
     if not any(target):
-        raise IrreducibleAtoms("the arctangent of a constant cannot be reduced")
+        return ArctangentRule(atom, False, (), turns(atom, ()))
     solution = samples.solve(columns, target)
     if solution is None:
         return ArctangentRule(atom, True)
@@ -237,7 +255,8 @@ def _arctangent_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) 
 
 def _finish_scales(tower: Tower) -> None:
     """The coarsest free angles of which all others are whole multiples."""
-    tower.scales.clear()
+    if tower.default_scale > 1:
+        tower.scales.clear()
     for rule in tower.rules:
         if isinstance(rule, AngleRule):
             for angle, factor in rule.angles:

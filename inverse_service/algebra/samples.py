@@ -11,7 +11,7 @@ from flint import nmod_mat
 from inverse_service.algebra.point import Expansion, Point, evaluate
 from inverse_service.algebra.primes import is_positive, reconstruct
 from inverse_service.algebra.series import derivative, value_at_point
-from inverse_service.algebra.tower import Tower, draw_point
+from inverse_service.algebra.tower import Requirement, Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 
@@ -21,10 +21,14 @@ _COEFFICIENT_BOUND = 10**6
 
 @dataclass(slots=True)
 class Samples:
-    """Points of one prime at which all rules of a tower hold, used to find linear relations."""
+    """Points of one prime at which all rules of a tower hold, used to find linear relations.
+
+    `pending` are signs of quantities some of whose atoms have no rule yet.
+    """
 
     tower: Tower
     points: list[Point] = field(default_factory=list)
+    pending: list[Requirement] = field(default_factory=list)
 
     def values(self, expression: Expression) -> list[int]:
         return [evaluate(expression, point) for point in self.points]
@@ -60,6 +64,14 @@ class Samples:
         prime = self.points[0].prime if self.points else draw_point(self.tower, 7).prime
         while len(self.points) < columns + 6:
             self.points.append(draw_point(self.tower, 1000 + len(self.points), prime))
+
+    def admit_pending(self) -> None:
+        """From now on the signs hold of those pending quantities that have a value by now."""
+        ready = [requirement for requirement in self.pending if self.tower.values_all(requirement[0])]
+        if ready:
+            self.pending = [requirement for requirement in self.pending if requirement not in ready]
+            self.tower.signs += [requirement for requirement in ready if requirement not in self.tower.signs]
+            self.points.clear()
 
     def require_positive(self, radicand: Expression) -> None:
         """From now on only points at which the radicand has a root."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from inverse_service.algebra.kernels import is_root
 from inverse_service.algebra.point import Point, Variable, evaluate
 from inverse_service.algebra.primes import is_positive, safe_prime
-from inverse_service.algebra.rules import Rule, replay
+from inverse_service.algebra.rules import AngleRule, Rule, half_angle, replay
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, children, walk
@@ -22,6 +22,8 @@ from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity
 # In the search for relations an angle may be any of these fractions of a free one.
 _SEARCH_SCALE = 2520
 _DRAWS = 4_000
+# A quantity and the sign of its residue symbol.
+Requirement = tuple[Expression, int]
 
 
 @dataclass(slots=True)
@@ -32,7 +34,7 @@ class Tower:
     real_signs: Mapping[Variable, int] = field(default_factory=dict)
     rules: list[Rule] = field(default_factory=list)
     radicands: list[Expression] = field(default_factory=list)
-    signs: list[tuple[Expression, int]] = field(default_factory=list)
+    signs: list[Requirement] = field(default_factory=list)
     scales: dict[Expression, int] = field(default_factory=dict)
     default_scale: int = _SEARCH_SCALE
     residues: frozenset[int] = frozenset()
@@ -40,6 +42,20 @@ class Tower:
     def scale(self, angle: Expression) -> int:
         """The denominator of a free angle's generator."""
         return self.scales.get(angle, self.default_scale)
+
+    def values_all(self, expression: Expression) -> bool:
+        """Whether the rules give values to all atoms in a tree."""
+        return all(self._values(node) for node in walk(expression) if isinstance(node, Apply))
+
+    def _values(self, atom: Apply) -> bool:
+        for rule in self.rules:
+            if isinstance(rule, AngleRule):
+                half = half_angle(rule.angle, self.scale(rule.angle)) if rule.free else None
+                if atom == half or (atom.argument == rule.angle and atom.function in ("sin", "cos")):
+                    return True
+            elif rule.atom == atom:
+                return True
+        return False
 
 
 def atoms_in_order(expressions: Iterable[Expression]) -> list[Expression]:
@@ -72,9 +88,6 @@ def draw_point(tower: Tower, seed: int, prime: int | None = None) -> Point:
         if point is not None:
             return point
     raise IrreducibleAtoms("no point was found at which all roots exist together")
-
-
-Requirement = tuple[Expression, int]
 
 
 def _requirement_groups(tower: Tower) -> list[tuple[frozenset[Variable], list[Requirement]]]:

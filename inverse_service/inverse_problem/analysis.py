@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
-from inverse_service.algebra.branches import fix_branches
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Variable
-from inverse_service.algebra.real_point import RealTable, find_real_point, real_sign, turns
-from inverse_service.algebra.relations import build_tower
+from inverse_service.algebra.real_point import RealTable, find_real_point
+from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -40,7 +38,5 @@ def analyse(system: SecondOrderSystem) -> Analysis:
     kernels = tuple(to_kernels(f) for f in system.accelerations)
     variables = variables_of(system)
     table = find_real_point(kernels, variables, seed=1)
-    signs = {} if table is None else {name: real_sign(name, table) for name in variables}
-    tower = build_tower(kernels, variables, signs, partial(turns, table))
-    fix_branches(tower, table)
+    tower = reduce_atoms(kernels, variables, table)
     return Analysis(system, kernels, tower, table)

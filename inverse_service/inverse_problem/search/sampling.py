@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,12 @@ import numpy.typing as npt
 
 from inverse_service.algebra import montgomery
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.branches import fix_branches
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.primes import positive_power
-from inverse_service.algebra.real_point import RealTable, find_real_point, real_sign, turns
-from inverse_service.algebra.relations import build_tower
+from inverse_service.algebra.real_point import RealTable, find_real_point
+from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
@@ -53,9 +51,7 @@ def make_sampler(analysis: Analysis, letters: Iterable[tuple[Expression, Fractio
     table = find_real_point(wanted, variables, seed=2)
     if table is None:
         raise IrreducibleAtoms("the ansatz has no real point in common with f")
-    signs = {name: real_sign(name, table) for name in variables}
-    tower = build_tower(wanted, variables, signs, partial(turns, table))
-    fix_branches(tower, table)
+    tower = reduce_atoms(wanted, variables, table)
     return Sampler(analysis, tower, table)
 
 
