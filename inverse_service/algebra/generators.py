@@ -33,6 +33,7 @@ from inverse_service.expressions.tree import (
     add,
     apply,
     multiply,
+    negate,
     number,
     power,
 )
@@ -80,6 +81,12 @@ class Generators:
             factors = [power(self.trees[k], int(e)) for k, e in enumerate(exponents) if e]
             parts.append(multiply(number(Fraction(int(coefficient.p), int(coefficient.q))), *factors))
         return add(*parts)
+
+    def sign(self, factor: Expression) -> int:
+        """The sign of an irreducible factor at the real point, as far as branches are fixed by now."""
+        if isinstance(factor, Symbol | Velocity):
+            return self.tower.real_signs.get(factor, 1)
+        return next((sign for known, sign in self.tower.signs if known == factor), 1)
 
     def has_roots(self, polynomial: fmpq_mpoly) -> bool:
         return any(self.trees[k] in self.squares for k in used_generators(polynomial))
@@ -151,12 +158,20 @@ def _integer_power(base: Quotient, exponent: int) -> Quotient:
 
 
 def _root(ring: Generators, base: Expression, exponent: Fraction) -> Quotient:
-    """prod p_i^(k_i exponent) over the irreducible factors of the base, each taken positive."""
+    """prod p_i^(k_i exponent) over the irreducible factors of the base; under even roots all |p_i|."""
     quotient = to_quotient(ring, base)
-    result = Quotient(ring.constant(Fraction(1)), ring.constant(Fraction(1)))
+    even = exponent.denominator % 2 == 0
+    sign = 1 if even else _content_sign(quotient) ** exponent.numerator
+    result = Quotient(ring.constant(Fraction(sign)), ring.constant(Fraction(1)))
     for tree, multiplicity in positive_factors(ring, quotient):
-        result = _product(ring, [result, _root_power(ring, tree, exponent * multiplicity)])
+        positive = negate(tree) if even and ring.sign(tree) < 0 else tree
+        result = _product(ring, [result, _root_power(ring, positive, exponent * multiplicity)])
     return result
+
+
+def _content_sign(quotient: Quotient) -> int:
+    contents = [factors(polynomial)[0] for polynomial in (quotient.numerator, quotient.denominator)]
+    return -1 if (contents[0] < 0) != (contents[1] < 0) else 1
 
 
 def positive_factors(ring: Generators, quotient: Quotient) -> Iterator[tuple[Expression, int]]:
@@ -169,7 +184,7 @@ def positive_factors(ring: Generators, quotient: Quotient) -> Iterator[tuple[Exp
 
 
 def _root_power(ring: Generators, base: Expression, exponent: Fraction) -> Quotient:
-    """|base|^exponent with a generator for the root of smallest denominator."""
+    """base^exponent with a generator for the root of smallest denominator."""
     whole = math.floor(exponent)
     part = exponent - whole
     result = _integer_power(_to_quotient(ring, base), whole)
