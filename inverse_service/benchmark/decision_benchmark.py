@@ -31,23 +31,29 @@ class Comparison:
     plain_seconds: dict[str, float | None]
     plain_verdicts: dict[str, str | None]
 
-    @property
-    def ratio(self) -> float | None:
-        """Fastest plain run that finished with the right verdict, over ours."""
-        right = [s for kind, s in self.plain_seconds.items() if s and self.plain_verdicts[kind] == self.expected]
-        return min(right) / self.seconds if right else None
+    def ratio(self, simplification: str) -> float | None:
+        """Plain seconds over ours; None where the plain run was stopped or gave the wrong verdict."""
+        plain = self.plain_seconds[simplification]
+        if plain is None or self.plain_verdicts[simplification] != self.expected:
+            return None
+        return plain / self.seconds
 
 
 @dataclass(frozen=True, slots=True)
 class Medians:
-    """All systems of one n: medians of our seconds and of the ratios that exist."""
+    """All systems of one n: medians of our seconds and, per simplification, of the ratios that exist.
+
+    `right`, `wrong` and `stopped` count the plain runs by their end.
+    """
 
     n: int
     systems: int
     seconds: float
     slowest: float
-    ratio: float | None
-    plain_right: int
+    ratios: dict[str, float | None]
+    right: dict[str, int]
+    wrong: dict[str, int]
+    stopped: dict[str, int]
 
 
 def paper_systems() -> list[tuple[str, Document, str]]:
@@ -107,11 +113,22 @@ def comparisons(each: int, limit: float, report: Report) -> list[Comparison]:
 
 def medians(found: Sequence[Comparison]) -> list[Medians]:
     """One row for each n."""
-    rows = []
-    for n in sorted({c.n for c in found}):
-        group = [c for c in found if c.n == n]
-        ratios = [c.ratio for c in group if c.ratio is not None]
-        seconds = [c.seconds for c in group]
-        ratio = statistics.median(ratios) if ratios else None
-        rows.append(Medians(n, len(group), statistics.median(seconds), max(seconds), ratio, len(ratios)))
-    return rows
+    return [_medians_of(n, [c for c in found if c.n == n]) for n in sorted({c.n for c in found})]
+
+
+def _medians_of(n: int, group: Sequence[Comparison]) -> Medians:
+    seconds = [c.seconds for c in group]
+    kinds = list(group[0].plain_seconds)
+    ratios = {kind: [r for c in group if (r := c.ratio(kind)) is not None] for kind in kinds}
+    stopped = {kind: sum(c.plain_seconds[kind] is None for c in group) for kind in kinds}
+    right = {kind: len(found) for kind, found in ratios.items()}
+    return Medians(
+        n=n,
+        systems=len(group),
+        seconds=statistics.median(seconds),
+        slowest=max(seconds),
+        ratios={kind: statistics.median(found) if found else None for kind, found in ratios.items()},
+        right=right,
+        wrong={kind: len(group) - right[kind] - stopped[kind] for kind in kinds},
+        stopped=stopped,
+    )

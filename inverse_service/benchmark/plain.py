@@ -78,14 +78,15 @@ def multiplier(n: int) -> SympyExpression:
 
 
 def _cyclic(field: Field, Phi: SympyExpression, g: SympyExpression) -> list[SympyExpression]:
-    n, v = len(field.coordinates), field.velocities
-
-    def R(j: int, k: int, m: int) -> SympyExpression:
-        return field.simplify(sympy.diff(Phi[j, k], v[m]) - sympy.diff(Phi[j, m], v[k]))
-
+    """g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li for all i, k, l, from the whole array R[j][k][l]."""
+    size, v = range(len(field.coordinates)), field.velocities
+    R = [
+        [[field.simplify(sympy.diff(Phi[j, k], v[m]) - sympy.diff(Phi[j, m], v[k])) for m in size] for k in size]
+        for j in size
+    ]
     return [
-        sum(g[i, j] * R(j, k, m) + g[m, j] * R(j, i, k) + g[k, j] * R(j, m, i) for j in range(n))
-        for i, k, m in itertools.combinations(range(n), 3)
+        sum(g[i, j] * R[j][k][m] + g[m, j] * R[j][i][k] + g[k, j] * R[j][m][i] for j in size)
+        for i, k, m in itertools.product(size, repeat=3)
     ]
 
 
