@@ -251,12 +251,20 @@ def _dependent_exponential(ring: Generators, rule: ExponentialRule) -> Quotient:
 
 
 def _linear(ring: Generators, rule: LogarithmRule | ArctangentRule) -> Quotient:
-    parts = [multiply(number(a), u) for u, a in rule.linear]
+    parts = [to_quotient(ring, multiply(number(a), u)) for u, a in rule.linear]
     if isinstance(rule, ArctangentRule):
-        parts.append(multiply(number(rule.turns), PI))
-    elif rule.constant != 1:
-        parts.append(multiply(number(Fraction(1, rule.root)), apply("log", number(rule.constant))))
-    return to_quotient(ring, add(*parts))
+        parts.append(to_quotient(ring, multiply(number(rule.turns), PI)))
+    else:
+        parts.append(_constant_logarithm(ring, rule))
+    return _sum(ring, parts)
+
+
+def _constant_logarithm(ring: Generators, rule: LogarithmRule) -> Quotient:
+    total = ring.constant(Fraction(0))
+    for value, way in ((rule.constant.numerator, 1), (rule.constant.denominator, -1)):
+        for ell, k in prime_factors(value):
+            total += ring.generator(apply("log", number(ell))) * ring.constant(Fraction(way * k, rule.root))
+    return Quotient(total, ring.constant(Fraction(1)))
 
 
 def _circular(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.primes import positive_power
+from inverse_service.algebra.primes import positive_power, prime_factors
 from inverse_service.algebra.series import Series, SeriesRing, SingularPoint
 from inverse_service.expressions.tree import (
     Apply,
@@ -51,6 +51,12 @@ class Point:
         """A random nonzero residue for a free generator; the salts of its variables change it too."""
         return self.draw((atom, tuple(self.salts.get(name, 0) for name in variables_in(atom))))
 
+    def atom(self, atom: Apply) -> int:
+        """The value of a transcendental atom; exp and log of a number need no rule."""
+        if atom not in self.atoms and isinstance(atom.argument, Number):
+            return constant_value(atom.function, atom.argument.value, self)
+        return self.atoms[atom]
+
     def variable(self, name: Variable) -> int:
         """The value of a coordinate, velocity, parameter, of t, or of pi."""
         if name not in self.variables:
@@ -70,6 +76,17 @@ class Point:
 def variables_in(expression: Expression) -> tuple[Variable, ...]:
     """The coordinates, velocities and parameters in a tree, in the order of their first places."""
     return tuple(dict.fromkeys(node for node in walk(expression) if isinstance(node, Symbol | Velocity)))
+
+
+def constant_value(function: str, value: Fraction, point: Point) -> int:
+    """exp(value) or, for a positive value, log(value): e and the logarithms of primes are free constants."""
+    if function == "exp":
+        return positive_power(pow(point.draw("e"), 2, point.prime), value, point.prime)
+    if function != "log" or value <= 0:
+        raise KeyError(f"{function}({value})")
+    total = sum(k * point.draw(("log", ell)) for ell, k in prime_factors(value.numerator))
+    total -= sum(k * point.draw(("log", ell)) for ell, k in prime_factors(value.denominator))
+    return total % point.prime
 
 
 def number_value(value: Fraction, prime: int) -> int:
@@ -96,7 +113,7 @@ def evaluate(expression: Expression, point: Point) -> int:
         case Power(base, Number(exponent)):
             return _power_value(evaluate(base, point), exponent, prime)
         case Apply():
-            return point.atoms[expression]
+            return point.atom(expression)
         case Arbitrary(name, arguments, orders):
             return point.jet(name, tuple(evaluate(argument, point) for argument in arguments), orders)
     raise TypeError(f"{type(expression).__name__} is not a kernel")

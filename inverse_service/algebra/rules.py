@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.algebra.point import Point, evaluate, number_value
-from inverse_service.algebra.primes import positive_power, prime_factors
+from inverse_service.algebra.point import Point, constant_value, evaluate, number_value
+from inverse_service.algebra.primes import positive_power
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, multiply, number
 
@@ -40,7 +40,7 @@ class ExponentialRule:
     def value(self, point: Point, scale: Scale) -> int:
         if self.free:
             return pow(point.draw_free(self.atom), 2, point.prime)
-        result = positive_power(pow(point.draw("e"), 2, point.prime), self.constant, point.prime)
+        result = constant_value("exp", self.constant, point)
         for atom, exponent in self.exponentials:
             result *= positive_power(point.atoms[atom], exponent, point.prime)
         for argument, exponent in self.arguments_of_logarithms:
@@ -64,14 +64,8 @@ class LogarithmRule:
         if self.free:
             return point.draw_free(self.atom)
         result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
-        return (result + constant_logarithm(self.constant, self.root, point)) % point.prime
-
-
-def constant_logarithm(value: Fraction, root: int, point: Point) -> int:
-    """log(value)/root for a positive rational, the logarithms of primes being free constants."""
-    total = sum(k * point.draw(("log", ell)) for ell, k in prime_factors(value.numerator))
-    total -= sum(k * point.draw(("log", ell)) for ell, k in prime_factors(value.denominator))
-    return total * pow(root, -1, point.prime) % point.prime
+        logarithm = constant_value("log", self.constant, point) * pow(self.root, -1, point.prime)
+        return (result + logarithm) % point.prime
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +127,9 @@ def replay(rule: Rule, point: Point, scale: Scale) -> None:
         point.atoms[Apply("cos", rule.angle)] = cosine
         point.atoms[Apply("sin", rule.angle)] = sine
         if rule.free:
-            half = half_angle(rule.angle, scale(rule.angle))
-            point.atoms[half] = point.draw_free(rule.angle)
+            point.atoms[half_angle(rule.angle, scale(rule.angle))] = point.draw_free(rule.angle)
+        if rule.radians:
+            point.atoms[half_angle(RADIAN, scale(RADIAN))] = point.draw_free(RADIAN)
     else:
         point.atoms[rule.atom] = rule.value(point, scale)
 

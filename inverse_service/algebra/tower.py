@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from inverse_service.algebra.kernels import is_root
 from inverse_service.algebra.point import Point, Variable, evaluate
 from inverse_service.algebra.primes import is_positive, safe_prime
-from inverse_service.algebra.rules import AngleRule, Rule, half_angle, replay
+from inverse_service.algebra.rules import RADIAN, AngleRule, Rule, half_angle, replay
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, children, walk
+from inverse_service.expressions.tree import Apply, Expression, Number, Symbol, Velocity, children, walk
 
 # In the search for relations an angle may be any of these fractions of a free one.
 _SEARCH_SCALE = 2520
@@ -48,10 +48,14 @@ class Tower:
         return all(self._values(node) for node in walk(expression) if isinstance(node, Apply))
 
     def _values(self, atom: Apply) -> bool:
+        if isinstance(atom.argument, Number) and atom.function in ("exp", "log"):
+            return True
         for rule in self.rules:
             if isinstance(rule, AngleRule):
-                half = half_angle(rule.angle, self.scale(rule.angle)) if rule.free else None
-                if atom == half or (atom.argument == rule.angle and atom.function in ("sin", "cos")):
+                halves = [rule.angle] * rule.free + [RADIAN] * bool(rule.radians)
+                if any(atom == half_angle(angle, self.scale(angle)) for angle in halves):
+                    return True
+                if atom.argument == rule.angle and atom.function in ("sin", "cos"):
                     return True
             elif rule.atom == atom:
                 return True

@@ -140,6 +140,11 @@ sqrt(sec(x)^2-1) == tan(x)
 sqrt(x+y+2*sqrt(x*y)) == sqrt(x)+sqrt(y)
 (26+15*sqrt(3))^(1/3) == 2+sqrt(3)
 sqrt(x'^2) == x'
+sqrt((2+log(2*x)+log(x))^2) == 2+log(x^2)+log(2)
+sqrt((2+sin(x+1)+sin(x))^2) == 2+sin(x)+sin(x)*cos(1)+cos(x)*sin(1)
+sqrt((x+1+sin(2))^2) == x+1+2*sin(1)*cos(1)
+sqrt((x+1+exp(2))^2) == x+1+exp(1)^2
+sqrt((x+1+log(6))^2) == x+1+log(2)+log(3)
 """.strip().splitlines()
 
 # True identities that the reduction of atoms does not reach; it must say so and never be wrong.
