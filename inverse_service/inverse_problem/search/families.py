@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
+from inverse_service.expressions.tree import Velocity
 from inverse_service.inverse_problem.search import shapes
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
 from inverse_service.inverse_problem.search.material import Material, distinct
-from inverse_service.inverse_problem.search.terms import Monomial, rank
+from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.terms import Monomial, times
 
 _MOST_SEEDS = 700
 
@@ -44,11 +47,20 @@ def _integrating(material: Material, factors: Factors) -> list[Monomial]:
 
 def _metric(material: Material, factors: Factors) -> list[Monomial]:
     quadratic = products(material.parameter_monomials[:3], shapes.pairs(material))
-    return products(factors.in_time, products(position_monomials(material, 2), quadratic))
+    functions = distinct([*position_monomials(material, 2), *factors.plain])
+    return products(factors.in_time, products(functions, quadratic))
 
 
 def _laurent_plain(material: Material, factors: Factors) -> list[Monomial]:
-    seeds = shapes.pairs(material) + products(factors.plain[:3], shapes.quotients(material))
+    """phi_i v_i^2 / v_k with phi_i from the coefficients of f_i, v_i v_j / v_k, and v_i v_j."""
+    fitted = [
+        times(factor, shape)
+        for shape in shapes.quotients(material)
+        for i, v in enumerate(material.motion.velocities)
+        if (v, Fraction(2)) in shape and i in factors.across
+        for factor in (factors.across[i],)
+    ]
+    seeds = shapes.pairs(material) + products(factors.plain[:3], shapes.quotients(material)) + fitted
     return products(factors.in_time, seeds)
 
 
@@ -96,7 +108,7 @@ def _logarithms(material: Material, factors: Factors) -> list[Monomial]:
 
 FAMILIES = (
     Family("constant multiplier", 1, _constant),
-    Family("quadratic, polynomial in the coordinates", 2, _constant_in_time, depth=3),
+    Family("quadratic, polynomial in the coordinates", 2, _constant_in_time, depth=3, bound=250),
     Family("quadratic with integrating factors", 3, _integrating),
     Family("Laurent monomials v_i v_j / v_k, polynomial in the coordinates", 4, _laurent_plain, depth=3, bound=600),
     Family("functions of the velocities, constant coefficients", 5, _velocity_functions, depth=0, bound=200),
@@ -108,13 +120,23 @@ FAMILIES = (
 )
 
 
-def candidates(material: Material, family: Family, factors: Factors) -> list[Monomial]:
-    """All terms of an ansatz, simple ones first."""
+def kinetic_terms(material: Material, family: Family, factors: Factors) -> list[Monomial]:
+    """The terms of an ansatz that have a Hessian, simple ones first."""
     seeds = [key for key in distinct(family.seeds(material, factors)) if is_admissible(material, key)]
-    if not seeds:
-        return []
-    if family.depth:
-        every = closed(material, seeds, family.depth, family.bound)
-    else:
-        every = [*seeds, *potentials(material, seeds, family.bound)]
-    return [key for key in sorted(dict.fromkeys(every), key=rank) if is_admissible(material, key)]
+    if family.depth > 1:
+        seeds = closed(material, seeds, family.depth, family.bound)
+    return [key for key in distinct(seeds) if is_admissible(material, key) and not is_linear(key)]
+
+
+def all_terms(material: Material, family: Family, chosen: Sequence[Monomial]) -> list[Monomial]:
+    """Chosen kinetic terms with the potentials and linear terms that can go with them."""
+    every = closed(material, chosen, 1, family.bound)
+    if not family.depth:
+        every += potentials(material, chosen, family.bound)
+    return [key for key in distinct(every) if is_admissible(material, key)]
+
+
+def is_linear(key: Monomial) -> bool:
+    """Whether a term is a function of position times at most one velocity."""
+    moving = [(letter, e) for letter, e in key if has_velocity(letter)]
+    return not moving or (len(moving) == 1 and isinstance(moving[0][0], Velocity) and moving[0][1] == 1)

@@ -6,6 +6,7 @@ prime, over the letters p_j and the antiderivatives m_k of the terms of c.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 
 from flint import nmod_mat
@@ -16,7 +17,7 @@ from inverse_service.algebra.point import Expansion, evaluate
 from inverse_service.algebra.primes import reconstruct
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import Apply, Expression
+from inverse_service.expressions.tree import Apply, Expression, Sum
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, companions
 from inverse_service.inverse_problem.search.sampling import make_sampler, sample_points
 from inverse_service.inverse_problem.search.terms import (
@@ -33,17 +34,26 @@ _BOUND = 1_000
 
 
 def integrating_factor(material: Material, c: Terms, variable: Expression, seed: int) -> Monomial | None:
-    """exp(-int c d variable), or None where it is no such product."""
-    letters = [variable, *material.position_letters]
-    letters += [p for key in c for letter, _ in key for p in (letter, *companions(letter))]
-    letters = [p for p in dict.fromkeys(letters) if not (isinstance(p, Apply) and p.function == "exp")]
-    primitives = dict.fromkeys(m for key in c for m in antiderivatives(key, variable))
-    columns = [Apply("log", p) for p in letters] + [monomial_tree(m) for m in primitives]
-    if len(columns) > _MOST_COLUMNS:
-        return None
-    solution = _solve(material, c, variable, columns, seed)
-    if solution is None:
-        return None
+    """exp(-int c d variable), or None where it is no such product; logarithms alone are tried first."""
+    own = dict.fromkeys(p for key in c for letter, _ in key for p in (letter, *companions(letter)))
+    sums = [p for p in material.position_letters if isinstance(p, Sum)]
+    letters = [p for p in dict.fromkeys([variable, *own, *sums]) if not _is_exponential(p)]
+    logarithms: list[Expression] = [Apply("log", p) for p in letters]
+    primitives = list(dict.fromkeys(m for key in c for m in antiderivatives(key, variable)))
+    for extra in ([], primitives):
+        columns = logarithms + [monomial_tree(m) for m in extra]
+        solution = _solve(material, c, variable, columns, seed) if len(columns) <= _MOST_COLUMNS else None
+        if solution is not None:
+            return _assembled(letters, extra, solution)
+    return None
+
+
+def _is_exponential(letter: Expression) -> bool:
+    return isinstance(letter, Apply) and letter.function == "exp"
+
+
+def _assembled(letters: Sequence[Expression], primitives: Sequence[Monomial], solution: Sequence[Fraction]) -> Monomial:
+    """prod p_j^-e_j exp(-sum r_k m_k)."""
     result = EMPTY
     for letter, e in zip(letters, solution, strict=False):
         if e:

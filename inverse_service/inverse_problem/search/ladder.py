@@ -11,10 +11,11 @@ from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.search.choice import as_tree, gauge_of, reduced, regular_members, scaled, signature
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
-from inverse_service.inverse_problem.search.families import FAMILIES, Family, candidates
+from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
-from inverse_service.inverse_problem.search.sampling import make_sampler
+from inverse_service.inverse_problem.search.multiplier_ansatz import solve_multiplier
+from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, add_terms
 from inverse_service.mechanics.euler_lagrange import hessian
 
@@ -53,7 +54,7 @@ def search(
         progress(f"ansatz: {family.name}")
         if factors is None and family.cost > 1:
             factors = find_factors(material, seed)
-        terms = candidates(material, family, factors or NO_FACTORS)
+        terms = kinetic_terms(material, family, factors or NO_FACTORS)
         if tried and set(terms) <= known:
             continue
         known.update(terms)
@@ -65,15 +66,28 @@ def search(
 
 
 def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: int) -> Found | None:
+    """First the multipliers in the span of the terms, then Lagrangians for the simplest regular ones."""
     try:
-        sampler = make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
-        space = solve_ansatz(sampler, terms, seed)
-        sets = regular_members(space, seed)
+        space = solve_multiplier(_sampler(material, terms), terms, seed)
+        chosen = dict.fromkeys(
+            key for members in regular_members(space, seed) for k in members for key in space.combinations[k]
+        )
+        return _with_potentials(material, family, list(chosen), seed) if chosen else None
     except IrreducibleAtoms:
         return None
+
+
+def _sampler(material: Material, terms: Sequence[Monomial]) -> Sampler:
+    return make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
+
+
+def _with_potentials(material: Material, family: Family, chosen: Sequence[Monomial], seed: int) -> Found | None:
+    terms = all_terms(material, family, chosen)
+    space = solve_ansatz(_sampler(material, terms), terms, seed)
+    sets = regular_members(space, seed)
     if not sets:
         return None
-    members = [_member(material, space, chosen, seed) for chosen in sets]
+    members = [_member(material, space, members, seed) for members in sets]
     members.sort(key=lambda member: not member[1])
     parts = tuple(as_tree(space.combinations[k]) for k in sets[0])
     return Found(tuple(dict.fromkeys(tree for tree, _ in members)), family.name, parts)

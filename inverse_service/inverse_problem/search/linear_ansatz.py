@@ -67,7 +67,7 @@ def _fill(
                 result[s * n + i, c] = multiply(values[s, c], total, prime, negative_inverse)
 
 
-def _to_montgomery(array: Words, prime: int) -> Words:
+def to_montgomery(array: Words, prime: int) -> Words:
     radix = (1 << 64) % prime
     return np.array([int(x) * radix % prime for x in array.ravel()], np.uint64).reshape(array.shape)
 
@@ -75,6 +75,22 @@ def _to_montgomery(array: Words, prime: int) -> Words:
 def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
     """EL_i of each candidate at each sample, (samples * n, candidates)."""
     prime = table.prime
+    starts, places, exponents = exponent_lists(letters, candidates, prime)
+    values = monomial_values(table, letters, candidates)
+    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    result = np.zeros((len(values) * table.by_velocity.shape[2], len(candidates)), np.uint64)
+    arrays = (table.along, table.by_velocity, table.mixed, table.by_position)
+    along, by_velocity, mixed, by_position = (to_montgomery(array, prime) for array in arrays)
+    _fill(
+        values, starts, places, exponents, along, by_velocity, mixed, by_position, result, modulus, negative_inverse
+    )
+    return result
+
+
+def exponent_lists(
+    letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int
+) -> tuple[Any, Any, Words]:
+    """(starts, letter numbers, exponents in Montgomery form): the letters of each candidate in a row."""
     index = {letter: k for k, letter in enumerate(letters)}
     starts, places, exponents = [0], [], []
     for candidate in candidates:
@@ -82,17 +98,8 @@ def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], can
             places.append(index[letter])
             exponents.append(e.numerator * pow(e.denominator, -1, prime) % prime)
         starts.append(len(places))
-    values = monomial_values(table, letters, candidates)
-    modulus, negative_inverse, _, _ = montgomery.constants(prime)
-    result = np.zeros((len(values) * table.by_velocity.shape[2], len(candidates)), np.uint64)
-    _fill(
-        values, np.array(starts, np.int64), np.array(places, np.int64),
-        _to_montgomery(np.array(exponents, np.uint64), prime),
-        _to_montgomery(table.along, prime), _to_montgomery(table.by_velocity, prime),
-        _to_montgomery(table.mixed, prime), _to_montgomery(table.by_position, prime),
-        result, modulus, negative_inverse,
-    )  # fmt: skip
-    return result
+    numbers = to_montgomery(np.array(exponents, np.uint64), prime)
+    return np.array(starts, np.int64), np.array(places, np.int64), numbers
 
 
 def letters_of(candidates: Sequence[Monomial]) -> list[Expression]:
@@ -114,6 +121,12 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
     return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
 
 
+def null_combinations(matrix: Words, candidates: Sequence[Monomial], prime: int) -> list[Combination]:
+    """Combinations with small rational coefficients in the kernel of a matrix in Montgomery form."""
+    vectors = _null_vectors(_from_montgomery(matrix, prime), len(candidates), prime)
+    return [{candidates[k]: a for k, a in vector.items()} for vector in vectors]
+
+
 def _from_montgomery(matrix: Words, prime: int) -> list[list[int]]:
     inverse = pow(1 << 64, -1, prime)
     return [[x * inverse % prime for x in row] for row in matrix.tolist()]
@@ -123,7 +136,9 @@ def _null_vectors(matrix: list[list[int]], width: int, prime: int) -> list[dict[
     """Rational null vectors in reduced form: free columns are as far right as possible."""
     flat = [x for row in matrix for x in row]
     reduced, rank = nmod_mat(len(matrix), width, flat, prime).rref()
-    rows = [[int(reduced[i, k]) for k in range(width)] for i in range(rank)]
+    if rank == width:
+        return []
+    rows = [[int(x) for x in row] for row in reduced.tolist()[:rank]]
     pivots = [next(k for k, x in enumerate(row) if x) for row in rows]
     found = []
     for free in sorted(set(range(width)) - set(pivots)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -61,7 +62,7 @@ class LetterTable:
 
     Arrays of residues, (samples, letters) and (samples, letters, n); Gamma' acts on the derivative
     only, so that EL_i(m)/m = V_i G + H_i - Q_i with sums over the letters of m. `hessian` is
-    d2 log p/dv_i dv_j, (samples, letters, n, n).
+    d2 log p/dv_i dv_j, `third` Gamma of it (zero unless asked for), (samples, letters, n, n).
     """
 
     prime: int
@@ -72,6 +73,7 @@ class LetterTable:
     mixed: Words
     by_position: Words
     hessian: Words
+    third: Words
 
 
 def sample_points(sampler: Sampler, count: int, seed: int) -> list[Point]:
@@ -80,7 +82,9 @@ def sample_points(sampler: Sampler, count: int, seed: int) -> list[Point]:
     return [draw_point(sampler.tower, seed + 1 + k, prime) for k in range(count)]
 
 
-def letter_table(sampler: Sampler, letters: Sequence[Expression], count: int, seed: int) -> LetterTable:
+def letter_table(
+    sampler: Sampler, letters: Sequence[Expression], count: int, seed: int, with_third: bool = False
+) -> LetterTable:
     """The table at `count` random points; points at which a letter vanishes are replaced."""
     kernels = [to_kernels(letter) for letter in letters]
     forces = sampler.analysis.accelerations
@@ -91,51 +95,67 @@ def letter_table(sampler: Sampler, letters: Sequence[Expression], count: int, se
             if kept and point.prime != kept[0].prime:
                 continue
             try:
-                rows.append(_letter_rows(sampler, point, kernels, forces))
+                rows.append(_letter_rows(sampler, point, kernels, forces, 3 if with_third else 2))
                 kept.append(point)
             except (SingularPoint, ValueError):
                 continue
     if len(kept) < count:
         raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
-    arrays = [np.array([row[k] for row in rows[:count]], np.uint64) for k in range(1, 6)]
+    arrays = [np.array([row[k] for row in rows[:count]], np.uint64) for k in range(1, 7)]
     return LetterTable(kept[0].prime, tuple(kept[:count]), [row[0] for row in rows[:count]], *arrays)
 
 
 def _letter_rows(
-    sampler: Sampler, point: Point, kernels: Sequence[Expression], forces: Sequence[Expression]
-) -> tuple[list[int], list[int], list[list[int]], list[list[int]], list[list[int]], list[list[list[int]]]]:
-    expansion = Expansion(point, sampler.variables, 2)
-    values, along, by_velocity, mixed, by_position, hessian = [], [], [], [], [], []
+    sampler: Sampler, point: Point, kernels: Sequence[Expression], forces: Sequence[Expression], order: int
+) -> tuple[list[Any], ...]:
+    """The entries of the table for one point."""
+    expansion = Expansion(point, sampler.variables, order)
     n, prime = len(forces), point.prime
     still = Expansion(point, (), 0)
     f = [ps.value_at_point(still.expand(force)) for force in forces]
     drift = [1, *(point.variable(v) for v in sampler.variables[1 + n :]), *f]
+    table: tuple[list[Any], ...] = ([], [], [], [], [], [], [])
     for kernel in kernels:
-        value, gradient, second = _logarithmic(expansion, kernel, 2 * n + 1)
-        values.append(value)
-        along.append(sum(a * b for a, b in zip(drift, gradient, strict=True)) % prime)
-        by_velocity.append(gradient[1 + n :])
-        by_position.append(gradient[1 : 1 + n])
-        mixed.append([sum(a * b for a, b in zip(drift, second[1 + n + i], strict=True)) % prime for i in range(n)])
-        hessian.append([row[1 + n :] for row in second[1 + n :]])
-    return values, along, by_velocity, mixed, by_position, hessian
+        value, gradient, second, third = _logarithmic(expansion, kernel, drift, n)
+        entries = (
+            value,
+            sum(a * b for a, b in zip(drift, gradient, strict=True)) % prime,
+            gradient[1 + n :],
+            [sum(a * b for a, b in zip(drift, second[1 + n + i], strict=True)) % prime for i in range(n)],
+            gradient[1 : 1 + n],
+            [row[1 + n :] for row in second[1 + n :]],
+            third,
+        )
+        for column, entry in zip(table, entries, strict=True):
+            column.append(entry)
+    return table
 
 
-def _logarithmic(expansion: Expansion, kernel: Expression, size: int) -> tuple[int, list[int], list[list[int]]]:
-    """(p, d_a log p, d_a d_b log p) at the point."""
-    ring = expansion.ring
+def _logarithmic(
+    expansion: Expansion, kernel: Expression, drift: Sequence[int], n: int
+) -> tuple[int, list[int], list[list[int]], list[list[int]]]:
+    """(p, d_a log p, d_a d_b log p, sum_c drift_c d_c d_i d_j log p for velocities i, j) at the point."""
+    ring, size = expansion.ring, 2 * n + 1
     series = expansion.expand(kernel)
-    value = ps.value_at_point(series)
-    logarithm = ps.logarithm(ring, series, 0)
     gradient, second = [0] * size, [[0] * size for _ in range(size)]
-    for exponents, coefficient in ps.terms(logarithm).items():
+    third = [[0] * n for _ in range(n)]
+    for exponents, coefficient in ps.terms(ps.logarithm(ring, series, 0)).items():
         places = [k for k, e in enumerate(exponents) for _ in range(e)]
+        # A Taylor coefficient times the factorials of its exponents is the derivative.
+        value = coefficient * math.prod(math.factorial(e) for e in exponents) % ring.prime
         if len(places) == 1:
-            gradient[places[0]] = coefficient
+            gradient[places[0]] = value
         elif len(places) == 2:
-            a, b = places
-            second[a][b] = second[b][a] = coefficient * (2 if a == b else 1) % ring.prime
-    return value, gradient, second
+            second[places[0]][places[1]] = second[places[1]][places[0]] = value
+        elif len(places) == 3:
+            for along in set(places):
+                rest = list(places)
+                rest.remove(along)
+                i, j = (place - 1 - n for place in rest)
+                if i >= 0 and j >= 0:
+                    third[i][j] = (third[i][j] + value * drift[along]) % ring.prime
+                    third[j][i] = third[i][j]
+    return ps.value_at_point(series), gradient, second, third
 
 
 def monomial_values(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:

@@ -1,0 +1,127 @@
+"""Which combinations of terms have a multiplier as Hessian: the ansatz without its potentials.
+
+The Hessian g of a combination has to fulfil (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi symmetric;
+(H1) holds. Terms linear in the velocities do not enter, so this small problem tells whether a family
+holds a regular Lagrangian before its potentials are sought.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from inverse_service.algebra import montgomery
+from inverse_service.algebra import series as ps
+from inverse_service.algebra.echelon import Words
+from inverse_service.algebra.montgomery import compiled, multiply
+from inverse_service.algebra.point import Expansion, Point
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.prolongation import local_system
+from inverse_service.inverse_problem.search.linear_ansatz import (
+    LagrangianSpace,
+    exponent_lists,
+    letters_of,
+    null_combinations,
+    to_montgomery,
+)
+from inverse_service.inverse_problem.search.sampling import LetterTable, Sampler, letter_table, monomial_values
+from inverse_service.inverse_problem.search.terms import Monomial
+
+_SPARE_EQUATIONS = 10
+
+
+def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
+    """Combinations of the terms, each of which is a Lagrangian up to a potential and linear terms."""
+    letters, n = letters_of(terms), len(sampler.analysis.accelerations)
+    samples = (len(terms) + _SPARE_EQUATIONS) // (n * n) + 1
+    table = letter_table(sampler, letters, samples, seed, with_third=True)
+    matrix = helmholtz_matrix(sampler, table, letters, terms)
+    return LagrangianSpace(sampler, tuple(null_combinations(matrix, terms, table.prime)))
+
+
+def helmholtz_matrix(
+    sampler: Sampler, table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]
+) -> Words:
+    """The n^2 conditions H2 (i <= j) and H3 (i < j) of each term at each sample, Montgomery form."""
+    prime = table.prime
+    starts, places, exponents = exponent_lists(letters, terms, prime)
+    values = monomial_values(table, letters, terms)
+    n = table.by_velocity.shape[2]
+    pairs = [_connection_and_endomorphism(sampler, point) for point in table.points]
+    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    result = np.zeros((len(values) * n * n, len(terms)), np.uint64)
+    arrays = (table.along, table.by_velocity, table.mixed, table.hessian, table.third)
+    along, by_velocity, mixed, hessian, third = (to_montgomery(array, prime) for array in arrays)
+    connection, endomorphism = (
+        to_montgomery(np.array([pair[k] for pair in pairs], np.uint64), prime) for k in (0, 1)
+    )
+    _fill(
+        values, starts, places, exponents, along, by_velocity, mixed, hessian, third, connection, endomorphism,
+        result, modulus, negative_inverse,
+    )  # fmt: skip
+    return result
+
+
+def _connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[list[list[int]], list[list[int]]]:
+    """(N, Phi) at the point."""
+    expansion = Expansion(point, sampler.variables, 2)
+    velocities = [expansion.expand(v) for v in sampler.variables[1 + len(sampler.analysis.accelerations) :]]
+    forces = [expansion.expand(f) for f in sampler.analysis.accelerations]
+    local = local_system(expansion.ring, velocities, forces, with_time=True)
+    return (
+        [[ps.value_at_point(entry) for entry in row] for row in local.connection],
+        [[ps.value_at_point(entry) for entry in row] for row in local.endomorphism],
+    )
+
+
+@compiled
+def _fill(
+    values: Any, starts: Any, places: Any, exponents: Any, along: Any, by_velocity: Any, mixed: Any, hessian: Any,
+    third: Any, connection: Any, endomorphism: Any, result: Any, prime: Any, inverse: Any,
+) -> None:  # fmt: skip
+    samples, count = values.shape
+    n = by_velocity.shape[2]
+    zero = np.uint64(0)
+    v, h = np.zeros(n, np.uint64), np.zeros(n, np.uint64)
+    g, dg = np.zeros((n, n), np.uint64), np.zeros((n, n), np.uint64)
+    for s in range(samples):
+        for c in range(count):
+            total = zero
+            v[:], h[:], g[:, :], dg[:, :] = zero, zero, zero, zero
+            for k in range(starts[c], starts[c + 1]):
+                e, p = exponents[k], places[k]
+                total = (total + multiply(e, along[s, p], prime, inverse)) % prime
+                for i in range(n):
+                    v[i] = (v[i] + multiply(e, by_velocity[s, p, i], prime, inverse)) % prime
+                    h[i] = (h[i] + multiply(e, mixed[s, p, i], prime, inverse)) % prime
+                    for j in range(n):
+                        g[i, j] = (g[i, j] + multiply(e, hessian[s, p, i, j], prime, inverse)) % prime
+                        dg[i, j] = (dg[i, j] + multiply(e, third[s, p, i, j], prime, inverse)) % prime
+            # g_ij = m (V_i V_j + W_ij), Gamma(g_ij) = m (G (V_i V_j + W_ij) + H_i V_j + V_i H_j + Gamma W_ij)
+            for i in range(n):
+                for j in range(n):
+                    part = (g[i, j] + multiply(v[i], v[j], prime, inverse)) % prime
+                    rate = (dg[i, j] + multiply(total, part, prime, inverse)) % prime
+                    rate = (rate + multiply(h[i], v[j], prime, inverse)) % prime
+                    rate = (rate + multiply(v[i], h[j], prime, inverse)) % prime
+                    g[i, j] = multiply(values[s, c], part, prime, inverse)
+                    dg[i, j] = multiply(values[s, c], rate, prime, inverse)
+            row = s * n * n
+            for i in range(n):
+                for j in range(i, n):
+                    rate = dg[i, j]
+                    for k in range(n):
+                        rate = (rate + prime - multiply(g[i, k], connection[s, k, j], prime, inverse)) % prime
+                        rate = (rate + prime - multiply(g[j, k], connection[s, k, i], prime, inverse)) % prime
+                    result[row, c] = rate
+                    row += 1
+            for i in range(n):
+                for j in range(i + 1, n):
+                    skew = zero
+                    for k in range(n):
+                        skew = (skew + multiply(g[i, k], endomorphism[s, k, j], prime, inverse)) % prime
+                        skew = (skew + prime - multiply(g[j, k], endomorphism[s, k, i], prime, inverse)) % prime
+                    result[row, c] = skew
+                    row += 1
