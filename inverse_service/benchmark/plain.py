@@ -69,7 +69,8 @@ def conditions(field: Field) -> list[SympyExpression]:
     nabla = (Phi.applyfunc(field.along) + N * Phi - Phi * N).applyfunc(field.simplify)
     g = multiplier(n)
     found = [(g * A - (g * A).T)[i, j] for A in (Phi, nabla) for i in range(n) for j in range(i + 1, n)]
-    return [entry for entry in found + _cyclic(field, Phi, g) if entry != 0]
+    simplified = map(field.simplify, found + _cyclic(field, Phi, g))
+    return [entry for entry in simplified if entry != 0]
 
 
 def multiplier(n: int) -> SympyExpression:
