@@ -1,0 +1,200 @@
+"""The decision: degenerate systems, limits, reasons, and independence of names and coordinates."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Sequence
+from fractions import Fraction
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from inverse_service.expressions.tree import (
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    number,
+    substitute,
+)
+from inverse_service.inverse_problem.decision import Decision, Limits, decide
+from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+
+def system(
+    equations: dict[str, str], parameters: Sequence[str] = (), functions: dict[str, list[str]] | None = None
+) -> SecondOrderSystem:
+    return read_system(list(equations), equations, parameters, functions)
+
+
+def test_constants_only_are_as_free_motion() -> None:
+    found = decide(system({"x": "3", "y": "-1/2"}), False)
+    assert found.history == decide(system({"x": "0", "y": "0"}), False).history
+    assert found.verdict == "variational"
+
+
+@pytest.mark.parametrize("n", [5, 8])
+def test_a_random_quadratic_system_of_many_coordinates_is_refused_at_low_order_at_once(n: int) -> None:
+    names, rng = list("abcdefgh")[:n], random.Random(1)
+    equations = {
+        name: "+".join(f"{rng.randint(1, 9)}*{rng.choice(names)}*{rng.choice(names)}'" for _ in range(3))
+        for name in names
+    }
+    found = decide(system(equations), False)
+    assert found.verdict == "not_variational"
+    assert found.order <= 2
+    assert found.seconds < 10
+
+
+def test_a_system_that_contains_time_is_asked_for_a_lagrangian_with_time() -> None:
+    found = decide(system({"x": "-t*x", "y": "-t^2*y"}), False)
+    assert found.with_time
+    assert found.verdict == "variational"
+    assert found.history == decide(system({"x": "-t*x", "y": "-t^2*y"}), True).history
+
+
+@pytest.mark.parametrize(
+    ("equations", "parameters", "functions", "verdict"),
+    [
+        ({"x": "x/k"}, ["k"], {}, "variational"),
+        ({"x": "-x/k-y", "y": "-x-y/k^2"}, ["k"], {}, "variational"),
+        ({"x": "-c*x'/k-y", "y": "-x-y'/c"}, ["k", "c"], {}, "not_variational"),
+        ({"x": "A(x,y)", "y": "B(x,y)"}, [], {"A": ["x", "y"], "B": ["x", "y"]}, "not_variational"),
+        ({"x": "diff(V(x,y),x)", "y": "diff(V(x,y),y)"}, [], {"V": ["x", "y"]}, "variational"),
+        ({"x": "-diff(V(x,y),y)", "y": "diff(V(x,y),x)"}, [], {"V": ["x", "y"]}, "not_variational"),
+        ({"x": "A(x)"}, [], {"A": ["x"]}, "variational"),
+        ({"x": "A(x)*y'", "y": "-A(x)*x'"}, [], {"A": ["x"]}, "variational"),
+        ({"x": "A(x)*x'", "y": "B(y)*x'"}, [], {"A": ["x"], "B": ["y"]}, "not_variational"),
+    ],
+)
+def test_parameters_and_arbitrary_functions_are_generic(
+    equations: dict[str, str], parameters: list[str], functions: dict[str, list[str]], verdict: str
+) -> None:
+    assert decide(system(equations, parameters, functions), False).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    "force", ["x/(k-k)", "1/(sin(x)^2+cos(x)^2-1)", "log(x-x)", "exp(1/(x-x))", "sqrt(-1-x^2)", "x^sqrt(y-y)/(x-x)"]
+)
+def test_what_has_no_value_anywhere_is_undetermined_with_a_sentence(force: str) -> None:
+    found = decide(system({"x": force, "y": "x"}, ["k"]), False)
+    assert found.verdict == "undetermined"
+    assert " " in found.reason
+    assert not found.rows
+    assert found.space is None
+
+
+@pytest.mark.parametrize(
+    ("limits", "reason"),
+    [
+        (Limits(order=1), "not settled by order 1"),
+        (Limits(deadline=0.0), "time limit"),
+        (Limits(order=-1), "not settled"),
+    ],
+)
+def test_a_limit_that_is_reached_is_named(limits: Limits, reason: str) -> None:
+    found = decide(system({"x": "y", "y": "x"}), False, limits=limits)
+    assert found.verdict == "undetermined"
+    assert reason in found.reason
+
+
+def test_a_deadline_in_the_future_is_no_obstacle() -> None:
+    assert decide(system({"x": "y", "y": "x"}), False, limits=Limits(deadline=time.monotonic() + 60)).order == 3
+
+
+def test_progress_is_reported_order_by_order() -> None:
+    told: list[str] = []
+    decide(system({"x": "y", "y": "x"}), False, progress=told.append)
+    assert told[:4] == [f"prolongation to order {order}" for order in range(4)]
+
+
+def test_two_points_of_two_primes_confirm_the_verdict() -> None:
+    points = decide(system({"x": "-x^3*y", "y": "x'"}), False).points
+    assert len({point["prime"] for point in points}) == 2
+    assert len({point["seed"] for point in points}) == 2
+
+
+@pytest.mark.parametrize("equations", [{"x": "-x-2*x*y", "y": "-y-x^2+y^2"}, {"x": "x*y'", "y": "y*x'^2"}])
+def test_verdict_dimensions_and_rows_do_not_depend_on_the_seed(equations: dict[str, str]) -> None:
+    found = [decide(system(equations), False, seed=seed) for seed in range(1, 6)]
+    assert len({(d.verdict, d.history, d.rows) for d in found}) == 1
+    assert len({d.points[0]["prime"] for d in found}) == 5
+
+
+def test_a_negative_verdict_names_rows_of_the_order_and_a_positive_one_none() -> None:
+    negative = decide(system({"x": "x*y'", "y": "y*x'^2"}), False)
+    assert negative.rows
+    assert all(sum(alpha) <= negative.order for _, _, _, alpha in negative.rows)
+    assert decide(system({"x": "-x", "y": "-y"}), False).rows == ()
+
+
+ATOMS = ("x", "y", "x'", "y'", "x*y", "x'*y'", "x'^2", "x^2", "y'^2", "sin(x)", "1/(2+y)", "x*y'", "exp(y)")
+TERMS = st.lists(st.tuples(st.integers(-3, 3), st.sampled_from(ATOMS)), min_size=0, max_size=3)
+MATRICES = st.lists(st.fractions(-3, 3, max_denominator=3), min_size=4, max_size=4).filter(
+    lambda m: m[0] * m[3] != m[1] * m[2]
+)
+
+
+def plane_system(first: list[tuple[int, str]], second: list[tuple[int, str]]) -> SecondOrderSystem:
+    texts = ["+".join(f"({k})*{atom}" for k, atom in terms) or "0" for terms in (first, second)]
+    return system({"x": texts[0], "y": texts[1]})
+
+
+def essence(found: Decision) -> tuple[str, tuple[tuple[int, ...], ...], tuple[int, ...]]:
+    return found.verdict, found.history, found.symbol.characters if found.symbol else ()
+
+
+def linear_change(given: SecondOrderSystem, matrix: list[Fraction]) -> SecondOrderSystem:
+    """The system of Q where q = M Q: Q'' = M^-1 f(M Q, M Q'), the names kept."""
+    a, b, c, d = matrix
+    x, y = given.coordinates
+    table: dict[Expression, Expression] = {}
+    for kind in (Symbol, Velocity):
+        table[kind(x)] = add(multiply(number(a), kind(x)), multiply(number(b), kind(y)))
+        table[kind(y)] = add(multiply(number(c), kind(x)), multiply(number(d), kind(y)))
+    f, g = (substitute(force, table) for force in given.accelerations)
+    unit = 1 / (a * d - b * c)
+    first = add(multiply(number(d * unit), f), multiply(number(-b * unit), g))
+    second = add(multiply(number(-c * unit), f), multiply(number(a * unit), g))
+    return SecondOrderSystem(given.coordinates, (first, second))
+
+
+@settings(max_examples=25, deadline=None)
+@given(TERMS, TERMS, MATRICES, st.booleans())
+def test_verdict_and_dimensions_survive_linear_changes_of_coordinates(
+    first: list[tuple[int, str]], second: list[tuple[int, str]], matrix: list[Fraction], time_dependent: bool
+) -> None:
+    given = plane_system(first, second)
+    assert essence(decide(linear_change(given, matrix), time_dependent)) == essence(decide(given, time_dependent))
+
+
+@settings(max_examples=15, deadline=None)
+@given(TERMS, TERMS, st.fractions(Fraction(1, 9), 9, max_denominator=9), st.booleans())
+def test_verdict_and_dimensions_survive_other_units(
+    first: list[tuple[int, str]], second: list[tuple[int, str]], unit: Fraction, time_dependent: bool
+) -> None:
+    given = plane_system(first, second)
+    scaled = linear_change(given, [unit, Fraction(0), Fraction(0), -2 * unit])
+    assert essence(decide(scaled, time_dependent)) == essence(decide(given, time_dependent))
+
+
+@settings(max_examples=20, deadline=None)
+@given(TERMS, TERMS, st.sampled_from([("x", "y"), ("u", "v"), ("q1", "q2"), ("theta", "alpha"), ("y", "x")]))
+def test_verdict_and_dimensions_survive_renaming_and_exchange(
+    first: list[tuple[int, str]], second: list[tuple[int, str]], names: tuple[str, str]
+) -> None:
+    given = plane_system(first, second)
+    table: dict[Expression, Expression] = {
+        kind(old): kind(new)
+        for kind in (Symbol, Velocity)
+        for old, new in zip(given.coordinates, names, strict=True)
+    }
+    forces = tuple(substitute(force, table) for force in given.accelerations)
+    renamed, exchanged = SecondOrderSystem(names, forces), SecondOrderSystem(names[::-1], forces[::-1])
+    expected = essence(decide(given, False))
+    assert essence(decide(renamed, False)) == expected
+    assert essence(decide(exchanged, False)) == expected
