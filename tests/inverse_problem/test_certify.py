@@ -1,0 +1,163 @@
+"""Certificates of decisions are confirmed by the checker; corrupted ones are refused."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.text import parse
+from inverse_service.inverse_problem import certify
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision import Decision, decide
+from inverse_service.mechanics.reading import read_system
+from tests.generator import random_right_sides, random_systems
+
+
+def certificate(
+    equations: dict[str, str], time_dependent: bool = False, parameters: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    system = read_system(list(equations), equations, parameters)
+    analysis = analyse(system)
+    return certify.of_decision(analysis, decide(system, time_dependent, analysis=analysis))
+
+
+HENON_HEILES = {"x": "-x-2*x*y", "y": "-y-x^2+y^2"}
+ROTATION = {"x": "x*y'", "y": "y*x'^2"}
+ROOTS = {"x": "sqrt(1+sin(x)^2)*y'", "y": "log(x)*x'"}
+
+
+def test_certificates_are_json_and_name_the_question() -> None:
+    for time_dependent, question in ((False, "autonomous"), (True, "time_dependent")):
+        found = certificate(HENON_HEILES, time_dependent)
+        assert json.loads(json.dumps(found)) == found
+        assert found["question"] == question
+
+
+@pytest.mark.parametrize("equations", [HENON_HEILES, ROTATION, ROOTS, {"x": "0"}, {"x": "-sin(x)*x'^2", "y": "-y"}])
+@pytest.mark.parametrize("time_dependent", [False, True])
+def test_the_checker_confirms_what_was_decided(equations: dict[str, str], time_dependent: bool) -> None:
+    found = check_certificate(certificate(equations, time_dependent), seed=3)
+    assert found.verdict == "valid", found.reasons
+
+
+Corruption = Callable[[dict[str, Any]], None]
+
+
+def drop_a_row(found: dict[str, Any]) -> None:
+    del found["rows"][len(found["rows"]) // 2]
+
+
+def drop_all_rows(found: dict[str, Any]) -> None:
+    found["rows"] = []
+
+
+def repeat_one_row(found: dict[str, Any]) -> None:
+    found["rows"] = [found["rows"][0]] * len(found["rows"])
+
+
+def flip_the_claim(found: dict[str, Any]) -> None:
+    found["claim"] = "variational" if found["claim"] == "not_variational" else "not_variational"
+
+
+def change_the_system(found: dict[str, Any]) -> None:
+    found["system"]["equations"]["x"] = "-x"
+    found["system"]["equations"]["y"] = "-y"
+
+
+def raise_a_dimension(found: dict[str, Any]) -> None:
+    found["dimensions"][-1] += 1
+
+
+def lower_the_characters(found: dict[str, Any]) -> None:
+    found["symbol"]["characters"][0] += 1
+
+
+def take_another_degree(found: dict[str, Any]) -> None:
+    found["degree"] += 1
+
+
+@pytest.mark.parametrize("corrupt", [drop_a_row, drop_all_rows, repeat_one_row, flip_the_claim, change_the_system])
+def test_a_corrupted_proof_of_nonexistence_is_refused(corrupt: Corruption) -> None:
+    right = certificate(ROTATION)
+    wrong = copy.deepcopy(right)
+    corrupt(wrong)
+    assert check_certificate(right, seed=3).verdict == "valid"
+    assert check_certificate(wrong, seed=3).verdict == "invalid"
+
+
+@pytest.mark.parametrize(
+    "corrupt", [flip_the_claim, change_the_system, raise_a_dimension, lower_the_characters, take_another_degree]
+)
+def test_a_corrupted_proof_of_existence_is_refused(corrupt: Corruption) -> None:
+    wrong = certificate(HENON_HEILES)
+    corrupt(wrong)
+    assert check_certificate(wrong, seed=3).verdict == "invalid"
+
+
+def test_no_row_used_is_superfluous() -> None:
+    """Every row of a traced combination is needed: without any one of them the proof falls."""
+    right = certificate({"x": "x*y", "y": "0"})
+    assert check_certificate(right, seed=3).verdict == "valid"
+    for k in range(len(right["rows"])):
+        wrong = copy.deepcopy(right)
+        del wrong["rows"][k]
+        assert check_certificate(wrong, seed=3).verdict == "invalid"
+
+
+@pytest.mark.parametrize(("lagrangian", "verdict"), [("x'*y'-x*y", "valid"), ("x'*y'+x*y", "invalid")])
+def test_a_lagrangian_is_its_own_certificate(lagrangian: str, verdict: str) -> None:
+    analysis = analyse(read_system(["x", "y"], {"x": "-x", "y": "-y"}))
+    tree = parse(lagrangian, Names(("x", "y"), ()))
+    assert check_certificate(certify.of_lagrangian(analysis, tree, False), seed=3).verdict == verdict
+
+
+def test_an_undetermined_decision_has_no_certificate() -> None:
+    analysis = analyse(read_system(["x"], {"x": "-x"}))
+    with pytest.raises(ValueError, match="definite"):
+        certify.of_decision(analysis, Decision("undetermined", False, 0))
+
+
+def test_the_real_point_of_the_domain_is_written_down() -> None:
+    near = certificate(ROOTS)["near"]
+    assert set(near) == {"x", "y", "x'", "y'", "t"}
+    assert float(near["x"]) > 0
+
+
+# Functions that a decision over a prime field must not take for independent: the checker is real.
+RELATED = [
+    {"x": "-x-2*x*y+(sin(atan(1/x))-cos(atan(x)))*x'*y'^2", "y": "-y-x^2+y^2"},
+    {"x": "-x-2*x*y+(asin(2*x*sqrt(1-x^2))-2*asin(x))*x'*y'^2", "y": "-y-x^2+y^2"},
+    {"x": "-x-2*x*y+(atanh(sin(x))-asinh(tan(x)))*x'*y'^2", "y": "-y-x^2+y^2"},
+    {"x": "sqrt(x-y)*sqrt(x+y)*y'", "y": "sqrt(x^2-y^2)*x'+log(x-y)+log(x+y)"},
+    {"x": "exp(sqrt((x-y)^2))*y'", "y": "exp(x-y)*x'"},
+    {"x": "sin(2*x)*y'", "y": "sin(x)*cos(x)*x'^2"},
+]
+
+
+@pytest.mark.parametrize("equations", RELATED)
+def test_the_checker_confirms_verdicts_on_functions_that_are_related(equations: dict[str, str]) -> None:
+    found = check_certificate(certificate(equations), seed=5)
+    assert found.verdict == "valid", found.reasons
+
+
+def test_sixty_random_right_hand_sides_are_decided_and_confirmed() -> None:
+    seen = []
+    for given in random_right_sides(60, seed=41):
+        found = certificate(given.equations)
+        checked = check_certificate(found, seed=7)
+        assert checked.verdict == "valid", (given.equations, checked.reasons)
+        seen.append(found["claim"])
+    assert seen.count("not_variational") > 45
+
+
+def test_existence_is_confirmed_for_systems_with_a_known_lagrangian() -> None:
+    for given in random_systems(12, seed=42):
+        found = certificate(given.equations, given.time_dependent)
+        assert found["claim"] == "variational", given.equations
+        assert check_certificate(found, seed=7).verdict == "valid", given.equations
