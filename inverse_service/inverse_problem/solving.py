@@ -164,8 +164,10 @@ def _by_lagrangian(work: _Work, decision: Decision) -> Answer | None:
     work.add_seconds("search", began)
     trees = work.outcome.found.lagrangians if work.outcome.found is not None else ()
     for tree in trees:
-        answer = _checked(work, of_lagrangian(work.analysis, decision, work.outcome, tree))
-        if answer.verdict == "variational":
+        proposed = of_lagrangian(work.analysis, decision, work.outcome, tree)
+        assert proposed.certificate is not None
+        if _verdict(work, proposed.certificate).verdict == "valid":
+            answer = replace(proposed, checked="valid")
             return _completed(work, answer, [other for other in trees if other != tree], decision)
     return None
 

@@ -17,6 +17,8 @@ from inverse_service.inverse_problem.search.sampling import LetterTable, letter_
 from inverse_service.inverse_problem.search.terms import Monomial, add_terms, rank, tree_of
 
 Matrix = list[list[int]]
+# Eigenvalues below this part of the largest are zero.
+_TINY = mpmath.mpf(10) ** -20
 
 
 def hessians(space: LagrangianSpace, seed: int) -> tuple[int, list[Matrix]]:
@@ -158,7 +160,8 @@ def signature(space: LagrangianSpace, hessian: Sequence[Sequence[Expression]]) -
             values = mpmath.eigsy(matrix, eigvals_only=True)
         except (NoRealValue, ArithmeticError):
             return None
-    return sum(1 for value in values if value > 0), sum(1 for value in values if value < 0)
+        size = max(abs(value) for value in values)
+        return sum(1 for x in values if x > size * _TINY), sum(1 for x in values if x < -size * _TINY)
 
 
 def as_tree(combination: Combination) -> Expression:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.tree import TIME, Apply, Sum
+from inverse_service.inverse_problem.search.divergence import divergence_factor
 from inverse_service.inverse_problem.search.integrating import integrating_factor
 from inverse_service.inverse_problem.search.material import Material, distinct, integrating_candidates
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, rank, times
@@ -59,11 +60,20 @@ def find_factors(material: Material, seed: int) -> Factors:
         else:
             across[i] = times(across.get(i, EMPTY), factor)
             single[factor] = None
+    whole = divergence_factor(material, seed) if material.motion.with_time else None
+    if whole:
+        in_time[whole] = None
     for i in range(material.motion.size):
         single[times(across.get(i, EMPTY), along.get(i, EMPTY), 2)] = None
     inverted = [times(EMPTY, factor, -1) for factor in single]
     chosen = tuple(dict.fromkeys([*sorted(single, key=rank), *sorted(inverted, key=rank)]))[:_MOST_FACTORS]
-    return Factors(along, across, tuple(sorted(in_time, key=rank)[:_MOST_IN_TIME]), chosen)
+    return Factors(along, across, tuple(_first(in_time, whole)), chosen)
+
+
+def _first(in_time: Iterable[Monomial], whole: Monomial | None) -> list[Monomial]:
+    """1, the factor of the divergence, and the simplest others."""
+    ordered = [EMPTY, *([whole] if whole else []), *sorted(in_time, key=rank)]
+    return list(dict.fromkeys(ordered))[:_MOST_IN_TIME]
 
 
 def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomial]:
@@ -72,13 +82,14 @@ def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomi
 
 
 def position_monomials(material: Material, degree: int) -> list[Monomial]:
-    """Products of at most `degree` letters of position; sums also inverted and rooted, exponentials inverted."""
+    """Products of at most `degree` letters of position; sums also inverted and rooted, others as in f."""
     units: list[Monomial] = []
+    inverted = {p for terms in material.motion.forces for key in terms for p, e in key if e < 0}
     for letter in material.position_letters:
         exponents = [Fraction(1)]
         if isinstance(letter, Sum):
             exponents += [Fraction(-1), HALF, -HALF]
-        elif isinstance(letter, Apply) and letter.function == "exp":
+        elif letter in inverted or (isinstance(letter, Apply) and letter.function == "exp"):
             exponents.append(Fraction(-1))
         units += [frozenset([(letter, e)]) for e in exponents]
     found = [EMPTY]

@@ -14,7 +14,7 @@ from inverse_service.inverse_problem.search.material import Material, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import Monomial, times
 
-_MOST_SEEDS = 700
+_MOST_SEEDS = 900
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,9 @@ def _integrating(material: Material, factors: Factors) -> list[Monomial]:
 
 def _metric(material: Material, factors: Factors) -> list[Monomial]:
     quadratic = products(material.parameter_monomials[:3], shapes.pairs(material))
-    functions = distinct([*position_monomials(material, 2), *factors.plain])
+    room = _MOST_SEEDS // (len(quadratic) * len(factors.in_time))
+    degree = next((d for d in (4, 3) if len(position_monomials(material, d)) <= room), 2)
+    functions = distinct([*position_monomials(material, degree), *factors.plain])
     return products(factors.in_time, products(functions, quadratic))
 
 

@@ -94,14 +94,22 @@ def _with_potentials(material: Material, family: Family, chosen: Sequence[Monomi
 
 
 def _member(material: Material, space: LagrangianSpace, chosen: Sequence[int], seed: int) -> tuple[Expression, bool]:
-    """The sum of the chosen combinations, each with the sign that makes its Hessian positive; is it definite?"""
+    """The sum of the chosen combinations, each with the sign that makes its Hessian positive; is it definite?
+
+    Where that sum is singular the parts get different weights.
+    """
     names = material.analysis.system.coordinates
     gauge = gauge_of(space, seed)
-    total: Combination = {}
-    for k in chosen:
-        part = scaled(reduced(space.combinations[k], gauge))
-        found = signature(space, hessian(as_tree(part), names))
-        total = add_terms(total, part, -1 if found is not None and found[1] > found[0] else 1)
-    tree = as_tree(reduced(total, gauge))
-    found = signature(space, hessian(tree, names))
-    return tree, found is not None and found[0] == len(names)
+    parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
+    found = [signature(space, hessian(as_tree(part), names)) for part in parts]
+    signs = [-1 if one is not None and one[1] > one[0] else 1 for one in found]
+    tree, inertia = as_tree({}), None
+    for spread in range(3):
+        total: Combination = {}
+        for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
+            total = add_terms(total, part, sign * (1 + spread * k))
+        tree = as_tree(reduced(total, gauge))
+        inertia = signature(space, hessian(tree, names))
+        if inertia is None or sum(inertia) == len(names):
+            break
+    return tree, inertia is not None and inertia[0] == len(names)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable, real_sign
@@ -59,7 +60,8 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     """Raises TooManyTerms where f cannot be written as a moderate sum."""
     system = analysis.system
     trees = _factored(analysis)
-    forces = tuple(_oriented(terms_of(tree), analysis.real_point) for tree in trees)
+    pairs = zip(trees, system.accelerations, strict=True)
+    forces = tuple(_oriented(_shorter(*pair), analysis.real_point) for pair in pairs)
     motion = MotionTerms(
         tuple(Symbol(name) for name in system.coordinates),
         tuple(Velocity(name) for name in system.coordinates),
@@ -82,6 +84,31 @@ def _factored(analysis: Analysis) -> list[Expression]:
         return [quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
     except (TooLarge, ZeroDivisionError):
         return list(system.accelerations)
+
+
+def _shorter(factored: Expression, given: Expression) -> Terms:
+    """The expansion with fewer terms; a common denominator can make many of a few."""
+    found = []
+    for tree in (factored, given):
+        try:
+            found.append(terms_of(tree))
+        except TooManyTerms:
+            continue
+    if not found:
+        raise TooManyTerms
+    return min(found, key=len)
+
+
+def simplified(material: Material, terms: Terms) -> Terms:
+    """The sum over its common denominator with common factors cancelled, if that is shorter."""
+    tree = tree_of(terms)
+    symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
+    try:
+        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, time.monotonic() + _SECONDS))
+        other = terms_of(quotient_tree(ring, ring.value(tree)))
+    except (TooLarge, ZeroDivisionError, TooManyTerms):
+        return terms
+    return other if len(other) < len(terms) else terms
 
 
 def _oriented(terms: Terms, table: RealTable | None) -> Terms:
@@ -198,10 +225,10 @@ def integrating_candidates(material: Material) -> list[tuple[int, Terms, Express
     found: list[tuple[int, Terms, Expression]] = []
     for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
         for q, w in zip(motion.coordinates, motion.velocities, strict=True):
-            c = coefficient(f, monomial(v, w))
+            c = simplified(material, coefficient(f, monomial(v, w)))
             if c:
                 found.append((i, c, q))
-        drag = coefficient(f, monomial(v))
+        drag = simplified(material, coefficient(f, monomial(v)))
         if drag and motion.with_time and not any(_has_position(key, motion) for key in drag):
             found.append((i, drag, TIME))
     return found

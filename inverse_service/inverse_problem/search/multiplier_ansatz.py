@@ -49,7 +49,7 @@ def helmholtz_matrix(
     starts, places, exponents = exponent_lists(letters, terms, prime)
     values = monomial_values(table, letters, terms)
     n = table.by_velocity.shape[2]
-    pairs = [_connection_and_endomorphism(sampler, point) for point in table.points]
+    pairs = [connection_and_endomorphism(sampler, point) for point in table.points]
     modulus, negative_inverse, _, _ = montgomery.constants(prime)
     result = np.zeros((len(values) * n * n, len(terms)), np.uint64)
     arrays = (table.along, table.by_velocity, table.mixed, table.hessian, table.third)
@@ -64,8 +64,8 @@ def helmholtz_matrix(
     return result
 
 
-def _connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[list[list[int]], list[list[int]]]:
-    """(N, Phi) at the point."""
+def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[list[list[int]], list[list[int]]]:
+    """(N, Phi) at a point, each (n, n)."""
     expansion = Expansion(point, sampler.variables, 2)
     velocities = [expansion.expand(v) for v in sampler.variables[1 + len(sampler.analysis.accelerations) :]]
     forces = [expansion.expand(f) for f in sampler.analysis.accelerations]

@@ -194,10 +194,15 @@ def _letter_rank(item: tuple[Expression, Fraction]) -> tuple[int, str]:
 
 def rank(key: Monomial) -> tuple[Fraction, int, str]:
     """Simple monomials first: small exponents, few letters, then by name."""
-    plain = Symbol | Velocity | Number
-    weight = sum((abs(e) * (1 if isinstance(letter, plain) else 2) for letter, e in key), Fraction(0))
+    weight = sum((abs(e) * _letter_weight(letter) for letter, e in key), Fraction(0))
     penalty = sum(1 for _, e in key if e < 0 or e.denominator > 1)
     return (weight + penalty, len(key), repr(sorted((repr(letter), e) for letter, e in key)))
+
+
+def _letter_weight(letter: Expression) -> int:
+    if isinstance(letter, Symbol | Velocity | Number):
+        return 1
+    return 1 + len(letter.terms) if isinstance(letter, Sum) else 2
 
 
 def derivative(key: Monomial, variable: Expression) -> Terms:
