@@ -28,7 +28,11 @@ def free_characters(n: int, with_time: bool) -> tuple[int, ...]:
     return (math.comb(n + 1, 2), *values, *[0] * n) if with_time else (*values, *[0] * n)
 
 
-@pytest.mark.parametrize(("n", "with_time"), [*((n, False) for n in range(1, 9)), *((n, True) for n in range(1, 6))])
+SIZES = [*((n, False) for n in range(1, 8)), *((n, True) for n in range(1, 6))]
+LARGE = [pytest.param(8, False, marks=pytest.mark.slow), pytest.param(8, True, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize(("n", "with_time"), SIZES + LARGE)
 def test_free_motion_has_the_characters_of_the_closed_form(n: int, with_time: bool) -> None:
     found = decided(dict.fromkeys(NAMES[:n], "0"), with_time)
     characters = free_characters(n, with_time)
