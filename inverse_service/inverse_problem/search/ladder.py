@@ -16,6 +16,7 @@ from inverse_service.inverse_problem.search.linear_ansatz import Combination, La
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.multiplier_ansatz import solve_multiplier
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
+from inverse_service.inverse_problem.search.specialists import SPECIALISTS, Specialist
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, add_terms
 from inverse_service.mechanics.euler_lagrange import hessian
 
@@ -48,21 +49,37 @@ def search(
     except TooManyTerms:
         return SearchOutcome(None, ())
     factors: Factors | None = None
-    for family in FAMILIES:
+    for rung in sorted((*FAMILIES, *SPECIALISTS), key=lambda rung: rung.cost):
         if time.monotonic() > deadline:
             break
-        progress(f"ansatz: {family.name}")
-        if factors is None and family.cost > 1:
-            factors = find_factors(material, seed)
-        terms = kinetic_terms(material, family, factors or NO_FACTORS)
-        if tried and set(terms) <= known:
-            continue
-        known.update(terms)
-        tried.append((family.name, len(terms)))
-        found = _solve(material, family, terms, seed)
+        if isinstance(rung, Specialist):
+            found = _proposed(material, rung, seed, tried, progress)
+        else:
+            progress(f"ansatz: {rung.name}")
+            factors = find_factors(material, seed) if factors is None and rung.cost > 1 else factors
+            terms = kinetic_terms(material, rung, factors or NO_FACTORS)
+            if tried and set(terms) <= known:
+                continue
+            known.update(terms)
+            tried.append((rung.name, len(terms)))
+            found = _solve(material, rung, terms, seed)
         if found is not None:
             return SearchOutcome(found, tuple(tried))
     return SearchOutcome(None, tuple(tried))
+
+
+def _proposed(
+    material: Material, specialist: Specialist, seed: int, tried: list[tuple[str, int]], progress: Callable[[str], None]
+) -> Found | None:
+    if not specialist.applies(material):
+        return None
+    progress(f"method: {specialist.name}")
+    try:
+        proposed = tuple(specialist.propose(material, seed))
+    except (IrreducibleAtoms, TooManyTerms):
+        proposed = ()
+    tried.append((specialist.name, len(proposed)))
+    return Found(proposed, specialist.name, proposed[:1]) if proposed else None
 
 
 def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: int) -> Found | None:

@@ -1,0 +1,26 @@
+"""Solvers for special kinds of systems, tried in their place on the ladder of families."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.search.material import Material
+
+
+@dataclass(frozen=True, slots=True)
+class Specialist:
+    """A method for systems to which it applies.
+
+    `propose(material, seed)` returns regular Lagrangians, the simplest first; none where it finds
+    none. What it proposes is checked by the caller.
+    """
+
+    name: str
+    cost: float
+    applies: Callable[[Material], bool]
+    propose: Callable[[Material, int], Sequence[Expression]]
+
+
+SPECIALISTS: tuple[Specialist, ...] = ()
