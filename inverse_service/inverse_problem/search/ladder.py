@@ -49,7 +49,8 @@ def search(
     except TooManyTerms:
         return SearchOutcome(None, ())
     factors: Factors | None = None
-    for rung in sorted((*FAMILIES, *SPECIALISTS), key=lambda rung: rung.cost):
+    rungs: list[Family | Specialist] = [*FAMILIES, *SPECIALISTS]
+    for rung in sorted(rungs, key=lambda rung: rung.cost):
         if time.monotonic() > deadline:
             break
         if isinstance(rung, Specialist):
