@@ -3,7 +3,7 @@ PORT ?= 8000
 HOST ?= 127.0.0.1
 STAMP := .venv/.installed
 
-.PHONY: install run test lint
+.PHONY: install run test nightly lint
 
 install: $(STAMP)
 
@@ -19,13 +19,20 @@ $(STAMP): pyproject.toml constraints.txt
 	    echo "This Python cannot make an environment: install its venv package (Debian: python3-venv)." >&2; exit 1; }; \
 	fi
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@# The modular kernels are compiled once, here, and not in the first call of a user.
+	@for name in sho douglas-iiib; do \
+	  .venv/bin/inverse-service catalogue $$name | .venv/bin/inverse-service solve - >/dev/null || exit 1; \
+	done
 	@touch $(STAMP)
 
 run: install
 	.venv/bin/inverse-service serve --host $(HOST) --port $(PORT)
 
 test: install
-	.venv/bin/python -m pytest -m "not slow and not browser and not nightly"
+	.venv/bin/python -m pytest
+
+nightly: install
+	.venv/bin/python -m pytest -m 'slow or nightly'
 
 lint: install
 	.venv/bin/ruff check .
