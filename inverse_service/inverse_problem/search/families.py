@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.expressions.tree import Velocity
+from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.inverse_problem.search import shapes
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
@@ -23,6 +23,7 @@ class Family:
 
     With depth > 0 the seeds are closed that often under what cancels their residuals, up to `bound`
     terms; with depth 0 potentials and linear terms are read off f, at most `bound` of each.
+    `companions` are terms without a Hessian that go with every choice of the others.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Family:
     seeds: Callable[[Material, Factors], list[Monomial]]
     depth: int = 1
     bound: int = 400
+    companions: tuple[Monomial, ...] = ()
 
 
 def _constant(material: Material, factors: Factors) -> list[Monomial]:
@@ -125,17 +127,27 @@ FAMILIES = (
 def kinetic_terms(material: Material, family: Family, factors: Factors) -> list[Monomial]:
     """The terms of an ansatz that have a Hessian, simple ones first."""
     seeds = [key for key in distinct(family.seeds(material, factors)) if is_admissible(material, key)]
-    if family.depth > 1:
+    if family.depth > 1 and is_polynomial(material):
         seeds = closed(material, seeds, family.depth, family.bound)
     return [key for key in distinct(seeds) if is_admissible(material, key) and not is_linear(key)]
 
 
 def all_terms(material: Material, family: Family, chosen: Sequence[Monomial]) -> list[Monomial]:
     """Chosen kinetic terms with the potentials and linear terms that can go with them."""
-    every = closed(material, chosen, 1, family.bound)
+    every = [*closed(material, chosen, 1, family.bound), *family.companions]
     if not family.depth:
         every += potentials(material, chosen, family.bound)
     return [key for key in distinct(every) if is_admissible(material, key)]
+
+
+def is_polynomial(material: Material) -> bool:
+    """Whether f is a polynomial in positions, velocities and parameters: only then are deep closures finite."""
+    return all(
+        isinstance(letter, Symbol | Velocity) and e > 0
+        for terms in material.motion.forces
+        for key in terms
+        for letter, e in key
+    )
 
 
 def is_linear(key: Monomial) -> bool:
