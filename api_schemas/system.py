@@ -20,6 +20,9 @@ from api_schemas.sizes import (
     MAX_VALUE_CHARACTERS,
 )
 
+MAX_ANSATZ_TERMS = 50
+# Beyond this order the series of a multiplier fills pages.
+MAX_SERIES_ORDER = 8
 TAGS = ("<mapping>", "<list>", "<text>")
 
 
@@ -68,6 +71,8 @@ class SystemDocument(Document):
     `parameters`: a list of names, or an object with values (null leaves one generic).
     `functions`: arbitrary functions, each with the coordinates it depends on.
     `time_dependent_lagrangian`: false asks for L(q, q'), true for L(t, q, q'), left out: both.
+    `ansatz`: terms such as "y'^2/x'" that a Lagrangian is first looked for in.
+    `series_order`: the order of the power series given where no closed form is found.
     """
 
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
@@ -76,3 +81,5 @@ class SystemDocument(Document):
     parameters: Parameters = Field(default_factory=list)
     functions: Annotated[dict[Name, Arguments], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
     time_dependent_lagrangian: bool | None = None
+    ansatz: Annotated[list[Text], Field(max_length=MAX_ANSATZ_TERMS)] = Field(default_factory=list)
+    series_order: Annotated[int, Field(ge=1, le=MAX_SERIES_ORDER, strict=True)] | None = None

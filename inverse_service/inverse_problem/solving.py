@@ -160,7 +160,9 @@ def _by_lagrangian(work: _Work, decision: Decision) -> Answer | None:
     """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found."""
     began = time.monotonic()
     deadline = began + _SEARCH_SHARE * work.left()
-    work.outcome = search(work.analysis, decision.with_time, work.options.seed, deadline, work.progress)
+    work.outcome = search(
+        work.analysis, decision.with_time, work.options.seed, deadline, work.progress, work.options.ansatz
+    )
     work.add_seconds("search", began)
     trees = work.outcome.found.lagrangians if work.outcome.found is not None else ()
     for tree in trees:

@@ -35,6 +35,8 @@ def solve_document(
         options,
         time_dependent=schema.time_dependent_lagrangian,
         time_limit=SHARE_OF_SOLVER * (end - time.monotonic()),
+        ansatz=translate.to_ansatz(schema, system),
+        series_order=schema.series_order,
     )
     solution = solve(system, asked, progress)
     return ordered(checked(translate.to_result(solution, schema), end - time.monotonic()))
@@ -42,7 +44,10 @@ def solve_document(
 
 def parse_document(document: Any) -> dict[str, Any]:
     """What was understood of a System document; raises InputError."""
-    return translate.to_parse_answer(translate.to_system(translate.to_schema(document))).model_dump(mode="json")
+    schema = translate.to_schema(document)
+    system = translate.to_system(schema)
+    translate.to_ansatz(schema, system)
+    return translate.to_parse_answer(system).model_dump(mode="json")
 
 
 def understand_document(document: Any) -> dict[str, Any]:

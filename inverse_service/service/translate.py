@@ -21,11 +21,15 @@ from api_schemas.result import (
 )
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.tree import Acceleration, Expression
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Acceleration, Expression, walk
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution
+from inverse_service.mechanics.parameter_values import parameter_values, with_values
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.refusals import DocumentRefused, places_of
@@ -48,6 +52,28 @@ def to_system(schema: SystemDocument) -> SecondOrderSystem:
         functions=schema.functions,
         name=schema.name,
     )
+
+
+def to_ansatz(schema: SystemDocument, system: SecondOrderSystem) -> tuple[Expression, ...]:
+    """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
+    functions = {function.name: function.arguments for function in system.functions}
+    names = Names(system.coordinates, tuple(schema.parameters), functions)
+    values = parameter_values(schema.parameters)
+    return tuple(_term(text, names, values, f"/ansatz/{place}") for place, text in enumerate(schema.ansatz))
+
+
+def _term(text: str, names: Names, values: Mapping[str, Expression], pointer: str) -> Expression:
+    try:
+        term = with_values(read_formula(text, names), values)
+    except InputError as error:
+        raise error if error.pointer else error.at(pointer) from None
+    found = next((node for node in walk(term) if isinstance(node, Acceleration)), None)
+    if found is not None:
+        raise InputError(
+            f"a term of a Lagrangian contains the acceleration {found.coordinate}'': use coordinates and velocities.",
+            pointer,
+        )
+    return term
 
 
 def to_parse_answer(system: SecondOrderSystem) -> ParseAnswer:

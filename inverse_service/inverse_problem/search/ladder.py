@@ -15,6 +15,7 @@ from inverse_service.inverse_problem.search.families import FAMILIES, Family, al
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.multiplier_ansatz import solve_multiplier
+from inverse_service.inverse_problem.search.own_terms import own_family
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
 from inverse_service.inverse_problem.search.specialists import SPECIALISTS, Specialist
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, add_terms
@@ -39,9 +40,14 @@ class SearchOutcome:
 
 
 def search(
-    analysis: Analysis, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
+    analysis: Analysis,
+    with_time: bool,
+    seed: int,
+    deadline: float,
+    progress: Callable[[str], None],
+    own_terms: Sequence[Expression] = (),
 ) -> SearchOutcome:
-    """The first family that holds a regular Lagrangian, or what was tried."""
+    """The first family that holds a regular Lagrangian, or what was tried; the caller's own terms come first."""
     tried: list[tuple[str, int]] = []
     known: set[Monomial] = set()
     try:
@@ -49,7 +55,8 @@ def search(
     except TooManyTerms:
         return SearchOutcome(None, ())
     factors: Factors | None = None
-    rungs: list[Family | Specialist] = [*FAMILIES, *SPECIALISTS]
+    own = own_family(own_terms)
+    rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS]
     for rung in sorted(rungs, key=lambda rung: rung.cost):
         if time.monotonic() > deadline:
             break
