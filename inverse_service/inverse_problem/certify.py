@@ -6,14 +6,19 @@ from typing import Any
 
 import mpmath
 
+from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.decision import Decision
+from inverse_service.inverse_problem.power_series import count, is_rational, regular_series
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 FORMAT = "inverse-service/certificate/1"
 _DIGITS = 20
+# Series are written for so many coordinates, with so many coefficients.
+_MOST_COORDINATES = 4
+_MOST_COEFFICIENTS = 5_000
 
 
 def of_lagrangian(analysis: Analysis, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
@@ -21,8 +26,14 @@ def of_lagrangian(analysis: Analysis, lagrangian: Expression, with_time: bool) -
     return _head(analysis, with_time, "variational", "lagrangian") | {"lagrangian": to_text(lagrangian)}
 
 
-def of_decision(analysis: Analysis, decision: Decision) -> dict[str, Any]:
-    """The rows used for a negative verdict, the involution data of a positive one."""
+def of_decision(
+    analysis: Analysis, decision: Decision, series_order: int | None = None, seed: int = 1
+) -> dict[str, Any]:
+    """The rows used for a negative verdict, the involution data of a positive one.
+
+    With the latter, where f is rational, a power series of a regular solution to `series_order`
+    (left out: the order of the data).
+    """
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
         head = _head(analysis, decision.with_time, "not_variational", "nonexistence")
@@ -32,7 +43,7 @@ def of_decision(analysis: Analysis, decision: Decision) -> dict[str, Any]:
     # The dimension stopped falling between order - 1 and order.
     order = decision.order - 1
     head = _head(analysis, decision.with_time, "variational", "existence")
-    return head | {
+    data = {
         "order": order,
         "degree": decision.degree,
         "dimensions": list(decision.history[order][: decision.degree + 1]),
@@ -42,6 +53,21 @@ def of_decision(analysis: Analysis, decision: Decision) -> dict[str, Any]:
             "characters": list(decision.symbol.characters),
         },
     }
+    return head | data | _series(analysis, decision, series_order or order, seed)
+
+
+def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> dict[str, Any]:
+    """{"series": …} to the order, or to the largest below it that is no longer than bearable; {} without one."""
+    n = len(analysis.system.coordinates)
+    fitting = [k for k in range(1, order + 1) if count(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
+    if n > _MOST_COORDINATES or not fitting or not is_rational(analysis):
+        return {}
+    # The data of order R - 1 are complete in degree d, so those of order s + R - 1 - d are in degree s >= d.
+    spare = decision.order - 1 - decision.degree
+    try:
+        return {"series": regular_series(analysis, decision.with_time, fitting[-1], seed, spare)}
+    except (ValueError, IrreducibleAtoms):
+        return {}
 
 
 def _head(analysis: Analysis, with_time: bool, claim: str, kind: str) -> dict[str, Any]:

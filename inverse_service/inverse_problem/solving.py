@@ -150,7 +150,7 @@ def _negative(work: _Work, decision: Decision) -> Answer:
 
 
 def _by_existence(work: _Work, decision: Decision) -> Answer:
-    certificate = certify.of_decision(work.analysis, decision)
+    certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
     tried = not_found(work.outcome) if work.outcome is not None else ()
     steps = (*existence_steps(decision), *tried)
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps)

@@ -7,14 +7,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from api_schemas.system import TAGS
+from api_schemas.system import MAX_SERIES_ORDER, TAGS
 from inverse_service.errors import InputError
 from inverse_service.service.outcome import Place
 from inverse_service.service.reading import escape
 
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
-KEYS = "name, coordinates, equations, parameters, functions, time_dependent_lagrangian"
+KEYS = "name, coordinates, equations, parameters, functions, time_dependent_lagrangian, ansatz, series_order"
 EXPECTED = {
     "": "an object with coordinates and equations",
     "name": "a text",
@@ -23,6 +23,8 @@ EXPECTED = {
     "parameters": "a list of names, or an object with values",
     "functions": 'an object such as {"A": ["r1"]}, each function with the coordinates it depends on',
     "time_dependent_lagrangian": "true or false",
+    "ansatz": """a list of terms such as ["y'^2/x'"]""",
+    "series_order": f"a whole number from 1 to {MAX_SERIES_ORDER}",
 }
 
 
@@ -69,7 +71,7 @@ def _counted(kind: str) -> str:
 def _expected(steps: list[Any]) -> str:
     if len(steps) <= 1:
         return EXPECTED.get(str(steps[0]) if steps else "", "a text")
-    if steps[0] == "equations":
+    if steps[0] in ("equations", "ansatz"):
         return "a formula written as text"
     if steps[0] == "parameters":
         return 'a number written as text or as a number, such as "1/2"' if isinstance(steps[1], str) else "a name"
