@@ -74,7 +74,7 @@ def regular_members(space: LagrangianSpace, seed: int, most: int = 4) -> list[tu
     weights = {k: generator.randrange(1, prime) for k in order}
     found: list[tuple[int, ...]] = [(k,) for k in order if _rank([matrices[k]], [1], prime) == len(matrices[k])]
     for sequence in (squares_first, order):
-        together = _grown(sequence, matrices, weights, prime)
+        together = _pruned(sequence, matrices, weights, prime)
         if together is not None:
             found.append(together)
     found = list(dict.fromkeys(found))
@@ -86,20 +86,23 @@ def _is_diagonal(matrix: Matrix) -> bool:
     return not any(x for i, row in enumerate(matrix) for j, x in enumerate(row) if i != j)
 
 
-def _grown(
+def _pruned(
     order: Sequence[int], matrices: Sequence[Matrix], weights: dict[int, int], prime: int
 ) -> tuple[int, ...] | None:
-    """Combinations taken in order of simplicity as long as each raises the rank of the sum."""
-    chosen: list[int] = []
-    reached = 0
-    for k in order:
-        trial = [*chosen, k]
-        rank_now = _rank([matrices[j] for j in trial], [weights[j] for j in trial], prime)
-        if rank_now > reached:
-            chosen, reached = trial, rank_now
-        if reached == len(matrices[k]):
-            return tuple(chosen)
-    return None
+    """The combinations without which the generic sum is singular, the last in order left out first."""
+    chosen = list(order)
+    if not chosen or not _is_regular(chosen, matrices, weights, prime):
+        return None
+    for k in reversed(order):
+        rest = [j for j in chosen if j != k]
+        if rest and _is_regular(rest, matrices, weights, prime):
+            chosen = rest
+    return tuple(chosen)
+
+
+def _is_regular(chosen: Sequence[int], matrices: Sequence[Matrix], weights: dict[int, int], prime: int) -> bool:
+    found = _rank([matrices[k] for k in chosen], [weights[k] for k in chosen], prime)
+    return found == len(matrices[chosen[0]])
 
 
 def _rank(matrices: Sequence[Matrix], weights: Sequence[int], prime: int) -> int:

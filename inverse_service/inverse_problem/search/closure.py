@@ -17,8 +17,8 @@ def closed(material: Material, seeds: Sequence[Monomial], depth: int, bound: int
     A residual T(q) w(v) in equation i is cancelled by B(q) w v_i / v_j with dB/dq_j = T; only the
     velocity shapes of the seeds, 1 and v_k are admitted. Stops at `bound` terms beyond the seeds.
     """
-    shapes = {split_velocities(key)[1] for key in seeds} | {EMPTY}
-    shapes |= {monomial(v) for v in material.motion.velocities}
+    shapes = {split_velocities(key)[1] for key in seeds}
+    shapes |= {EMPTY, *(monomial(v) for v in material.motion.velocities)}
     found = dict.fromkeys(seeds)
     fresh, room = list(seeds), bound
     for _ in range(depth):

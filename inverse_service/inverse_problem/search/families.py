@@ -15,6 +15,8 @@ from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import Monomial, times
 
 _MOST_SEEDS = 900
+# Plain functions of position that are offered as potentials beside what the residuals ask for.
+_MOST_FUNCTIONS = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +136,9 @@ def kinetic_terms(material: Material, family: Family, factors: Factors) -> list[
 
 def all_terms(material: Material, family: Family, chosen: Sequence[Monomial]) -> list[Monomial]:
     """Chosen kinetic terms with the potentials and linear terms that can go with them."""
-    every = [*closed(material, chosen, 1, family.bound), *family.companions]
+    depth = max(1, family.depth) if is_polynomial(material) else 1
+    every = [*closed(material, chosen, depth, family.bound), *family.companions]
+    every += position_monomials(material, 2)[1:_MOST_FUNCTIONS]
     if not family.depth:
         every += potentials(material, chosen, family.bound)
     return [key for key in distinct(every) if is_admissible(material, key)]

@@ -126,13 +126,15 @@ def _oriented(terms: Terms, table: RealTable | None) -> Terms:
 
 
 def _letters(forces: Iterable[Terms]) -> list[Expression]:
-    """Letters of f, with the partner of each sine and cosine and the primitives of derivatives A'."""
+    """Letters of f and symbols inside its sums, the partner of each sine and cosine, A for A'."""
     found: dict[Expression, None] = {}
     for terms in forces:
         for key in terms:
             for letter, _ in key:
                 if not isinstance(letter, Number):
                     found[letter] = None
+                if isinstance(letter, Sum):
+                    found.update(dict.fromkeys(node for node in walk(letter) if isinstance(node, Symbol)))
     for letter in list(found):
         for other in companions(letter):
             found[other] = None
