@@ -1,4 +1,7 @@
-"""Run the benchmark: tables on standard output, and with --output as Markdown and JSON files."""
+"""Run the benchmark: tables on standard output, and with --output as Markdown and JSON files.
+
+`lagrangians` as the first word runs the benchmark of the search for closed forms instead.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service import catalogue
-from inverse_service.benchmark import families, tables
+from inverse_service.benchmark import families, lagrangians, tables
 from inverse_service.benchmark.cold_start import cold_starts
 from inverse_service.benchmark.decision_benchmark import comparisons, medians
 from inverse_service.benchmark.growth import against_order, against_size
@@ -95,4 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:2] == ["lagrangians"]:
+        lagrangians.main(sys.argv[2:])
+    else:
+        main()

@@ -52,9 +52,14 @@ def in_domain(expressions: Sequence[sympy.Expr], positive: Sequence[sympy.Expr],
             yield point
 
 
-def defects(system: SecondOrderSystem, lagrangian: Lagrangian) -> list[tuple[mpmath.mpf, mpmath.mpf]]:
-    """(largest Euler-Lagrange residual relative to its terms, |det L_vv| relative to its entries) at each point."""
-    motion, tree = motion_of(system), to_sympy(lagrangian.expression)
+def defects(
+    system: SecondOrderSystem, lagrangian: Lagrangian, instead: sympy.Expr | None = None
+) -> list[tuple[mpmath.mpf, mpmath.mpf]]:
+    """(largest Euler-Lagrange residual relative to its terms, |det L_vv| relative to its entries) at each point.
+
+    `instead`: another formula to test on the domain of the Lagrangian.
+    """
+    motion, tree = motion_of(system), to_sympy(lagrangian.expression) if instead is None else instead
     momenta = [tree.diff(v) for v in motion.v]
     hessian = sympy.Matrix(momenta).jacobian(motion.v)
     terms = [_euler_lagrange_terms(tree, p, q, motion) for p, q in zip(momenta, motion.q, strict=True)]
