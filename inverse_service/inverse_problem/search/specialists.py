@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.search import one_coordinate
 from inverse_service.inverse_problem.search.linear_systems import is_linear, linear_lagrangians
 from inverse_service.inverse_problem.search.material import Material
 
@@ -26,4 +27,5 @@ class Specialist:
 
 SPECIALISTS: tuple[Specialist, ...] = (
     Specialist("linear systems, multipliers in t alone", 1.5, is_linear, linear_lagrangians),
+    Specialist("one coordinate, products of Darboux factors", 6.5, one_coordinate.applies, one_coordinate.propose),
 )

@@ -1,0 +1,183 @@
+"""Double integrals over the velocity: K with d2K/dv2 = P_1^e_1 P_2^e_2, P_j linear or quadratic in v.
+
+For Q = a v^2 + b v + c put u = dQ/dv and D = 4ac - b^2, so that u^2 + D = 4aQ. With J_e = int int Q^e,
+    J_e = (2a (e+2)(2e+3) J_(e+1) - Q^(e+2)) / ((e+1)(e+2) D)   for e < -1, e != -2,
+    J_e = (Q^(e+1) + e (e+1) D J_(e-1)) / (2a (e+1)(2e+1))       for e > -1/2,
+which follow from (Q^m)''; J_(-1), J_(-2) and J_(-1/2) hold arctangents or logarithms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from inverse_service.algebra.real_point import RealTable, real_sign
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    HALF,
+    ZERO,
+    Apply,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    divide,
+    multiply,
+    negate,
+    number,
+    power,
+    square_root,
+    subtract,
+)
+from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.one_coordinate_algebra import expanded, extracted_root, factored, negated
+from inverse_service.inverse_problem.search.terms import Terms, split_content, terms_of, tree_of
+
+Factor = tuple[Expression, Fraction]
+_LARGEST_EXPONENT = 6
+
+
+class NotElementary(ArithmeticError):
+    """The double integral has no form known here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The names of coordinate and velocity, and the real point that says on which branch roots are."""
+
+    x: Symbol
+    v: Velocity
+    point: RealTable
+
+
+@dataclass(frozen=True, slots=True)
+class _Quadratic:
+    """Q with u = dQ/dv, its leading coefficient a, and D = 4ac - b^2 in factors."""
+
+    q: Expression
+    u: Expression
+    a: Expression
+    d: Expression
+
+
+def coefficients(base: Expression, velocity: Velocity) -> list[Expression]:
+    """[c_0, c_1, …] of a polynomial in v; NotElementary for other functions of v."""
+    table: dict[int, Terms] = {}
+    for key, value in terms_of(base).items():
+        position, moving = split_velocities(key)
+        if any(p != velocity or e.denominator != 1 or e < 0 for p, e in moving):
+            raise NotElementary
+        table.setdefault(int(dict(moving).get(velocity, 0)), {})[position] = value
+    return [tree_of(table.get(k, {})) for k in range(max(table, default=0) + 1)]
+
+
+def double_integral(factors: Sequence[Factor], place: Place) -> Expression:
+    """K with d2K/dv2 the product of the factors, which are positive at the real point; else NotElementary."""
+    if not factors:
+        return multiply(HALF, power(place.v, 2))
+    parts = [coefficients(base, place.v) for base, _ in factors]
+    degrees = [len(part) - 1 for part in parts]
+    if degrees == [1]:
+        ((base, e),) = factors
+        return divide(_linear(base, e, place.point), power(parts[0][1], 2))
+    if degrees == [2]:
+        ((base, e),) = factors
+        return _recursion(_quadratic(base, parts[0], place), e, place)
+    if degrees == [1, 1]:
+        return _of_two(factors, parts, place)
+    raise NotElementary
+
+
+def _linear(u: Expression, e: Fraction, point: RealTable) -> Expression:
+    """int int u^e du du."""
+    if e == -1:
+        return multiply(u, _logarithm(u, point))
+    if e == -2:
+        return negate(_logarithm(u, point))
+    return multiply(number(1 / ((e + 1) * (e + 2))), power(u, e + 2))
+
+
+def _logarithm(u: Expression, point: RealTable) -> Expression:
+    """log |u| on the side of the real point, numeric factors dropped: they add terms linear in v."""
+    terms = terms_of(u if real_sign(u, point) > 0 else negated(u))
+    content = abs(split_content(terms)[0])
+    return Apply("log", tree_of({key: value / content for key, value in terms.items()}))
+
+
+def _of_two(factors: Sequence[Factor], parts: Sequence[Sequence[Expression]], place: Place) -> Expression:
+    """Two linear factors: e = -1 for both, or (e_1 + 2)(e_2 + 2) W^2 K = -P_1^(e_1 + 2) P_2^(e_2 + 2) for sum -3.
+
+    W = a_1 b_2 - a_2 b_1 for P_j = a_j v + b_j.
+    """
+    (first, e), (second, h) = factors
+    (b1, a1), (b2, a2) = parts
+    if e == h == -1:
+        product = expanded(multiply(first, second))
+        return _recursion(_quadratic(product, coefficients(product, place.v), place), Fraction(-1), place)
+    if e + h != -3 or -2 in (e, h):
+        raise NotElementary
+    difference = factored(subtract(multiply(a1, b2), multiply(a2, b1)), [place.x])
+    product = multiply(power(first, e + 2), power(second, h + 2), power(difference, -2))
+    return multiply(number(-1 / ((e + 2) * (h + 2))), product)
+
+
+def _quadratic(q: Expression, parts: Sequence[Expression], place: Place) -> _Quadratic:
+    c, b, a = parts
+    d = factored(subtract(multiply(number(4), a, c), power(b, 2)), [place.x])
+    if d == ZERO:
+        # A square: the linear factor stands for it.
+        raise NotElementary
+    return _Quadratic(q, expanded(differentiate(q, place.v)), a, d)
+
+
+def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
+    """J_e."""
+    if e in (-1, -2):
+        return _with_arctangent(form, e, place)
+    if e == Fraction(-1, 2):
+        return _with_root(form, place)
+    if abs(e) > _LARGEST_EXPONENT or e.denominator > 2:
+        raise NotElementary
+    if e < -1:
+        weight = 2 * (e + 2) * (2 * e + 3)
+        above = multiply(number(weight), form.a, _recursion(form, e + 1, place)) if weight else ZERO
+        return divide(subtract(above, power(form.q, e + 2)), multiply(number((e + 1) * (e + 2)), form.d))
+    weight = e * (e + 1)
+    below = multiply(number(weight), form.d, _recursion(form, e - 1, place)) if weight else ZERO
+    return divide(add(power(form.q, e + 1), below), multiply(number(2 * (e + 1) * (2 * e + 1)), form.a))
+
+
+def _with_arctangent(form: _Quadratic, e: Fraction, place: Place) -> Expression:
+    """e = -1: u atan(u/D^1/2)/(a D^1/2) - log Q/(2a); e = -2: 2u atan(u/D^1/2)/D^3/2; logarithms for D < 0."""
+    if real_sign(form.d, place.point) < 0:
+        return _with_logarithms(form, e, place)
+    root = extracted_root(form.d)
+    arc = divide(multiply(form.u, Apply("atan", expanded(divide(form.u, root)))), root)
+    if e == -2:
+        return divide(multiply(number(2), arc), form.d)
+    return divide(subtract(arc, multiply(HALF, _logarithm(form.q, place.point))), form.a)
+
+
+def _with_logarithms(form: _Quadratic, e: Fraction, place: Place) -> Expression:
+    """With R^2 = -D, e = -1: ((u-R) log(u-R) - (u+R) log(u+R))/(2aR); e = -2: u log((u-R)/(u+R))/(D R)."""
+    root = extracted_root(negate(form.d))
+    low, high = expanded(subtract(form.u, root)), expanded(add(form.u, root))
+    first, second = _logarithm(low, place.point), _logarithm(high, place.point)
+    if e == -2:
+        return divide(multiply(form.u, subtract(first, second)), multiply(form.d, root))
+    difference = subtract(multiply(low, first), multiply(high, second))
+    return divide(difference, multiply(number(2), form.a, root))
+
+
+def _with_root(form: _Quadratic, place: Place) -> Expression:
+    """int int Q^(-1/2): a logarithm for a > 0, an arcsine for a < 0."""
+    a, u, q = form.a, form.u, form.q
+    last = divide(square_root(q), a)
+    if real_sign(a, place.point) > 0:
+        root = extracted_root(factored(a, [place.x]))
+        log = _logarithm(add(u, multiply(number(2), root, square_root(q))), place.point)
+        return subtract(divide(multiply(u, log), multiply(number(2), a, root)), last)
+    root = extracted_root(factored(negated(a), [place.x]))
+    arc = Apply("asin", divide(u, extracted_root(negate(form.d))))
+    return subtract(negate(divide(multiply(u, arc), multiply(number(2), a, root))), last)
