@@ -19,6 +19,7 @@ from inverse_service.inverse_problem.search.linear_systems import is_linear, lin
 from inverse_service.inverse_problem.search.linear_systems_modes import invariant_multipliers
 from inverse_service.inverse_problem.search.linear_systems_reading import linear_system
 from inverse_service.inverse_problem.search.linear_systems_roots import even_root
+from inverse_service.inverse_problem.search.linear_systems_uniform_damping import damped_lagrangians, is_damped
 from inverse_service.inverse_problem.search.material import gather
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system
@@ -63,7 +64,11 @@ def proposals(equations: dict[str, str], parameters: Sequence[str], with_time: b
 def assert_is_lagrangian(system: SecondOrderSystem, tree: Expression) -> None:
     """Residuals vanish to 40 digits at a random point where all names are positive, det g does not."""
     generator = random.Random(to_text(tree))
-    names = [*map(Symbol, (*system.coordinates, *system.parameters)), *map(Velocity, system.coordinates), TIME]
+    names: list[Expression] = [
+        *map(Symbol, (*system.coordinates, *system.parameters)),
+        *map(Velocity, system.coordinates),
+        TIME,
+    ]
     with mpmath.workdps(60):
         table = {name: mpmath.mpf(generator.randrange(100, 999)) / 500 for name in names}
         for residual in euler_lagrange_residual(tree, system.coordinates, system.accelerations):
@@ -90,6 +95,32 @@ def test_undamped_systems_have_lagrangians_without_time(name: str) -> None:
     for tree in found:
         assert all(node != TIME for node in walk(tree))
         assert_is_lagrangian(read_system(list(equations), equations, tuple(parameters)), tree)
+
+
+UNIFORMLY_DAMPED = {
+    "Henon-Heiles": ({"x": "-x-2*x*y-2*g*x'/m", "y": "-y-x^2+y^2-2*g*y'/m"}, "gm"),
+    "Kepler": ({"r": "r*p'^2-1/r^2-c*r'", "p": "-2*r'*p'/r-c*p'"}, "c"),
+    "sphere": ({"a": "sin(a)*cos(a)*b'^2-(c+d)*a'-sin(a)", "b": "-2*a'*b'*cos(a)/sin(a)-(c+d)*b'"}, "cd"),
+    "damping that fades": ({"x": "-sin(x)-k*sin(x-y)-c*x'/t", "y": "-sin(y)-k*sin(y-x)-c*y'/t"}, "ck"),
+    "driven": ({"x": "-sin(x)-c*x'+cos(t)"}, "c"),
+}
+
+
+@pytest.mark.parametrize("name", UNIFORMLY_DAMPED)
+def test_uniform_damping_multiplies_the_lagrangian_by_an_exponential(name: str) -> None:
+    equations, parameters = UNIFORMLY_DAMPED[name]
+    system = read_system(list(equations), equations, tuple(parameters))
+    material = gather(analyse(system), True)
+    assert is_damped(material)
+    found = damped_lagrangians(material, 1)
+    assert found
+    for tree in found:
+        assert_is_lagrangian(system, tree)
+
+
+def test_a_magnetic_term_forbids_uniform_damping() -> None:
+    equations = {"x": "2*y'-x^3-x'", "y": "-2*x'-y^3-y'"}
+    assert not damped_lagrangians(gather(analyse(read_system(list(equations), equations)), True), 1)
 
 
 @pytest.mark.parametrize("name", WITHOUT)
