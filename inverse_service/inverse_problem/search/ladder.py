@@ -92,6 +92,8 @@ def _proposed(
 
 def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: int) -> Found | None:
     """First the multipliers in the span of the terms, then Lagrangians for the simplest regular ones."""
+    if not terms:
+        return None
     try:
         space = solve_multiplier(_sampler(material, terms), terms, seed)
         chosen = dict.fromkeys(

@@ -1,0 +1,38 @@
+"""Systems, materials and terms for the tests of the search, from texts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.text import parse
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.search.ladder import _sampler
+from inverse_service.inverse_problem.search.linear_ansatz import LagrangianSpace, solve_ansatz
+from inverse_service.inverse_problem.search.material import Material, gather
+from inverse_service.inverse_problem.search.terms import Monomial, terms_of
+from inverse_service.mechanics.reading import read_system
+
+NAMES = Names(("x", "y", "z"), ("a", "b", "c"), {"A": ("x",)})
+
+
+def tree(text: str) -> Expression:
+    return parse(text, NAMES)
+
+
+def monomial_of(text: str) -> Monomial:
+    """The only monomial of a formula, its coefficient left out."""
+    (key,) = terms_of(tree(text))
+    return key
+
+
+def material(equations: dict[str, str], with_time: bool = False) -> Material:
+    system = read_system(list(equations), equations, ["a", "b", "c"], {"A": ["x"]})
+    return gather(analyse(system), with_time)
+
+
+def lagrangians(equations: dict[str, str], candidates: Sequence[str], with_time: bool = False) -> LagrangianSpace:
+    """All Lagrangians in the span of the candidates."""
+    keys = [monomial_of(text) for text in candidates]
+    return solve_ansatz(_sampler(material(equations, with_time), keys), keys, 3)

@@ -1,0 +1,50 @@
+"""The factor e^(ct) of a Lagrangian follows from the divergence of f."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.inverse_problem.search.divergence import divergence_factor
+from tests.inverse_problem.search.given import material, monomial_of
+
+DAMPED = [
+    ({"x": "-x-x'"}, "exp(t)"),
+    ({"x": "-x-2*a*x'"}, "exp(2*a*t)"),
+    ({"x": "-x+x'/3"}, "exp(-t/3)"),
+    ({"x": "-x-2*x*y-a*x'", "y": "-y-x^2+y^2-a*y'"}, "exp(a*t)"),
+    ({"x": "-x'^2/x - 3*x' - x"}, "exp(3*t)"),
+    ({"x": "-x^3 - x'*a/b"}, "exp(a/b*t)"),
+]
+
+
+@pytest.mark.parametrize(("equations", "factor"), DAMPED)
+def test_a_damped_system_has_its_factor(equations: dict[str, str], factor: str) -> None:
+    found = divergence_factor(material(equations, with_time=True), 3)
+    assert found is not None
+    assert found == monomial_of(factor)
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [
+        {"x": "-x"},
+        {"x": "-sin(x)*x'^2"},
+        {"x": "-x-2*x*y", "y": "-y-x^2+y^2"},
+        {"x": "-x*x'^3"},
+        {"x": "-x-(a+b)*x'"},
+        # Gamma(log x - log x') is the constant rate: no e^(ct) is needed
+        {"x": "x'^2/x - a*x'"},
+    ],
+)
+def test_without_one_constant_damping_there_is_none(equations: dict[str, str]) -> None:
+    assert divergence_factor(material(equations, with_time=True), 3) is None
+
+
+def test_the_rate_is_shared_by_all_coordinates() -> None:
+    """det g grows as e^(n c t) with n c the negative divergence, however it is spread."""
+    found = divergence_factor(material({"x": "-x", "y": "-y-a*y'"}, with_time=True), 3)
+    assert found == monomial_of("exp(a*t/2)")
+
+
+def test_two_rates_are_no_single_factor() -> None:
+    assert divergence_factor(material({"x": "-x-a*x'", "y": "-y-b*y'"}, with_time=True), 3) is None

@@ -1,0 +1,127 @@
+"""A power series is a regular solution of the rows, and the beginning of longer ones."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+
+from inverse_service.algebra.tower import draw_point
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.inverse_problem import certify
+from inverse_service.inverse_problem.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision import Decision, decide
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.power_series import count, is_rational, prolonged, regular_series
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.mechanics.reading import read_system
+
+HENON_HEILES = {"x": "-x-2*x*y", "y": "-y-x^2+y^2"}
+VAN_DER_POL = {"x": "-x+(1-x^2)*x'"}
+SYSTEMS = [
+    (VAN_DER_POL, (), False),
+    (VAN_DER_POL, (), True),
+    (HENON_HEILES, (), False),
+    ({"x": "-x-2*x*y-x'", "y": "-y-x^2+y^2-y'"}, (), True),
+    ({"x": "a*pi*x'^2/x - b*x^3"}, ("a", "b"), False),
+    ({"x": "-t*x*x'^2 - 1/x"}, (), True),
+    ({"x": "0", "y": "x'*y'/x", "z": "-x'*z'/(1+x)"}, (), False),
+    ({"x": "-2*x-y", "y": "-x-a*y", "z": "-z", "w": "-w*w'^2/(1+w^2)"}, ("a",), True),
+]
+
+
+def decided(equations: dict[str, str], parameters: tuple[str, ...], with_time: bool) -> tuple[Analysis, Decision]:
+    system = read_system(list(equations), equations, parameters)
+    analysis = analyse(system)
+    return analysis, decide(system, with_time, analysis=analysis)
+
+
+def certificate(equations: dict[str, str], parameters: tuple[str, ...], with_time: bool, order: int) -> dict[str, Any]:
+    analysis, decision = decided(equations, parameters, with_time)
+    return certify.of_decision(analysis, decision, series_order=order)
+
+
+@pytest.mark.parametrize(("equations", "parameters", "with_time"), SYSTEMS)
+@pytest.mark.parametrize("order", [1, 3])
+def test_the_checker_confirms_the_series(
+    equations: dict[str, str], parameters: tuple[str, ...], with_time: bool, order: int
+) -> None:
+    found = certificate(equations, parameters, with_time, order)
+    assert found["series"]["order"] == order
+    checked = check_certificate(found, seed=3)
+    assert checked.verdict == "valid", checked.reasons
+    assert "The series solves the rows." in checked.reasons[0]
+
+
+def test_a_changed_coefficient_is_refused() -> None:
+    right = certificate(HENON_HEILES, (), False, 2)
+    assert check_certificate(right, seed=3).verdict == "valid"
+    for k in range(len(right["series"]["terms"])):
+        wrong = copy.deepcopy(right)
+        wrong["series"]["terms"][k][1] = str(int(wrong["series"]["terms"][k][1]) + 1)
+        assert check_certificate(wrong, seed=3).verdict == "invalid"
+
+
+def test_another_point_or_system_is_refused() -> None:
+    for path, value in (("x", "5"), ("x'", "7")):
+        wrong = certificate(VAN_DER_POL, (), False, 3)
+        wrong["series"]["point"][path] = value
+        assert check_certificate(wrong, seed=3).verdict == "invalid"
+
+
+def test_a_series_without_its_first_terms_is_refused() -> None:
+    wrong = certificate(VAN_DER_POL, (), False, 3)
+    wrong["series"]["terms"] = [term for term in wrong["series"]["terms"] if sum(term[0]) > 2]
+    assert check_certificate(wrong, seed=3).verdict == "invalid"
+
+
+def test_a_series_that_is_prolonged_far_enough_goes_on() -> None:
+    """Its terms of low degree satisfy the consequences that rows of higher order have on them."""
+    analysis, decision = decided(HENON_HEILES, (), False)
+    spare = decision.order - 1 - decision.degree
+    assert spare > 0
+    series = regular_series(analysis, False, 1, seed=5, spare=spare)
+    longer = prolonged(analysis, draw_point(analysis.tower, 5), False, 4)
+    indices = [tuple(int(e) for e in row) for block in longer.blocks for row in block]
+    values = {tuple(index): int(value) for index, value in series["terms"]}
+    assert draw_point(analysis.tower, 5).prime == series["prime"]
+    for row in longer.echelon.rows_within(0, longer.width(1)).values():
+        assert sum(value * values.get(indices[k], 0) for k, value in row.items()) % series["prime"] == 0
+
+
+@pytest.mark.parametrize("with_time", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_the_unknowns_are_counted_right(n: int, with_time: bool) -> None:
+    equations = {name: f"-{name}" for name in "xyz"[:n]}
+    analysis = analyse(read_system(list(equations), equations))
+    prolongation = prolonged(analysis, draw_point(analysis.tower, 1), with_time, 3)
+    assert [count(n, with_time, order) for order in range(4)] == [prolongation.width(order) for order in range(4)]
+
+
+@pytest.mark.parametrize("force", ["sin(x)", "sqrt(x)", "exp(x')", "x^(1/3)", "log(x)*x'", "A(x)"])
+def test_only_rational_systems_have_a_series(force: str) -> None:
+    analysis = analyse(read_system(["x"], {"x": force}, (), {"A": ["x"]}))
+    assert not is_rational(analysis)
+    with pytest.raises(ValueError, match="rational"):
+        regular_series(analysis, False, 2, seed=1)
+    decision = decide(analysis.system, False, analysis=analysis)
+    assert "series" not in certify.of_decision(analysis, decision)
+
+
+def test_a_long_series_is_cut_to_a_bearable_order() -> None:
+    equations = {name: f"-{name}" for name in "xyzw"}
+    analysis, decision = decided(equations, (), True)
+    series = certify.of_decision(analysis, decision, series_order=8)["series"]
+    assert count(4, True, series["order"]) <= 5_000 < count(4, True, series["order"] + 1)
+
+
+def test_where_no_closed_form_is_found_the_series_has_the_order_asked_for() -> None:
+    system = read_system(["x"], VAN_DER_POL)
+    answer = solve(system, SolveOptions(time_dependent=False, series_order=5)).autonomous
+    assert answer is not None
+    assert answer.verdict == "variational"
+    assert answer.lagrangian is None
+    assert answer.certificate is not None
+    assert answer.certificate["series"]["order"] == 5
+    assert answer.checked == "valid"
