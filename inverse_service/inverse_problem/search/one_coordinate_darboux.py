@@ -9,7 +9,7 @@ the linear equations are solved at random points modulo a prime.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -19,10 +19,15 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Velocity, walk
 from inverse_service.inverse_problem.search.factors import Factors
-from inverse_service.inverse_problem.search.linear_ansatz import letters_of, null_combinations, to_montgomery
+from inverse_service.inverse_problem.search.linear_ansatz import null_combinations
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
 from inverse_service.inverse_problem.search.motion import along, split_velocities
-from inverse_service.inverse_problem.search.one_coordinate_points import Samples, residue, sampled
+from inverse_service.inverse_problem.search.one_coordinate_points import (
+    independent,
+    montgomery_values,
+    residue,
+    sampled,
+)
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
@@ -39,7 +44,12 @@ _DEPTH = 4
 _SPARE = 8
 _LINEAR = ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2")
 _QUADRATIC = ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2")
-EXPONENTS = ((1, tuple(map(Fraction, _LINEAR))), (2, tuple(map(Fraction, _QUADRATIC))))
+EXPONENTS = (
+    (1, tuple(map(Fraction, _LINEAR))),
+    (2, tuple(map(Fraction, _QUADRATIC))),
+    (3, (Fraction(-1),)),
+    (4, (Fraction(-1),)),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,21 +62,43 @@ class Power:
 
 
 def darboux_powers(material: Material, factors: Factors, seed: int) -> list[Power]:
-    """Multipliers phi P^e, P of degree 1 or 2 in v; empty where none is found."""
+    """Multipliers phi P^e, P of degree 1 to 3 in v; empty where none is found."""
     found: dict[Power, None] = {}
     for degree, exponents in EXPONENTS:
-        phis = [position_factors(factors, e) for e in exponents]
         try:
-            candidates = candidate_terms(material, degree)
-            letters = letters_of([*candidates, *(phi for group in phis for phi in group)])
-            samples = sampled(material, letters, len(candidates) + _SPARE, seed)
+            found.update(dict.fromkeys(_of_degree(material, factors, degree, exponents, seed)))
         except (IrreducibleAtoms, SingularPoint, TooManyTerms, ValueError):
             continue
-        for exponent, group in zip(exponents, phis, strict=True):
-            for phi in group:
-                for terms in _bases(samples, candidates, phi, exponent):
-                    found[Power(phi, tuple(terms.items()), exponent)] = None
     return list(found)
+
+
+def _of_degree(
+    material: Material, factors: Factors, degree: int, exponents: Sequence[Fraction], seed: int
+) -> Iterator[Power]:
+    phis = {e: position_factors(factors, e) for e in exponents}
+    candidates = candidate_terms(material, degree)
+    every = [*candidates, *(phi for group in phis.values() for phi in group)]
+    samples = sampled(material, every, len(candidates) + _SPARE, seed)
+    candidates = independent(samples, candidates)
+    values = montgomery_values(samples, candidates)
+    rates = [[samples.along(k, key) for key in candidates] for k in range(len(values))]
+    for e, group in phis.items():
+        for phi in group:
+            weight = residue(e, samples.prime)
+            wanted = [slope + samples.along(k, phi) for k, slope in enumerate(samples.slopes)]
+            rows = _equations(values, rates, weight, wanted, samples.prime)
+            for terms in null_combinations(np.array(rows, np.uint64), candidates, samples.prime):
+                yield Power(phi, tuple(terms.items()), e)
+
+
+def _equations(
+    values: Sequence[Sequence[int]], rates: Sequence[Sequence[int]], weight: int, wanted: Sequence[int], prime: int
+) -> list[list[int]]:
+    """Rows of e Gamma(P) + (df/dv + Gamma(log phi)) P = 0 for the terms of P."""
+    return [
+        [value * (weight * rate + target) % prime for value, rate in zip(row, along_row, strict=True)]
+        for row, along_row, target in zip(values, rates, wanted, strict=True)
+    ]
 
 
 def position_factors(factors: Factors, degree: Fraction) -> list[Monomial]:
@@ -77,18 +109,6 @@ def position_factors(factors: Factors, degree: Fraction) -> list[Monomial]:
     own = factors.along.get(0, EMPTY)
     fitted = [EMPTY, times(EMPTY, own, 2 + degree), times(EMPTY, own, 2)]
     return list(dict.fromkeys(times(phi, in_time) for phi in fitted for in_time in factors.in_time[:3]))
-
-
-def _bases(samples: Samples, candidates: Sequence[Monomial], phi: Monomial, exponent: Fraction) -> list[Terms]:
-    """Combinations P with e Gamma(P) + (df/dv + Gamma(log phi)) P = 0."""
-    prime = samples.prime
-    e = residue(exponent, prime)
-    rows = []
-    for k, slope in enumerate(samples.slopes):
-        wanted = slope + samples.along(k, phi)
-        rates = [e * samples.along(k, key) + wanted for key in candidates]
-        rows.append([samples.value(k, key) * rate % prime for key, rate in zip(candidates, rates, strict=True)])
-    return null_combinations(to_montgomery(np.array(rows, np.uint64), prime), candidates, prime)
 
 
 def candidate_terms(material: Material, degree: int) -> list[Monomial]:
@@ -128,9 +148,7 @@ def _is_polynomial(moving: Monomial, velocity: Velocity, degree: int) -> bool:
 
 
 def _is_admissible(key: Monomial, with_time: bool, velocity: Velocity, degree: int) -> bool:
-    """Integer exponents, of this degree in v, with t only where L may contain it."""
-    if any(e.denominator != 1 for _, e in key) or not _is_polynomial(split_velocities(key)[1], velocity, degree):
+    """A polynomial of this degree in v, with t only where L may contain it."""
+    if not _is_polynomial(split_velocities(key)[1], velocity, degree):
         return False
     return with_time or not any(node == TIME for p, _ in key for node in walk(p))
-
-

@@ -19,6 +19,7 @@ from inverse_service.expressions.tree import (
     ZERO,
     Apply,
     Expression,
+    Sum,
     Symbol,
     Velocity,
     add,
@@ -29,9 +30,16 @@ from inverse_service.expressions.tree import (
     power,
     square_root,
     subtract,
+    walk,
 )
 from inverse_service.inverse_problem.search.motion import split_velocities
-from inverse_service.inverse_problem.search.one_coordinate_algebra import expanded, extracted_root, factored, negated
+from inverse_service.inverse_problem.search.one_coordinate_algebra import (
+    expanded,
+    extracted_root,
+    factored,
+    factors_of,
+    negated,
+)
 from inverse_service.inverse_problem.search.terms import Terms, split_content, terms_of, tree_of
 
 Factor = tuple[Expression, Fraction]
@@ -84,9 +92,22 @@ def double_integral(factors: Sequence[Factor], place: Place) -> Expression:
     if degrees == [2]:
         ((base, e),) = factors
         return _recursion(_quadratic(base, parts[0], place), e, place)
+    if set(degrees) == {1} and all(e == -1 for _, e in factors):
+        return _partial_fractions([base for base, _ in factors], parts, place)
     if degrees == [1, 1]:
         return _of_two(factors, parts, place)
     raise NotElementary
+
+
+def _partial_fractions(bases: Sequence[Expression], parts: Sequence[Sequence[Expression]], place: Place) -> Expression:
+    """int int 1/(P_1 … P_m), the sum of u log u / (a^2 c) over u = P_j = a v + b, c the others at u = 0."""
+    terms = []
+    for j, (b, a) in enumerate(parts):
+        root = negate(divide(b, a))
+        others = [add(multiply(part[1], root), part[0]) for k, part in enumerate(parts) if k != j]
+        weight = factored(power(multiply(power(a, 2), *others), -1), [place.x])
+        terms.append(multiply(weight, _linear(bases[j], Fraction(-1), place.point)))
+    return add(*terms)
 
 
 def _linear(u: Expression, e: Fraction, point: RealTable) -> Expression:
@@ -106,15 +127,12 @@ def _logarithm(u: Expression, point: RealTable) -> Expression:
 
 
 def _of_two(factors: Sequence[Factor], parts: Sequence[Sequence[Expression]], place: Place) -> Expression:
-    """Two linear factors: e = -1 for both, or (e_1 + 2)(e_2 + 2) W^2 K = -P_1^(e_1 + 2) P_2^(e_2 + 2) for sum -3.
+    """(e_1 + 2)(e_2 + 2) W^2 K = -P_1^(e_1 + 2) P_2^(e_2 + 2) for linear factors with e_1 + e_2 = -3.
 
     W = a_1 b_2 - a_2 b_1 for P_j = a_j v + b_j.
     """
     (first, e), (second, h) = factors
     (b1, a1), (b2, a2) = parts
-    if e == h == -1:
-        product = expanded(multiply(first, second))
-        return _recursion(_quadratic(product, coefficients(product, place.v), place), Fraction(-1), place)
     if e + h != -3 or -2 in (e, h):
         raise NotElementary
     difference = factored(subtract(multiply(a1, b2), multiply(a2, b1)), [place.x])
@@ -153,7 +171,10 @@ def _with_arctangent(form: _Quadratic, e: Fraction, place: Place) -> Expression:
     if real_sign(form.d, place.point) < 0:
         return _with_logarithms(form, e, place)
     root = extracted_root(form.d)
-    arc = divide(multiply(form.u, Apply("atan", expanded(divide(form.u, root)))), root)
+    # A root that is a sum in x stays a denominator of the whole argument.
+    whole = any(isinstance(base, Sum) and place.x in walk(base) for base, _ in factors_of(root))
+    argument = divide(form.u, root) if whole else expanded(divide(form.u, root))
+    arc = divide(multiply(form.u, Apply("atan", argument)), root)
     if e == -2:
         return divide(multiply(number(2), arc), form.d)
     return divide(subtract(arc, multiply(HALF, _logarithm(form.q, place.point))), form.a)

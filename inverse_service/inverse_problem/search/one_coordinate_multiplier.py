@@ -73,7 +73,7 @@ def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Ite
         return
     letters = [p for p in material.position_letters if not isinstance(p, Number)][:_MOST_LETTERS]
     try:
-        samples = sampled(material, [*bases, *letters], len(letters) + _SPARE, seed)
+        samples = sampled(material, [_alone(p) for p in (*bases, *letters)], len(letters) + _SPARE, seed)
     except (IrreducibleAtoms, SingularPoint, ValueError):
         return
     linear = [base for base in bases if _degree(material, base) == 1]
@@ -97,7 +97,7 @@ def _degree(material: Material, base: Expression) -> int:
 
 def _equations(samples: Samples, chosen: Sequence[Expression], letters: Sequence[Expression]) -> list[list[int]]:
     """Rows (Gamma(log p) for each p, -df/dv), and for two factors the one that makes the integral algebraic."""
-    columns = [frozenset([(p, Fraction(1))]) for p in (*chosen, *letters)]
+    columns = [_alone(p) for p in (*chosen, *letters)]
     rows = [
         [*(samples.along(k, key) for key in columns), -slope % samples.prime] for k, slope in enumerate(samples.slopes)
     ]
@@ -106,3 +106,5 @@ def _equations(samples: Samples, chosen: Sequence[Expression], letters: Sequence
     return rows
 
 
+def _alone(letter: Expression) -> Monomial:
+    return frozenset([(letter, Fraction(1))])

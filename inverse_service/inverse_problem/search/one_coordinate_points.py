@@ -10,9 +10,15 @@ from flint import nmod_mat
 
 from inverse_service.algebra.primes import reconstruct
 from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.search.linear_ansatz import letters_of
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism
-from inverse_service.inverse_problem.search.sampling import LetterTable, letter_table, make_sampler
+from inverse_service.inverse_problem.search.sampling import (
+    LetterTable,
+    letter_table,
+    make_sampler,
+    monomial_values,
+)
 from inverse_service.inverse_problem.search.terms import Monomial
 
 _BOUND = 1_000
@@ -35,24 +41,30 @@ class Samples:
         rates = self.table.along[sample]
         return sum(int(rates[self.places[p]]) * residue(e, self.prime) for p, e in key) % self.prime
 
-    def value(self, sample: int, key: Monomial) -> int:
-        """The value of a monomial with integer exponents."""
-        product = 1
-        for p, e in key:
-            product = product * pow(self.table.values[sample][self.places[p]], int(e), self.prime) % self.prime
-        return product
-
 
 def residue(value: Fraction, prime: int) -> int:
     return value.numerator * pow(value.denominator, -1, prime) % prime
 
 
-def sampled(material: Material, letters: Sequence[Expression], count: int, seed: int) -> Samples:
-    """`count` points; IrreducibleAtoms, SingularPoint or ValueError where there are none."""
-    sampler = make_sampler(material.analysis, [(p, Fraction(1)) for p in letters])
+def sampled(material: Material, terms: Sequence[Monomial], count: int, seed: int) -> Samples:
+    """`count` points for the letters of the terms; IrreducibleAtoms, SingularPoint or ValueError if there are none."""
+    letters = letters_of(terms)
+    sampler = make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
     table = letter_table(sampler, letters, count, seed)
     slopes = tuple(-2 * connection_and_endomorphism(sampler, point)[0][0][0] % table.prime for point in table.points)
     return Samples({p: k for k, p in enumerate(letters)}, table, slopes)
+
+
+def independent(samples: Samples, terms: Sequence[Monomial]) -> list[Monomial]:
+    """The terms without those that are combinations of earlier ones as functions (1 = sin^2 + cos^2)."""
+    rows = montgomery_values(samples, terms)
+    reduced, order = nmod_mat(len(rows), len(terms), [a for row in rows for a in row], samples.prime).rref()
+    return [terms[next(k for k in range(len(terms)) if int(reduced[i, k]))] for i in range(order)]
+
+
+def montgomery_values(samples: Samples, terms: Sequence[Monomial]) -> list[list[int]]:
+    """The value of each term at each sample in Montgomery form (times 2^64)."""
+    return [[int(a) for a in row] for row in monomial_values(samples.table, list(samples.places), terms)]
 
 
 def solved(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] | None:
