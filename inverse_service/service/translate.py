@@ -66,7 +66,7 @@ def _term(text: str, names: Names, values: Mapping[str, Expression], pointer: st
     try:
         term = with_values(read_formula(text, names), values)
     except InputError as error:
-        raise error if error.pointer else error.at(pointer) from None
+        raise type(error)(error.detail, pointer, error.column) from None
     found = next((node for node in walk(term) if isinstance(node, Acceleration)), None)
     if found is not None:
         raise InputError(
