@@ -6,6 +6,7 @@ not pass is never returned. Where p = dL/dv has several inverses, `note` says on
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -40,9 +41,10 @@ from inverse_service.mechanics.legendre_points import (
     sample_points,
     vanishes_at,
 )
-from inverse_service.mechanics.legendre_solving import block_branches, momentum_shifts
+from inverse_service.mechanics.legendre_solving import Reach, block_branches, momentum_shifts
 
 _MOST_BRANCHES = 16
+TIME_LIMIT = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +74,12 @@ class _Chosen:
     judgement: Judgement
 
 
-def legendre(lagrangian: Expression, coordinates: Sequence[str]) -> LegendreTransform:
-    """The Legendre transform of L(t, q, v); InputError where d2L/dv_i dv_j is singular everywhere."""
+def legendre(lagrangian: Expression, coordinates: Sequence[str], time_limit: float = TIME_LIMIT) -> LegendreTransform:
+    """The Legendre transform of L(t, q, v); InputError where d2L/dv_i dv_j is singular everywhere.
+
+    The search for an inverse of p = dL/dv starts nothing new after `time_limit` seconds.
+    """
+    reach = Reach(deadline=time.monotonic() + time_limit)
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
     functions = tuple(simplified(tree) for tree in momenta(lagrangian, names))
@@ -84,7 +90,7 @@ def legendre(lagrangian: Expression, coordinates: Sequence[str]) -> LegendreTran
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
     if is_singular(hessian(lagrangian, names), points):
         raise _degenerate(implicit, parts, names, points)
-    found = {block.names: _best(block, points) for block in parts.blocks}
+    found = {block.names: _best(block, points, reach) for block in parts.blocks}
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
         return _noted(implicit, _no_closed_form(missing))
@@ -124,12 +130,12 @@ def _energy(parts: Parts) -> Expression:
     return add(*terms[1:], terms[0])
 
 
-def _best(block: Block, points: Sequence[Point]) -> _Chosen | None:
+def _best(block: Block, points: Sequence[Point], reach: Reach) -> _Chosen | None:
     """The branch that holds at most points, the shortest among those."""
     functions = momenta(block.function, block.names)
     known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
     best: _Chosen | None = None
-    for branch in _with_variants(islice(block_branches(block), _MOST_BRANCHES)):
+    for branch in _with_variants(islice(block_branches(block, reach), _MOST_BRANCHES)):
         velocities = resolved(branch.velocities, block.names)
         claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
         judgement = judge(claim, branch.conditions, points)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import islice, product
 
 from inverse_service.expressions.collecting import expand
@@ -27,23 +30,38 @@ from inverse_service.mechanics.legendre_scalar import scalar_branches
 _MOST_BRANCHES = 8
 
 
-def block_branches(block: Block) -> Iterator[Branch]:
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How deep blocks may be split into smaller problems, and until when (time.monotonic)."""
+
+    depth: int = 4
+    deadline: float = float("inf")
+
+    @property
+    def exhausted(self) -> bool:
+        return self.depth <= 0 or time.monotonic() > self.deadline
+
+
+def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:
     """Candidates for one block without linear terms; none of them is checked here."""
     yield from quadratic_branches(block)
     if form_matrix(expand(block.function), block.names) is not None:
         return
-    yield from ratio_branches(block, solve)
-    yield from radial_branches(block, solve)
-    yield from routh_branches(block, solve)
-    yield from linear_branches(block, solve)
-    yield from scalar_branches(block, solve)
-    yield from elimination_branches(block)
+    inner = partial(solve, reach=Reach(reach.depth - 1, reach.deadline))
+    for family in (ratio_branches, radial_branches, routh_branches, linear_branches, scalar_branches):
+        if reach.exhausted:
+            return
+        yield from family(block, inner)
+    if not reach.exhausted:
+        yield from elimination_branches(block)
 
 
-def solve(function: Expression, names: Sequence[str], momenta: Mapping[str, Symbol]) -> Iterator[Branch]:
+def solve(
+    function: Expression, names: Sequence[str], momenta: Mapping[str, Symbol], reach: Reach
+) -> Iterator[Branch]:
     """Candidates for any function of the velocities: products of those of its blocks."""
     parts = split(function, names, momenta)
-    found = [_up_to_certain(block) for block in parts.blocks]
+    found = [_up_to_certain(block, reach) for block in parts.blocks]
     table = momentum_shifts(parts.linear, momenta)
     for choice in islice(product(*found), _MOST_BRANCHES):
         rates = {
@@ -57,10 +75,10 @@ def solve(function: Expression, names: Sequence[str], momenta: Mapping[str, Symb
         yield Branch(velocities, add(*energies, negate(parts.free)), conditions)
 
 
-def _up_to_certain(block: Block) -> list[Branch]:
+def _up_to_certain(block: Block, reach: Reach) -> list[Branch]:
     """The candidates up to the first that claims to hold everywhere."""
     found = []
-    for branch in islice(block_branches(block), _MOST_BRANCHES):
+    for branch in islice(block_branches(block, reach), _MOST_BRANCHES):
         found.append(branch)
         if not branch.conditions:
             break
