@@ -116,15 +116,28 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
     samples = (len(candidates) + _SPARE_EQUATIONS) // n + 1
     table = letter_table(sampler, letters, samples, seed)
     matrix = euler_lagrange_matrix(table, letters, candidates)
-    found = _null_vectors(_from_montgomery(matrix, table.prime), len(candidates), table.prime)
+    _, found = _null_vectors(_from_montgomery(matrix, table.prime), len(candidates), table.prime)
     kept = _that_hold(sampler, candidates, found, seed + 77_777)
     return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
 
 
+@dataclass(frozen=True, slots=True)
+class NullSpace:
+    """The dimension of a kernel, and those of its basis that have small rational coefficients."""
+
+    nullity: int
+    combinations: tuple[Combination, ...]
+
+
+def null_space(matrix: Words, candidates: Sequence[Monomial], prime: int) -> NullSpace:
+    """The kernel of a matrix in Montgomery form, (equations, candidates)."""
+    nullity, vectors = _null_vectors(_from_montgomery(matrix, prime), len(candidates), prime)
+    return NullSpace(nullity, tuple({candidates[k]: a for k, a in vector.items()} for vector in vectors))
+
+
 def null_combinations(matrix: Words, candidates: Sequence[Monomial], prime: int) -> list[Combination]:
-    """Combinations with small rational coefficients in the kernel of a matrix in Montgomery form."""
-    vectors = _null_vectors(_from_montgomery(matrix, prime), len(candidates), prime)
-    return [{candidates[k]: a for k, a in vector.items()} for vector in vectors]
+    """The rational part of the kernel."""
+    return list(null_space(matrix, candidates, prime).combinations)
 
 
 def _from_montgomery(matrix: Words, prime: int) -> list[list[int]]:
@@ -132,12 +145,12 @@ def _from_montgomery(matrix: Words, prime: int) -> list[list[int]]:
     return [[x * inverse % prime for x in row] for row in matrix.tolist()]
 
 
-def _null_vectors(matrix: list[list[int]], width: int, prime: int) -> list[dict[int, Fraction]]:
-    """Rational null vectors in reduced form: free columns are as far right as possible."""
+def _null_vectors(matrix: list[list[int]], width: int, prime: int) -> tuple[int, list[dict[int, Fraction]]]:
+    """(nullity, rational null vectors in reduced form: free columns are as far right as possible)."""
     flat = [x for row in matrix for x in row]
     reduced, rank = nmod_mat(len(matrix), width, flat, prime).rref()
     if rank == width:
-        return []
+        return 0, []
     rows = [[int(x) for x in row] for row in reduced.tolist()[:rank]]
     pivots = [next(k for k, x in enumerate(row) if x) for row in rows]
     found = []
@@ -151,7 +164,7 @@ def _null_vectors(matrix: list[list[int]], width: int, prime: int) -> list[dict[
                 vector[pivot] = value
         else:
             found.append(vector)
-    return found
+    return width - rank, found
 
 
 def _that_hold(

@@ -23,7 +23,7 @@ from inverse_service.inverse_problem.search.linear_ansatz import (
     LagrangianSpace,
     exponent_lists,
     letters_of,
-    null_combinations,
+    null_space,
     to_montgomery,
 )
 from inverse_service.inverse_problem.search.sampling import LetterTable, Sampler, letter_table, monomial_values
@@ -36,9 +36,15 @@ def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> 
     """Combinations of the terms, each of which is a Lagrangian up to a potential and linear terms."""
     letters, n = letters_of(terms), len(sampler.analysis.accelerations)
     samples = (len(terms) + _SPARE_EQUATIONS) // (n * n) + 1
-    table = letter_table(sampler, letters, samples, seed, with_third=True)
-    matrix = helmholtz_matrix(sampler, table, letters, terms)
-    return LagrangianSpace(sampler, tuple(null_combinations(matrix, terms, table.prime)))
+    nullity = -1
+    # Many of the n^2 conditions can be trivial: points are doubled until the space no longer shrinks.
+    while True:
+        table = letter_table(sampler, letters, samples, seed, with_third=True)
+        matrix = helmholtz_matrix(sampler, table, letters, terms)
+        space = null_space(matrix, terms, table.prime)
+        if space.nullity in (0, nullity) or samples > 2 * len(terms):
+            return LagrangianSpace(sampler, space.combinations)
+        nullity, samples = space.nullity, 2 * samples
 
 
 def helmholtz_matrix(
