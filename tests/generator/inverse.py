@@ -7,6 +7,7 @@ polynomials; roots are reduced modulo their squares before they are written out 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import sympy
 from sympy.polys.matrices import DomainMatrix
@@ -34,18 +35,32 @@ class Atoms:
 def inverse(matrix: sympy.Matrix) -> sympy.Matrix:
     """The inverse; ValueError where the determinant is zero.
 
-    Adjugate over determinant: Gauss in the fraction field takes up to a minute for n = 4.
+    Cofactors over determinant: Gauss in the fraction field takes up to a minute for n = 4, and
+    DomainMatrix.adj_det of SymPy 1.14 fails where a coefficient of the characteristic polynomial is 0.
     """
     atoms = Atoms()
     named = matrix.applyfunc(lambda entry: _named(sympy.expand(entry), atoms))
     scale, polynomial = DomainMatrix.from_Matrix(named).clear_denoms(convert=True)
-    adjugate, determinant = polynomial.to_dense().adj_det()
-    ring = polynomial.domain
-    bar = _reduced(ring.to_sympy(determinant), atoms)
+    ring, dense = polynomial.domain, polynomial.to_dense()
+    bar = _reduced(ring.to_sympy(dense.det()), atoms)
     if bar == 0:
         raise ValueError("the Lagrangian is singular")
     factor = ring.to_sympy(scale.element)
-    return adjugate.to_Matrix().applyfunc(lambda entry: _quotient(_reduced(factor * entry, atoms), bar, atoms))
+    size = matrix.rows
+
+    def entry(i: int, j: int) -> sympy.Expr:
+        minor = factor * ring.to_sympy(_minor(dense, j, i)) * (-1) ** (i + j)
+        return _quotient(_reduced(minor, atoms), bar, atoms)
+
+    return sympy.Matrix(size, size, entry)
+
+
+def _minor(matrix: DomainMatrix, row: int, column: int) -> Any:
+    """Determinant without one row and one column, an element of the ring; 1 for a matrix (1, 1)."""
+    size = range(matrix.shape[0])
+    if len(size) == 1:
+        return matrix.domain.one
+    return matrix.extract([i for i in size if i != row], [j for j in size if j != column]).det()
 
 
 def _named(expression: sympy.Expr, atoms: Atoms) -> sympy.Expr:

@@ -137,6 +137,12 @@ def test_residual_sees_a_wrong_acceleration() -> None:
     assert determinant == 1
 
 
+def test_inverse_where_the_characteristic_polynomial_has_gaps() -> None:
+    matrix = sympy.exp(-X) * sympy.Matrix([[-1, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 2]])
+    assert (matrix * inverse(matrix)).applyfunc(sympy.expand) == sympy.eye(4)
+    assert inverse(sympy.Matrix([[X]])) == sympy.Matrix([[1 / X]])
+
+
 def test_inverse_with_roots_and_exponentials_is_exact() -> None:
     root = sympy.sqrt(1 - V**2 - W**2)
     matrix = sympy.Matrix(
