@@ -15,9 +15,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import factorial
 
-from flint import fmpq, fmpq_mpoly
-
-from inverse_service.algebra.exact_derivations import sum_of
 from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.algebra.real_point import RealTable, real_sign
@@ -34,12 +31,10 @@ from inverse_service.expressions.tree import (
     square_root,
 )
 from inverse_service.inverse_problem.search import linear_systems_matrices as matrices
+from inverse_service.inverse_problem.search.linear_systems_factors import factors_of
 from inverse_service.inverse_problem.search.linear_systems_matrices import Matrix, Vector
-from inverse_service.inverse_problem.search.linear_systems_reading import EIGENVALUE, LinearSystem
+from inverse_service.inverse_problem.search.linear_systems_reading import LinearSystem
 from inverse_service.inverse_problem.search.linear_systems_roots import even_root
-
-# Symbolic characteristic polynomials of greater matrices take too long.
-_LARGEST_SYMBOLIC = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +146,7 @@ def all_branches(space: Multipliers, table: RealTable) -> list[Branch]:
     """e^(tT) on the parts of V that belong to factors of degree 1 and 2, simple ones first."""
     simple: list[Branch] = []
     nested: list[Branch] = []
-    for coefficients, multiplicity in _factors(space):
+    for coefficients, multiplicity in factors_of(space.system.ring, space.operator):
         if len(coefficients) == 2:
             rate = -(coefficients[0] / coefficients[1])
             simple += _pure(space, rate)
@@ -159,30 +154,6 @@ def all_branches(space: Multipliers, table: RealTable) -> list[Branch]:
         elif len(coefficients) == 3:
             simple += _pairs(space, coefficients, table)
     return simple + nested
-
-
-def _factors(space: Multipliers) -> list[tuple[list[Quotient], int]]:
-    """(coefficients, multiplicity) of the irreducible factors of det(x - T)."""
-    ring = space.system.ring
-    symbolic = any(entry.constant_value is None for row in space.operator for entry in row)
-    if symbolic and len(space.basis) > _LARGEST_SYMBOLIC:
-        return []
-    variable = ring.atoms[EIGENVALUE]
-    terms = [c * variable**k for k, c in enumerate(matrices.characteristic_polynomial(space.operator)) if not c.is_zero]
-    _, factors = sum_of(ring.constant(0), terms).numerator.factor()
-    found = [(_by_power(space, factor, variable), int(multiplicity)) for factor, multiplicity in factors]
-    return sorted((item for item in found if len(item[0]) > 1), key=lambda item: len(item[0]))
-
-
-def _by_power(space: Multipliers, polynomial: fmpq_mpoly, variable: Quotient) -> list[Quotient]:
-    """The coefficients of a polynomial in the eigenvalue."""
-    owner = space.system.ring.field
-    place = next(k for k, degree in enumerate(variable.numerator.degrees()) if degree)
-    tables: list[dict[tuple[int, ...], fmpq]] = [{} for _ in range(int(polynomial.degrees()[place]) + 1)]
-    for exponents, coefficient in polynomial.terms():
-        rest = tuple(0 if k == place else int(e) for k, e in enumerate(exponents))
-        tables[int(exponents[place])][rest] = coefficient
-    return [owner.quotient(owner.reduce(owner.context.from_dict(table)), ()) for table in tables]
 
 
 def _chains(space: Multipliers, rate: Quotient, multiplicity: int) -> list[Branch]:

@@ -8,6 +8,10 @@ from dataclasses import dataclass
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search import one_coordinate
 from inverse_service.inverse_problem.search.linear_systems import is_linear, linear_lagrangians
+from inverse_service.inverse_problem.search.linear_systems_autonomous import (
+    is_autonomous_and_linear,
+    separate_lagrangians,
+)
 from inverse_service.inverse_problem.search.linear_systems_uniform_damping import damped_lagrangians, is_damped
 from inverse_service.inverse_problem.search.material import Material
 
@@ -28,6 +32,7 @@ class Specialist:
 
 SPECIALISTS: tuple[Specialist, ...] = (
     Specialist("linear systems, multipliers in t alone", 1.5, is_linear, linear_lagrangians),
+    Specialist("linear systems, separate coordinates", 1.7, is_autonomous_and_linear, separate_lagrangians),
     Specialist("uniform damping, e^(ct) L_0", 1.8, is_damped, damped_lagrangians),
     Specialist("one coordinate, products of Darboux factors", 6.5, one_coordinate.applies, one_coordinate.propose),
 )

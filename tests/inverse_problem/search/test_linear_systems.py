@@ -9,14 +9,17 @@ from collections.abc import Sequence
 import mpmath
 import pytest
 
+from inverse_service.algebra.real_point import find_real_point
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.analysis import analyse, variables_of
 from inverse_service.inverse_problem.search.linear_systems import is_linear, linear_lagrangians
+from inverse_service.inverse_problem.search.linear_systems_autonomous import separate_lagrangians
 from inverse_service.inverse_problem.search.linear_systems_modes import invariant_multipliers
+from inverse_service.inverse_problem.search.linear_systems_numbers import holds_numerically
 from inverse_service.inverse_problem.search.linear_systems_reading import linear_system
 from inverse_service.inverse_problem.search.linear_systems_roots import even_root
 from inverse_service.inverse_problem.search.linear_systems_uniform_damping import damped_lagrangians, is_damped
@@ -95,6 +98,50 @@ def test_undamped_systems_have_lagrangians_without_time(name: str) -> None:
     for tree in found:
         assert all(node != TIME for node in walk(tree))
         assert_is_lagrangian(read_system(list(equations), equations, tuple(parameters)), tree)
+
+
+SEPARATE = {
+    "isotropic": ({"x": "-x'/2-x", "y": "-y'/2-y"}, ""),
+    "symbolic": ({"x": "-g*x'-k*x", "y": "-g*y'-2*k*y"}, "gk"),
+    "proportional": ({"x": "-(2*x'-y') - (2*x-y)", "y": "-(2*y'-x') - (2*y-x)"}, ""),
+    "relative damping": ({"x": "-(x-y)-(x'-y')", "y": "-(y-x)-(y'-x')"}, ""),
+    "resisted": ({"x": "-x'", "y": "-2*y'"}, ""),
+    "overdamped and critical": ({"x": "-5*x'-x", "y": "-2*y'-y"}, ""),
+    "constant forces": ({"x": "-x'-x+1", "y": "-2*y'+3", "z": "-z+2"}, ""),
+}
+
+
+@pytest.mark.parametrize("name", SEPARATE)
+def test_separate_coordinates_have_lagrangians_without_time(name: str) -> None:
+    equations, parameters = SEPARATE[name]
+    system = read_system(list(equations), equations, tuple(parameters))
+    (tree,) = separate_lagrangians(gather(analyse(system), False), 1)
+    assert all(node != TIME for node in walk(tree))
+    point = find_real_point([tree], variables_of(system), 3)
+    assert point is not None
+    with mpmath.workdps(60):
+        for residual in euler_lagrange_residual(tree, system.coordinates, system.accelerations):
+            assert abs(evaluate(residual, point)) < mpmath.mpf(10) ** -30
+        form = hessian(tree, system.coordinates)
+        matrix = mpmath.matrix([[evaluate(entry, point) for entry in row] for row in form])
+        assert abs(mpmath.det(matrix)) > mpmath.mpf(10) ** -15
+
+
+def test_numbers_alone_tell_a_wrong_lagrangian() -> None:
+    system = read_system(["x"], {"x": "-x"})
+    point = find_real_point(system.accelerations, variables_of(system), 1)
+    assert point is not None
+    right, wrong, singular = (parse(text, Names(("x",))) for text in ("x'^2/2-x^2/2", "x'^2/2-x^2/2+x^3/10^20", "x*x'"))
+    assert holds_numerically(system, right, point, 1)
+    assert not holds_numerically(system, wrong, point, 1)
+    assert not holds_numerically(system, singular, point, 1)
+
+
+@pytest.mark.parametrize("name", ["charged", "golden exponents", "rotor", "a Jordan block"])
+def test_systems_without_separate_real_coordinates_are_left_alone(name: str) -> None:
+    equations, parameters = DAMPED[name]
+    system = read_system(list(equations), equations, tuple(parameters))
+    assert not separate_lagrangians(gather(analyse(system), False), 1)
 
 
 UNIFORMLY_DAMPED = {
