@@ -9,6 +9,7 @@ from fractions import Fraction
 import mpmath
 from flint import nmod_mat
 
+from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, letters_of
@@ -153,8 +154,12 @@ def _velocity_degree(key: Monomial) -> Fraction:
 
 
 def signature(space: LagrangianSpace, hessian: Sequence[Sequence[Expression]]) -> tuple[int, int] | None:
-    """(positive, negative) eigenvalues of a Hessian at the real point; None where it has no value there."""
-    table = space.sampler.real_point
+    """`inertia` at the real point of the space."""
+    return inertia(space.sampler.real_point, hessian)
+
+
+def inertia(table: RealTable | None, hessian: Sequence[Sequence[Expression]]) -> tuple[int, int] | None:
+    """(positive, negative) eigenvalues of a Hessian at a real point; None where it has no value there."""
     if table is None:
         return None
     with mpmath.workdps(30):

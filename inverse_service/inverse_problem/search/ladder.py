@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.search import parameters
 from inverse_service.inverse_problem.search.choice import as_tree, gauge_of, reduced, regular_members, scaled, signature
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms
@@ -56,7 +58,7 @@ def search(
         return SearchOutcome(None, ())
     factors: Factors | None = None
     own = own_family(own_terms)
-    rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS]
+    rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS, _BY_INTERPOLATION]
     for rung in sorted(rungs, key=lambda rung: rung.cost):
         if time.monotonic() > deadline:
             break
@@ -74,6 +76,17 @@ def search(
         if found is not None:
             return SearchOutcome(found, tuple(tried))
     return SearchOutcome(None, tuple(tried))
+
+
+def _parts(analysis: Analysis, with_time: bool, seed: int, deadline: float) -> Sequence[Expression]:
+    """The parts of a Lagrangian for a system without parameters."""
+    outcome = search(analysis, with_time, seed, deadline, lambda _: None)
+    return outcome.found.parts if outcome.found is not None else ()
+
+
+_BY_INTERPOLATION = Specialist(
+    "symbolic parameters by interpolation", 3.5, parameters.applies, partial(parameters.propose, ladder=_parts)
+)
 
 
 def _proposed(
