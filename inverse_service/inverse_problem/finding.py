@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import TIME, Expression
 from inverse_service.inverse_problem import certify
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.decision import Decision
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
+from inverse_service.inverse_problem.power_series import count
+from inverse_service.inverse_problem.rational_series import as_tree, rational_series
 from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.ladder import SearchOutcome
 from inverse_service.inverse_problem.verification import explain_positive
 from inverse_service.mechanics.legendre import legendre
+
+# The order of the series that is written out, and how many coefficients it may have.
+_SERIES_ORDER = 2
+_MOST_COEFFICIENTS = 60
 
 
 def existence_steps(decision: Decision) -> tuple[Step, ...]:
@@ -40,6 +47,24 @@ def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
     """Which families were tried in vain."""
     tried = "; ".join(f"{name} ({count} terms)" for name, count in outcome.tried) or "none fits f"
     return (Step(f"No closed form was found. Families tried: {tried}."),)
+
+
+def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> tuple[Step, ...]:
+    """The beginning of the power series of one regular Lagrangian, where f is rational and it is short."""
+    n = len(analysis.system.coordinates)
+    wanted = range(1, (order or _SERIES_ORDER) + 1)
+    fitting = [k for k in wanted if count(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
+    spare = decision.order - 1 - decision.degree
+    found = rational_series(analysis, decision.with_time, fitting[-1], spare) if fitting else None
+    if found is None:
+        return ()
+    named = [symbol for symbol in found.point if symbol != TIME or TIME in found.variables]
+    place = ", ".join(f"{to_text(symbol)} = {found.point[symbol]}" for symbol in named)
+    text = (
+        f"Near {place} one regular Lagrangian begins, to total degree {found.order + 2} and up to terms of at most "
+        "first degree in the velocities (which the equations of motion then fix),"
+    )
+    return (Step(text, r"L = " + to_latex(as_tree(found)) + r" + \dots"),)
 
 
 def of_lagrangian(analysis: Analysis, decision: Decision, outcome: SearchOutcome, tree: Expression) -> Answer:

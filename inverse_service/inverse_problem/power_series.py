@@ -61,7 +61,7 @@ def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, s
     for attempt in range(_ATTEMPTS):
         point = draw_point(analysis.tower, seed + attempt)
         try:
-            found = _regular_at(analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}"))
+            found = regular_at(analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}"))
         except SingularPoint:
             continue
         if found is not None:
@@ -79,7 +79,7 @@ def _at_random(seed: str) -> Choice:
     return lambda index, prime: generator.randrange(prime)
 
 
-def _regular_at(
+def regular_at(
     analysis: Analysis, point: Point, with_time: bool, orders: tuple[int, int], choose: Choice
 ) -> dict[tuple[int, ...], int] | None:
     """{multi-index: coefficient} of a solution at the point to the first order, prolonged by the second.

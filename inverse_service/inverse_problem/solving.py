@@ -20,6 +20,7 @@ from inverse_service.inverse_problem.finding import (
     legendre_steps,
     not_found,
     of_lagrangian,
+    series_steps,
     verification_steps,
 )
 from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
@@ -152,7 +153,8 @@ def _negative(work: _Work, decision: Decision) -> Answer:
 def _by_existence(work: _Work, decision: Decision) -> Answer:
     certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
     tried = not_found(work.outcome) if work.outcome is not None else ()
-    steps = (*existence_steps(decision), *tried)
+    series = series_steps(work.analysis, decision, work.options.series_order)
+    steps = (*existence_steps(decision), *tried, *series)
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps)
 
 
