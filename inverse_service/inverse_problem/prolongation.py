@@ -13,33 +13,26 @@ Trans. AMS 50 (1941), section 2; signs as in Mestdag, Bloch and Fernandez).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.echelon import Echelon, Words
+from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.monomials import MonomialKeys, exponents_of_degree, keys_of
-from inverse_service.algebra.montgomery import compiled
 from inverse_service.algebra.series import Series, SeriesRing
+from inverse_service.inverse_problem.emission import (
+    NO_DERIVATIVE,
+    Exponents,
+    Term,
+    TermTable,
+    Unknowns,
+    rows_of_degree,
+    term_table,
+)
 
-Integers = npt.NDArray[np.int64]
-Exponents = npt.NDArray[np.int8]
 # (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
 RowName = tuple[str, int, int, tuple[int, ...]]
-_NO_DERIVATIVE = -1
-
-
-@dataclass(frozen=True, slots=True)
-class Term:
-    """A summand series * g_ij, or series * d_a g_ij, of one equation."""
-
-    i: int
-    j: int
-    derivative: int
-    series: Series
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +43,7 @@ class Equation:
     i: int
     j: int
     terms: tuple[Term, ...]
+    table: TermTable
 
 
 def matrix_product(left: list[list[Series]], right: list[list[Series]]) -> list[list[Series]]:
@@ -115,60 +109,26 @@ def equations(local: LocalSystem) -> list[Equation]:
             for k in range(n):
                 terms += _zero_order(i, k, local.connection[k][j], negative=True)
                 terms += _zero_order(j, k, local.connection[k][i], negative=True)
-            found.append(Equation("H2", i, j, tuple(terms)))
+            found.append(_equation(local, "H2", i, j, terms))
     for i in range(n):
         for j in range(i + 1, n):
             terms = []
             for k in range(n):
                 terms += _zero_order(i, k, local.endomorphism[k][j], negative=False)
                 terms += _zero_order(j, k, local.endomorphism[k][i], negative=True)
-            found.append(Equation("H3", i, j, tuple(terms)))
+            found.append(_equation(local, "H3", i, j, terms))
     return found
+
+
+def _equation(local: LocalSystem, kind: str, i: int, j: int, terms: list[Term]) -> Equation:
+    table = term_table(terms, local.ring.size, local.offset + local.dimension)
+    return Equation(kind, i, j, tuple(terms), table)
 
 
 def _zero_order(i: int, k: int, series: Series, negative: bool) -> list[Term]:
     if not any(series):
         return []
-    return [Term(min(i, k), max(i, k), _NO_DERIVATIVE, ps.scale(series, -1) if negative else series)]
-
-
-@compiled
-def _emit(
-    fill: bool, keys: Integers, exponents: Exponents, term_key: np.int64, term_value: np.uint64,
-    vi: int, vj: int, da: int, row_keys: Integers, row_order: Integers, bits: int, prime: np.uint64,
-    counts: Integers, columns: Integers, values: Words, base: int,
-) -> None:
-    """Entries of series-term * (d_a) g_ij for all unknown monomials `keys`; counted or filled in."""
-    for m in range(len(keys)):
-        ei = np.int64(exponents[m, vi])
-        ej = np.int64(exponents[m, vj])
-        factor = ei * (ej - 1) if vi == vj else ei * ej
-        if factor <= 0:
-            continue
-        key = keys[m] - (np.int64(1) << (bits * vi)) - (np.int64(1) << (bits * vj))
-        if da >= 0:
-            ea = np.int64(exponents[m, da])
-            if da == vi:
-                ea -= 1
-            if da == vj:
-                ea -= 1
-            if ea <= 0:
-                continue
-            factor *= ea
-            key -= np.int64(1) << (bits * da)
-        place = np.searchsorted(row_keys, key + term_key)
-        if place >= len(row_keys) or row_keys[place] != key + term_key:
-            continue
-        row = row_order[place]
-        if fill:
-            columns[counts[row]] = base + m
-            total = np.uint64(0)
-            for _ in range(factor):  # factor is at most a few dozen
-                total += term_value
-                if total >= prime:
-                    total -= prime
-            values[counts[row]] = total
-        counts[row] += 1
+    return [Term(min(i, k), max(i, k), NO_DERIVATIVE, ps.scale(series, -1) if negative else series)]
 
 
 @dataclass(slots=True)
@@ -230,51 +190,22 @@ def advance(prolongation: Prolongation) -> None:
     order = prolongation.order
     prolongation.blocks.append(unknown_block(prolongation, order))
     prolongation.echelon.widen(prolongation.width(order))
+    unknowns = _unknowns(prolongation)
     for kind, degree in (("H2", order - 1), ("H3", order)):
+        if degree < 0:
+            continue
+        monomials = exponents_of_degree(prolongation.size, degree)
+        keys = keys_of(MonomialKeys(prolongation.size), monomials)
         for number, equation in enumerate(prolongation.equations):
-            if equation.kind == kind and degree >= 0:
-                _insert(prolongation, number, equation, degree)
+            if equation.kind == kind:
+                bits, prime = MonomialKeys(prolongation.size).bits, prolongation.local.ring.prime
+                rows = rows_of_degree(unknowns, equation.table, degree, keys, bits, prime)
+                prolongation.echelon.insert(rows.starts, rows.columns, rows.values)
+                prolongation.row_blocks.append((number, monomials))
 
 
-def _insert(prolongation: Prolongation, number: int, equation: Equation, degree: int) -> None:
-    """Insert the rows of one equation with |alpha| = degree."""
-    monomials = MonomialKeys(prolongation.size)
-    exponents = exponents_of_degree(prolongation.size, degree)
-    keys = keys_of(monomials, exponents)
-    order = np.argsort(keys)
-    rows = (keys[order], order.astype(np.int64))
-    bits, prime = monomials.bits, np.uint64(prolongation.local.ring.prime)
-    counts = np.zeros(len(keys) + 1, np.int64)
-    none = (np.empty(0, np.int64), np.empty(0, np.uint64))
-    for part in _pieces(prolongation, equation, degree):
-        _emit(False, *part[:7], *rows, bits, prime, counts, *none, part[7])
-    starts = np.concatenate([[0], np.cumsum(counts[:-1])]).astype(np.int64)
-    columns, values = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.uint64)
-    cursor = starts.copy()
-    for part in _pieces(prolongation, equation, degree):
-        _emit(True, *part[:7], *rows, bits, prime, cursor, columns, values, part[7])
-    prolongation.echelon.insert(starts, columns, values)
-    prolongation.row_blocks.append((number, exponents))
-
-
-Piece = tuple[Integers, Exponents, np.int64, np.uint64, int, int, int, int]
-
-
-def _pieces(prolongation: Prolongation, equation: Equation, degree: int) -> Iterator[Piece]:
-    """(keys, exponents, term key, term value, v_i, v_j, a, first column) of all products in the rows."""
-    monomials = MonomialKeys(prolongation.size)
-    first = prolongation.first_velocity
-    for term in equation.terms:
-        shift = 0 if term.derivative == _NO_DERIVATIVE else 1
-        for component_degree, component in enumerate(term.series[: degree + 1]):
-            wanted = degree - component_degree + shift
-            if wanted >= len(prolongation.blocks) or not component:
-                continue
-            block = prolongation.blocks[wanted]
-            keys = keys_of(monomials, block)
-            base = prolongation.width(wanted - 1) if wanted else 0
-            for exponents, value in component.to_dict().items():
-                key = np.int64(monomials.key(exponents))
-                yield keys, block, key, np.uint64(int(value)), first + term.i, first + term.j, term.derivative, base
-
-
+def _unknowns(prolongation: Prolongation) -> Unknowns:
+    exponents = np.concatenate(prolongation.blocks)
+    widths = [0, *(len(block) for block in prolongation.blocks)]
+    keys = keys_of(MonomialKeys(prolongation.size), exponents)
+    return Unknowns(keys, exponents, np.cumsum(widths).astype(np.int64))
