@@ -11,12 +11,12 @@ from inverse_service.algebra.real_point import find_real_point, real_sign
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import Apply, Expression, Number, Power, add, multiply, walk
+from inverse_service.expressions.tree import Expression, Sum, add, negate
 from inverse_service.inverse_problem.analysis import variables_of
 from inverse_service.inverse_problem.search.choice import scaled
 from inverse_service.inverse_problem.search.factors import find_factors
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.one_coordinate_algebra import negated
+from inverse_service.inverse_problem.search.one_coordinate_algebra import negated, weight
 from inverse_service.inverse_problem.search.one_coordinate_kinetic import NotElementary, Place, double_integral
 from inverse_service.inverse_problem.search.one_coordinate_multiplier import LastMultiplier, last_multipliers
 from inverse_service.inverse_problem.search.one_coordinate_potential import euler_lagrange, potential
@@ -50,18 +50,7 @@ def propose(material: Material, seed: int) -> Sequence[Expression]:
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None and holds(material, lagrangian, seed):
             found[lagrangian] = None
-    return sorted(found, key=_weight)[:_MOST]
-
-
-def _weight(tree: Expression) -> int:
-    """Nodes, functions and roots counting more."""
-    return sum(_node_weight(node) for node in walk(tree))
-
-
-def _node_weight(node: Expression) -> int:
-    if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator > 1:
-        return 30
-    return 8 if isinstance(node, Apply) else 1
+    return sorted(found, key=weight)[:_MOST]
 
 
 def lagrangian_of(material: Material, multiplier: LastMultiplier) -> Expression | None:
@@ -73,7 +62,7 @@ def lagrangian_of(material: Material, multiplier: LastMultiplier) -> Expression 
     place = Place(motion.coordinates[0], motion.velocities[0], point)
     try:
         bases = [(_oriented(base, place), e) for base, e in multiplier.moving]
-        kinetic = multiply(monomial_tree(multiplier.factor), double_integral(bases, place))
+        kinetic = double_integral(monomial_tree(multiplier.factor), bases, place)
         rest = potential(kinetic, force, place)
         return None if rest is None else _positive(add(kinetic, rest), place)
     except (NotElementary, NoRealValue, IrreducibleAtoms, TooManyTerms):
@@ -86,10 +75,12 @@ def _oriented(base: Expression, place: Place) -> Expression:
 
 
 def _positive(lagrangian: Expression, place: Place) -> Expression:
-    """The tree scaled to simple coefficients, with a positive Hessian at the real point."""
-    tree = tree_of(scaled(terms_of(lagrangian)))
+    """The shorter of the tree and its expansion with simple coefficients, with a positive Hessian at the point."""
+    tree = min((tree_of(scaled(terms_of(lagrangian))), lagrangian), key=weight)
     hessian = differentiate(differentiate(tree, place.v), place.v)
-    return tree if real_sign(hessian, place.point) > 0 else tree_of({k: -a for k, a in terms_of(tree).items()})
+    if real_sign(hessian, place.point) > 0:
+        return tree
+    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else negate(tree)
 
 
 def holds(material: Material, lagrangian: Expression, seed: int) -> bool:

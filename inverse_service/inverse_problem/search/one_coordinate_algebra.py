@@ -26,6 +26,7 @@ from inverse_service.expressions.tree import (
     number,
     power,
     square_root,
+    walk,
 )
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 
@@ -62,6 +63,28 @@ def negated(tree: Expression) -> Expression:
 def expanded(tree: Expression) -> Expression:
     """The tree as a sum of monomials in letters."""
     return tree_of(terms_of(tree))
+
+
+def weight(tree: Expression) -> int:
+    """The number of nodes, functions and roots counting more: how hard a formula is to read."""
+    return sum(_node_weight(node) for node in walk(tree))
+
+
+def _node_weight(node: Expression) -> int:
+    if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator > 1:
+        return 30
+    return 8 if isinstance(node, Apply) else 1
+
+
+def shortest(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
+    """The lightest of the tree, its expansion and its factored form."""
+    found = [tree]
+    for change in (expanded, lambda given: factored(given, variables)):
+        try:
+            found.append(change(tree))
+        except TooManyTerms:
+            continue
+    return min(found, key=weight)
 
 
 def extracted_root(tree: Expression) -> Expression:

@@ -75,7 +75,7 @@ def darboux_powers(material: Material, factors: Factors, seed: int) -> list[Powe
 def _of_degree(
     material: Material, factors: Factors, degree: int, exponents: Sequence[Fraction], seed: int
 ) -> Iterator[Power]:
-    phis = {e: position_factors(factors, e) for e in exponents}
+    phis = {e: position_factors(factors, degree * e) for e in exponents}
     candidates = candidate_terms(material, degree)
     every = [*candidates, *(phi for group in phis.values() for phi in group)]
     samples = sampled(material, every, len(candidates) + _SPARE, seed)

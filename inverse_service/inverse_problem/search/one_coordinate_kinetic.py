@@ -19,7 +19,6 @@ from inverse_service.expressions.tree import (
     ZERO,
     Apply,
     Expression,
-    Sum,
     Symbol,
     Velocity,
     add,
@@ -30,15 +29,14 @@ from inverse_service.expressions.tree import (
     power,
     square_root,
     subtract,
-    walk,
 )
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.one_coordinate_algebra import (
     expanded,
     extracted_root,
     factored,
-    factors_of,
     negated,
+    shortest,
 )
 from inverse_service.inverse_problem.search.terms import Terms, split_content, terms_of, tree_of
 
@@ -80,22 +78,29 @@ def coefficients(base: Expression, velocity: Velocity) -> list[Expression]:
     return [tree_of(table.get(k, {})) for k in range(max(table, default=0) + 1)]
 
 
-def double_integral(factors: Sequence[Factor], place: Place) -> Expression:
-    """K with d2K/dv2 the product of the factors, which are positive at the real point; else NotElementary."""
-    if not factors:
-        return multiply(HALF, power(place.v, 2))
+def double_integral(weight: Expression, factors: Sequence[Factor], place: Place) -> Expression:
+    """K with d2K/dv2 = weight times the factors, which are positive at the real point; else NotElementary.
+
+    The weight is a function of t and x.
+    """
     parts = [coefficients(base, place.v) for base, _ in factors]
     degrees = [len(part) - 1 for part in parts]
+    if not factors:
+        return multiply(HALF, weight, power(place.v, 2))
     if degrees == [1]:
         ((base, e),) = factors
-        return divide(_linear(base, e, place.point), power(parts[0][1], 2))
+        scale = factored(divide(weight, power(parts[0][1], 2)), [place.x])
+        return multiply(scale, _linear(base, e, place.point))
     if degrees == [2]:
         ((base, e),) = factors
-        return _recursion(_quadratic(base, parts[0], place), e, place)
+        form = _quadratic(base, parts[0], place)
+        if e == -1:
+            return multiply(factored(divide(weight, form.a), [place.x]), _with_arctangent(form, place))
+        return multiply(weight, _recursion(form, e, place))
     if set(degrees) == {1} and all(e == -1 for _, e in factors):
-        return _partial_fractions([base for base, _ in factors], parts, place)
+        return multiply(weight, _partial_fractions([base for base, _ in factors], parts, place))
     if degrees == [1, 1]:
-        return _of_two(factors, parts, place)
+        return multiply(weight, _of_two(factors, parts, place))
     raise NotElementary
 
 
@@ -151,8 +156,10 @@ def _quadratic(q: Expression, parts: Sequence[Expression], place: Place) -> _Qua
 
 def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
     """J_e."""
-    if e in (-1, -2):
-        return _with_arctangent(form, e, place)
+    if e == -1:
+        return divide(_with_arctangent(form, place), form.a)
+    if e == -2:
+        return _of_inverse_square(form, place)
     if e == Fraction(-1, 2):
         return _with_root(form, place)
     if abs(e) > _LARGEST_EXPONENT or e.denominator > 2:
@@ -166,29 +173,33 @@ def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
     return divide(add(power(form.q, e + 1), below), multiply(number(2 * (e + 1) * (2 * e + 1)), form.a))
 
 
-def _with_arctangent(form: _Quadratic, e: Fraction, place: Place) -> Expression:
-    """e = -1: u atan(u/D^1/2)/(a D^1/2) - log Q/(2a); e = -2: 2u atan(u/D^1/2)/D^3/2; logarithms for D < 0."""
+def _with_arctangent(form: _Quadratic, place: Place) -> Expression:
+    """a J_(-1) = y atan y - log(Q)/2 with y = u/D^1/2; logarithms where D < 0."""
     if real_sign(form.d, place.point) < 0:
-        return _with_logarithms(form, e, place)
-    root = extracted_root(form.d)
-    # A root that is a sum in x stays a denominator of the whole argument.
-    whole = any(isinstance(base, Sum) and place.x in walk(base) for base, _ in factors_of(root))
-    argument = divide(form.u, root) if whole else expanded(divide(form.u, root))
-    arc = divide(multiply(form.u, Apply("atan", argument)), root)
-    if e == -2:
-        return divide(multiply(number(2), arc), form.d)
-    return divide(subtract(arc, multiply(HALF, _logarithm(form.q, place.point))), form.a)
+        return _with_logarithms(form, place)
+    y = shortest(divide(form.u, extracted_root(form.d)), [place.x, place.v])
+    return subtract(multiply(y, Apply("atan", y)), multiply(HALF, _logarithm(form.q, place.point)))
 
 
-def _with_logarithms(form: _Quadratic, e: Fraction, place: Place) -> Expression:
-    """With R^2 = -D, e = -1: ((u-R) log(u-R) - (u+R) log(u+R))/(2aR); e = -2: u log((u-R)/(u+R))/(D R)."""
+def _with_logarithms(form: _Quadratic, place: Place) -> Expression:
+    """a J_(-1) = ((u - R) log(u - R) - (u + R) log(u + R))/(2R) with R^2 = -D."""
     root = extracted_root(negate(form.d))
     low, high = expanded(subtract(form.u, root)), expanded(add(form.u, root))
     first, second = _logarithm(low, place.point), _logarithm(high, place.point)
-    if e == -2:
-        return divide(multiply(form.u, subtract(first, second)), multiply(form.d, root))
     difference = subtract(multiply(low, first), multiply(high, second))
-    return divide(difference, multiply(number(2), form.a, root))
+    return divide(difference, multiply(number(2), root))
+
+
+def _of_inverse_square(form: _Quadratic, place: Place) -> Expression:
+    """J_(-2) = 2u atan(u/D^1/2)/D^3/2, for R^2 = -D > 0 it is u log((u - R)/(u + R))/(D R)."""
+    if real_sign(form.d, place.point) > 0:
+        root = extracted_root(form.d)
+        y = shortest(divide(form.u, root), [place.x, place.v])
+        return divide(multiply(number(2), y, Apply("atan", y)), form.d)
+    root = extracted_root(negate(form.d))
+    low, high = expanded(subtract(form.u, root)), expanded(add(form.u, root))
+    difference = subtract(_logarithm(low, place.point), _logarithm(high, place.point))
+    return divide(multiply(form.u, difference), multiply(form.d, root))
 
 
 def _with_root(form: _Quadratic, place: Place) -> Expression:

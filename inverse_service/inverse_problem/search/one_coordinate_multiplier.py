@@ -11,20 +11,30 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Expression, Number, walk
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Expression,
+    Number,
+    add,
+    multiply,
+    number,
+    walk,
+)
 from inverse_service.inverse_problem.search.factors import Factors
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.one_coordinate_algebra import expanded, factored, factors_of
-from inverse_service.inverse_problem.search.one_coordinate_darboux import Power, darboux_powers, position_factors
+from inverse_service.inverse_problem.search.one_coordinate_darboux import darboux_powers, position_factors
 from inverse_service.inverse_problem.search.one_coordinate_kinetic import NotElementary, coefficients
+from inverse_service.inverse_problem.search.one_coordinate_lienard import inverse_multiplier
 from inverse_service.inverse_problem.search.one_coordinate_points import Samples, sampled, solved
-from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, times, tree_of
+from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, terms_of, times, tree_of
 
 _MOST_FACTORS = 5
 _MOST_LETTERS = 6
@@ -44,10 +54,17 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
 
     Those without velocity are only candidates: most of them fulfil no equation.
     """
+    factors = _simplified(material, factors)
     found = dict.fromkeys(LastMultiplier(phi, ()) for phi in position_factors(factors, Fraction(0)) if phi)
-    for power in darboux_powers(material, factors, seed):
+    powers = [
+        (power.factor, tree_of(dict(power.base)), power.exponent) for power in darboux_powers(material, factors, seed)
+    ]
+    inverse = inverse_multiplier(material, factors)
+    if inverse is not None:
+        powers.append((EMPTY, inverse, Fraction(-1)))
+    for phi, base, exponent in powers:
         try:
-            found[_in_factors(material, power)] = None
+            found[_in_factors(material, phi, base, exponent)] = None
         except TooManyTerms:
             continue
     bases = list(dict.fromkeys(base for multiplier in found for base, _ in multiplier.moving))
@@ -55,16 +72,39 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
     return sorted(found, key=lambda multiplier: len(multiplier.moving))
 
 
-def _in_factors(material: Material, power: Power) -> LastMultiplier:
-    """The base factored; its factors without velocity go into phi, constants are dropped."""
+def _simplified(material: Material, factors: Factors) -> Factors:
+    """With the argument of the exponential in exp(-int c dx) over one denominator."""
+    x = material.motion.coordinates[0]
+    along = {}
+    for i, phi in factors.along.items():
+        arguments = [multiply(number(e), p.argument) for p, e in phi if isinstance(p, Apply) and p.function == "exp"]
+        rest = frozenset(item for item in phi if not (isinstance(item[0], Apply) and item[0].function == "exp"))
+        try:
+            ((key, _),) = terms_of(Apply("exp", factored(add(*arguments), [x]))).items()
+            along[i] = times(rest, key) if arguments else phi
+        except TooManyTerms:
+            along[i] = phi
+    return replace(factors, along=along)
+
+
+def _in_factors(material: Material, phi: Monomial, polynomial: Expression, exponent: Fraction) -> LastMultiplier:
+    """phi P^e with P factored; its factors without velocity go into phi, constants are dropped."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
-    phi, moving = power.factor, []
-    for base, e in factors_of(factored(tree_of(dict(power.base)), [x, v])):
+    moving = []
+    for base, e in factors_of(factored(polynomial, [x, v])):
         if has_velocity(base):
-            moving.append((expanded(base), e * power.exponent))
+            moving.append((expanded(base), e * exponent))
         elif not isinstance(base, Number) and any(node in (x, TIME) for node in walk(base)):
-            phi = times(phi, frozenset([(base, e * power.exponent)]))
+            phi = times(phi, _letters(base), e * exponent)
     return LastMultiplier(phi, tuple(moving))
+
+
+def _letters(base: Expression) -> Monomial:
+    """A factor as a monomial; exp(u + …) is a product of letters."""
+    if isinstance(base, Apply) and base.function == "exp":
+        ((key, _),) = terms_of(base).items()
+        return key
+    return _alone(base)
 
 
 def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Iterable[LastMultiplier]:

@@ -15,7 +15,7 @@ from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.text import parse
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, power, walk
+from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity, power, walk
 from inverse_service.inverse_problem.analysis import analyse, variables_of
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import Material, gather
@@ -53,6 +53,9 @@ WITH = {
     "cubic friction": ("-x'^3", ""),
     "three constant solutions": ("x'*(1-x')*(2-x')", ""),
     "a power of a quadratic": ("-x*(1+x'^2)^2", ""),
+    "modified Emden in x + x^3": ("-(3*(x+x^3)*(1+3*x^2)*x'+(x+x^3)^3+6*x*x'^2)/(1+3*x^2)", ""),
+    "damped, other coordinate": ("(-2*c*(1+3*x^2)*x'-w^2*(x+x^3)-6*x*x'^2)/(1+3*x^2)", "cw"),
+    "damped with exponential factor": ("(-(1+2*x)^2*x'^2-x-x^2-2*x'^2)/(1+2*x)", ""),
     "tangent": ("-x'^2*tan(x)-sin(x)", ""),
 }
 WITHOUT = {
@@ -185,7 +188,7 @@ POWERS = [
 def test_double_integrals_have_the_second_derivative(base: str, exponent: Fraction) -> None:
     tree = parse(base, Names(("x",), (), {}))
     table = {X: mpmath.mpf("0.9"), V: mpmath.mpf("0.4")}
-    integral = double_integral([(tree, exponent)], Place(X, V, table))
+    integral = double_integral(ONE, [(tree, exponent)], Place(X, V, table))
     with mpmath.workdps(40):
         second = evaluate(differentiate(differentiate(integral, V), V), table)
         assert abs(second - evaluate(power(tree, exponent), table)) < mpmath.mpf(10) ** -30
@@ -194,7 +197,7 @@ def test_double_integrals_have_the_second_derivative(base: str, exponent: Fracti
 def test_elliptic_integrals_are_refused() -> None:
     tree = parse("x'^2+x^4", Names(("x",), (), {}))
     with pytest.raises(NotElementary):
-        double_integral([(tree, Fraction(-3, 4))], Place(X, V, {X: mpmath.mpf(1), V: mpmath.mpf(1)}))
+        double_integral(ONE, [(tree, Fraction(-3, 4))], Place(X, V, {X: mpmath.mpf(1), V: mpmath.mpf(1)}))
 
 
 @pytest.mark.parametrize("integrand", ["x*exp(2*a*x)", "a/x+x^3", "sin(x)*cos(x)", "x^2*sin(a*x)", "2*x/(x^2+a)"])
