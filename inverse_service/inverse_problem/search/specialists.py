@@ -12,6 +12,12 @@ from inverse_service.inverse_problem.search.linear_systems_autonomous import (
     is_autonomous_and_linear,
     separate_lagrangians,
 )
+from inverse_service.inverse_problem.search.linear_systems_holomorphic import (
+    complex_logarithm_lagrangians,
+    holomorphic_lagrangians,
+    is_even,
+    is_plural,
+)
 from inverse_service.inverse_problem.search.linear_systems_uniform_damping import damped_lagrangians, is_damped
 from inverse_service.inverse_problem.search.material import Material
 
@@ -33,6 +39,8 @@ class Specialist:
 SPECIALISTS: tuple[Specialist, ...] = (
     Specialist("linear systems, multipliers in t alone", 1.5, is_linear, linear_lagrangians),
     Specialist("linear systems, separate coordinates", 1.7, is_autonomous_and_linear, separate_lagrangians),
+    Specialist("real and imaginary parts of complex Lagrangians", 3.6, is_even, holomorphic_lagrangians),
+    Specialist("parts of z' log z', complex velocities", 9.6, is_plural, complex_logarithm_lagrangians),
     Specialist("uniform damping, e^(ct) L_0", 1.8, is_damped, damped_lagrangians),
     Specialist("one coordinate, products of Darboux factors", 6.5, one_coordinate.applies, one_coordinate.propose),
 )

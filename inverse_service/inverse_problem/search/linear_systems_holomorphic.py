@@ -1,0 +1,193 @@
+"""Systems that are complex: z'' = F(z, z') for z_k = x_k + i y_k, F analytic with real coefficients.
+
+If L(x, x') is a Lagrangian of x'' = F(x, x'), the real part of L(z, z') is one of the system in (x, y): by
+the Cauchy-Riemann equations its Euler-Lagrange expressions are the real parts, and minus the imaginary
+parts, of those of L. It is regular where L is. The other method here takes the parts of z' log z', for which
+z'' = -(U_y + i U_x) z' comes from L = Im(z' log z') - U(x, y), whether the force is analytic or not.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import mpmath
+
+from inverse_service.algebra.real_point import RealTable, find_real_point
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import (
+    ZERO,
+    Apply,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    divide,
+    multiply,
+    number,
+    power,
+    substitute,
+)
+from inverse_service.inverse_problem.analysis import analyse, variables_of
+from inverse_service.inverse_problem.search.choice import as_tree, regular_members
+from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
+from inverse_service.inverse_problem.search.linear_ansatz import Combination, solve_ansatz
+from inverse_service.inverse_problem.search.linear_systems_complex import (
+    ComplexTree,
+    NotAnalytic,
+    continued,
+)
+from inverse_service.inverse_problem.search.linear_systems_numbers import holds_numerically
+from inverse_service.inverse_problem.search.material import Material, distinct
+from inverse_service.inverse_problem.search.sampling import make_sampler
+from inverse_service.inverse_problem.search.shapes import pairs
+from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_SECONDS = 10.0
+_LARGEST = 6
+_DIGITS = 40
+_TINY = mpmath.mpf(10) ** -25
+_MOST_TERMS = 150
+
+# (x, y, s) for each z = x + i s y.
+Structure = tuple[tuple[str, str, int], ...]
+
+
+def is_plural(material: Material) -> bool:
+    """Whether there are two coordinates to pair."""
+    return material.motion.size > 1
+
+
+def is_even(material: Material) -> bool:
+    """Whether the coordinates can be grouped in pairs, few enough to try all."""
+    return material.motion.size in range(2, _LARGEST + 1, 2)
+
+
+def holomorphic_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
+    """Re L(z, z') and Im L(z, z') for the Lagrangians of the real system, verified to 40 digits."""
+    # The ladder holds this method; it is asked here for half as many coordinates.
+    from inverse_service.inverse_problem.search.ladder import search
+
+    system, table = material.analysis.system, material.analysis.real_point
+    for structure in _structures(system.coordinates) if table is not None else ():
+        reduced = _real_system(system, structure)
+        if reduced is None or table is None or not _is_continuation(system, reduced, structure, table):
+            continue
+        deadline = time.monotonic() + _SECONDS
+        outcome = search(analyse(reduced), material.motion.with_time, seed, deadline, lambda _: None)
+        trees = outcome.found.lagrangians if outcome.found is not None else ()
+        parts = [part for tree in trees for part in _parts(tree, structure)]
+        found = tuple(tree for tree in parts if _is_lagrangian(system, tree, seed))
+        if found:
+            return found
+    return ()
+
+
+def _structures(names: Sequence[str]) -> Iterator[Structure]:
+    """All groupings in pairs, orders and signs; conjugate ones once, the first sign being +."""
+    for grouping in _groupings(tuple(names)):
+        for turned in itertools.product((False, True), repeat=len(grouping)):
+            for signs in itertools.product((1, -1), repeat=len(grouping) - 1):
+                ordered = [pair[::-1] if turn else pair for pair, turn in zip(grouping, turned, strict=True)]
+                yield tuple((x, y, s) for (x, y), s in zip(ordered, (1, *signs), strict=True))
+
+
+def _groupings(names: tuple[str, ...]) -> Iterator[list[tuple[str, str]]]:
+    if not names:
+        yield []
+    for k in range(1, len(names)):
+        for rest in _groupings(names[1:k] + names[k + 1 :]):
+            yield [(names[0], names[k]), *rest]
+
+
+def _real_system(system: SecondOrderSystem, structure: Structure) -> SecondOrderSystem | None:
+    """x'' = F(x, x'), what is left for y = y' = 0."""
+    still: dict[Expression, Expression] = {}
+    for _, y, _ in structure:
+        still |= {Symbol(y): ZERO, Velocity(y): ZERO}
+    forces = dict(zip(system.coordinates, system.accelerations, strict=True))
+    names = tuple(x for x, _, _ in structure)
+    try:
+        return replace(
+            system, coordinates=names, accelerations=tuple(collect(substitute(forces[x], still)) for x in names)
+        )
+    except ArithmeticError:
+        return None
+
+
+def _values(structure: Structure) -> dict[Expression, ComplexTree]:
+    """x -> x + i s y, x' -> x' + i s y'."""
+    table: dict[Expression, ComplexTree] = {}
+    for x, y, s in structure:
+        table[Symbol(x)] = ComplexTree(Symbol(x), multiply(number(s), Symbol(y)))
+        table[Velocity(x)] = ComplexTree(Velocity(x), multiply(number(s), Velocity(y)))
+    return table
+
+
+def _is_continuation(
+    system: SecondOrderSystem, reduced: SecondOrderSystem, structure: Structure, table: RealTable
+) -> bool:
+    """Whether f_x + i s f_y = F(x + i s y, x' + i s y') at the real point."""
+    forces = dict(zip(system.coordinates, system.accelerations, strict=True))
+    values = _values(structure)
+    try:
+        with mpmath.workdps(_DIGITS):
+            for (x, y, s), f in zip(structure, reduced.accelerations, strict=True):
+                z = continued(f, values)
+                gaps = (
+                    evaluate(z.real, table) - evaluate(forces[x], table),
+                    evaluate(z.imaginary, table) - s * evaluate(forces[y], table),
+                )
+                if max(map(abs, gaps)) > _TINY:
+                    return False
+    except (NotAnalytic, NoRealValue):
+        return False
+    return True
+
+
+def _parts(tree: Expression, structure: Structure) -> tuple[Expression, ...]:
+    try:
+        z = continued(tree, _values(structure))
+    except NotAnalytic:
+        return ()
+    return tuple(min((part, collect(part)), key=lambda one: len(to_text(one))) for part in (z.real, z.imaginary))
+
+
+def _is_lagrangian(system: SecondOrderSystem, tree: Expression, seed: int) -> bool:
+    point = find_real_point([*system.accelerations, tree], variables_of(system), seed)
+    return point is not None and holds_numerically(system, tree, point, seed)
+
+
+def complex_logarithm_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
+    """Combinations of the parts of z' log z', z = x_j + i x_k, with quadratic terms and potentials."""
+    terms = _candidates(material)
+    try:
+        sampler = make_sampler(material.analysis, dict.fromkeys(item for key in terms for item in key))
+        space = solve_ansatz(sampler, terms, seed)
+    except IrreducibleAtoms:
+        return ()
+    found = []
+    for members in regular_members(space, seed):
+        total: Combination = {}
+        for k in members:
+            total = add_terms(total, space.combinations[k])
+        found.append(as_tree(total))
+    return tuple(tree for tree in found if _is_lagrangian(material.analysis.system, tree, seed))
+
+
+def _candidates(material: Material) -> list[Monomial]:
+    velocities = material.motion.velocities
+    seeds: list[Monomial] = []
+    for v, w in itertools.combinations(velocities, 2):
+        modulus = Apply("log", add(power(v, 2), power(w, 2)))
+        angle = Apply("atan", divide(w, v))
+        seeds += [monomial(letter, part) for letter in (v, w) for part in (modulus, angle)]
+    every = [*seeds, *pairs(material), *potentials(material, seeds, _MOST_TERMS)]
+    every += closed(material, seeds, 1, _MOST_TERMS)
+    return [key for key in distinct(every) if is_admissible(material, key)]
