@@ -23,7 +23,7 @@ from inverse_service.inverse_problem.search.one_coordinate_potential import eule
 from inverse_service.inverse_problem.search.terms import TooManyTerms, monomial_tree, terms_of, tree_of
 
 _MOST = 3
-_MOST_TERMS_OF_FORCE = 40
+_MOST_TERMS_OF_FORCE = 30
 _SECONDS = 3.0
 _DIGITS = 40
 _POINTS = 3
