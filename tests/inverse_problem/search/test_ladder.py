@@ -31,7 +31,10 @@ def searched(
     return search(analysis, False, 1, time.monotonic() + seconds, said.append, [tree(text) for text in own])
 
 
-def test_families_are_reported_one_by_one_until_one_holds_a_regular_lagrangian() -> None:
+def test_families_are_reported_one_by_one_until_one_holds_a_regular_lagrangian(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(ladder, "SPECIALISTS", ())
     reports: list[str] = []
     outcome = searched(PARTICLE, reports=reports)
     assert outcome.found is not None
