@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import statistics
+import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -145,4 +146,9 @@ def main(arguments: Sequence[str] | None = None, report: Callable[[str], None] =
     systems = generated(chosen.count, chosen.seed, chosen.disguised)
     if systems:
         measure(systems[0], chosen.limit)  # loads the compiled kernels
-    report(markdown([measure(system, chosen.limit) for system in systems]))
+    measured: list[Measured] = []
+    for system in systems:
+        measured.append(measure(system, chosen.limit))
+        last = measured[-1]
+        print(f"{last.name}: {last.ansatz or 'no closed form'}, {last.seconds:.2f} s", file=sys.stderr, flush=True)
+    report(markdown(measured))
