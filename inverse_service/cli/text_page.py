@@ -31,6 +31,10 @@ def asks_for_time(result: dict[str, Any]) -> bool:
     return bool(result["question"] == QUESTIONS[True])
 
 
+# A Hamiltonian in the velocities longer than this is not printed: L and the momenta say the same.
+LONGEST_IMPLICIT = 300
+
+
 def verdict_sentence(verdict: str, with_time: bool) -> str:
     """The verdict as a sentence that says which question it answers."""
     return SENTENCES[verdict].format(question=QUESTIONS[with_time])
@@ -63,7 +67,10 @@ def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[
 
 
 def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[str]:
-    yield f"  H = {hamiltonian['text']}"
+    if hamiltonian["implicit"] and len(hamiltonian["text"]) > LONGEST_IMPLICIT:
+        yield "  H = p v - L; the momenta cannot be solved for the velocities in closed form"
+    else:
+        yield f"  H = {hamiltonian['text']}"
     yield from (f"      {momentum} = {text}" for momentum, text in hamiltonian["momenta"].items())
     yield from (f"      constraint {text} = 0" for text in hamiltonian["constraints"])
 

@@ -104,17 +104,23 @@ def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
     if wanted is False and not depends:
         return autonomous, None
     if autonomous is not None and autonomous.verdict == "variational":
-        return autonomous, autonomous if autonomous.lagrangian is not None else _with_time_instead(work, autonomous)
+        return autonomous, autonomous if _is_complete(autonomous) else _with_time_instead(work, autonomous)
     return autonomous, _answer(work, with_time=True)
 
 
+def _is_complete(answer: Answer) -> bool:
+    """Whether the answer has a Lagrangian and a Hamiltonian in closed form."""
+    return answer.lagrangian is not None and answer.hamiltonian is not None and not answer.hamiltonian.implicit
+
+
 def _with_time_instead(work: _Work, autonomous: Answer) -> Answer:
-    """Where L(q, v) exists but was not found: an L(t, q, v) in closed form if there is one, else the same."""
+    """Where L(q, v) was not found or has no closed H: an L(t, q, v) that is better, if there is one."""
     decision = _decide(work, with_time=True)
     if decision.verdict != "variational":
         return autonomous
     answer = _by_lagrangian(work, decision)
-    return autonomous if answer is None else answer
+    better = answer is not None and (autonomous.lagrangian is None or _is_complete(answer))
+    return answer if answer is not None and better else autonomous
 
 
 def _answer(work: _Work, with_time: bool) -> Answer:

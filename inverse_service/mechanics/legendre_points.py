@@ -72,7 +72,7 @@ def sample_points(trees: Sequence[Expression]) -> list[Point]:
 def _leaves(trees: Sequence[Expression]) -> tuple[list[Expression], dict[Expression, Expression]]:
     """What is drawn, and for every call of an arbitrary function its canonical form, which is drawn too."""
     nodes = dict.fromkeys(node for tree in (*trees, *map(collect, trees)) for node in walk(tree))
-    calls = {node: collect(node) for node in nodes if isinstance(node, Arbitrary)}
+    calls: dict[Expression, Expression] = {node: collect(node) for node in nodes if isinstance(node, Arbitrary)}
     drawn = [node for node in nodes if isinstance(node, Symbol | Velocity) and node != PI]
     return [*drawn, *dict.fromkeys(calls.values())], calls
 
@@ -118,7 +118,7 @@ def _is_positive(condition: Expression, point: Point) -> bool:
 
 
 def _with_momenta(claim: Claim, point: Point) -> Point | None:
-    momenta = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
+    momenta: dict[Expression, Real] = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
     return None if any(p is None for p in momenta.values()) else {**point, **momenta}
 
 

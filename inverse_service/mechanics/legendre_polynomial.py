@@ -66,7 +66,7 @@ def polynomial_roots(tree: Expression, leaf: Velocity, target: Expression) -> It
 
 def laurent_polynomial(tree: Expression, leaf: Velocity) -> Laurent | None:
     """The tree in powers of one generator; None where the leaf occurs in another way."""
-    generators = set()
+    generators: set[Expression] = set()
     table: dict[Fraction, list[tuple[Monomial, Fraction]]] = {}
     for monomial, value in expand(tree).terms:
         moving = [(base, e) for base, e in monomial if velocities_in(base, [leaf.coordinate])]

@@ -126,7 +126,14 @@ def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Ans
     if main is None:
         raise ValueError("the solver answered neither question")
     time = solution.with_time
-    return main, time if time is not None and time.verdict != main.verdict else None
+    differs = time is not None and time is not main and (time.verdict != main.verdict or _found_more(time, main))
+    return main, time if differs else None
+
+
+def _found_more(time: Answer, main: Answer) -> bool:
+    """Whether the question with time has a Lagrangian, or a Hamiltonian in closed form, that the other lacks."""
+    closed = [a.hamiltonian is not None and not a.hamiltonian.implicit for a in (time, main)]
+    return time.lagrangian is not None and (main.lagrangian is None or (closed[0] and not closed[1]))
 
 
 def answers_time(solution: Solution, time_dependent: bool | None) -> bool:

@@ -29,6 +29,7 @@ from inverse_service.expressions.tree import (
     number,
     power,
     substitute,
+    walk,
 )
 from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.search.choice import inertia
@@ -51,7 +52,10 @@ Ladder = Callable[[Analysis, bool, int, float], Sequence[Expression]]
 
 
 def applies(material: Material) -> bool:
-    return 0 < len(material.analysis.system.parameters) <= _MOST_PARAMETERS
+    """Whether f holds one to six symbolic parameters."""
+    system = material.analysis.system
+    nodes = {node for f in system.accelerations for node in walk(f)}
+    return 0 < sum(Symbol(name) in nodes for name in system.parameters) <= _MOST_PARAMETERS
 
 
 def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:

@@ -38,7 +38,7 @@ class Specialist:
 
 SPECIALISTS: tuple[Specialist, ...] = (
     Specialist("linear systems, multipliers in t alone", 1.5, is_linear, linear_lagrangians),
-    Specialist("linear systems, separate coordinates", 1.7, is_autonomous_and_linear, separate_lagrangians),
+    Specialist("linear systems, separate coordinates", 6.6, is_autonomous_and_linear, separate_lagrangians),
     Specialist("real and imaginary parts of complex Lagrangians", 3.6, is_even, holomorphic_lagrangians),
     Specialist("parts of z' log z', complex velocities", 9.6, is_plural, complex_logarithm_lagrangians),
     Specialist("uniform damping, e^(ct) L_0", 1.8, is_damped, damped_lagrangians),
