@@ -29,7 +29,7 @@ class Family:
     """
 
     name: str
-    cost: int
+    cost: float
     seeds: Callable[[Material, Factors], list[Monomial]]
     depth: int = 1
     bound: int = 400
@@ -93,6 +93,11 @@ def _velocity_functions(material: Material, factors: Factors) -> list[Monomial]:
     return products(factors.in_time, every[:_MOST_SEEDS])
 
 
+def _roots_of_constants(material: Material, factors: Factors) -> list[Monomial]:
+    roots = shapes.roots_of_constants(material)
+    return shapes.pairs(material) + roots if roots else []
+
+
 def _separate(material: Material, factors: Factors) -> list[Monomial]:
     """phi_i(q) psi(v_i) with phi_i fitted to psi, and letters of f with integrating factors."""
     fitted = [
@@ -118,6 +123,7 @@ FAMILIES = (
     Family("quadratic with integrating factors", 3, _integrating),
     Family("Laurent monomials v_i v_j / v_k, polynomial in the coordinates", 4, _laurent_plain, depth=3, bound=600),
     Family("functions of the velocities, constant coefficients", 5, _velocity_functions, depth=0, bound=200),
+    Family("roots of velocities that are constant", 5.5, _roots_of_constants, depth=2, bound=250),
     Family("functions of one velocity with fitted factors", 6, _separate, depth=0, bound=200),
     Family("quadratic in the velocities", 7, _metric, bound=500),
     Family("Laurent monomials v_i v_j / v_k", 8, _laurent, bound=400),

@@ -42,6 +42,14 @@ def divisors(material: Material) -> list[Expression]:
     return list(constant or motion.velocities)
 
 
+def roots_of_constants(material: Material) -> list[Monomial]:
+    """w^(+-1/2) and v_i v_j w^(+-1/2) for velocities w that are constant along the motion."""
+    motion = material.motion
+    constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
+    roots: list[Monomial] = [frozenset([(w, e)]) for w in constant for e in (HALF, -HALF)]
+    return [*roots, *(times(pair, root) for root in roots for pair in pairs(material))]
+
+
 def double_quotients(material: Material) -> list[Monomial]:
     """v_i v_j v_k / w^2."""
     return [
