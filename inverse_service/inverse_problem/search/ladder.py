@@ -10,7 +10,7 @@ from functools import partial
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
-from inverse_service.inverse_problem.search import parameters
+from inverse_service.inverse_problem.search import decoupled, parameters
 from inverse_service.inverse_problem.search.choice import as_tree, gauge_of, reduced, regular_members, scaled, signature
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms
@@ -58,7 +58,7 @@ def search(
         return SearchOutcome(None, ())
     factors: Factors | None = None
     own = own_family(own_terms)
-    rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS, _BY_INTERPOLATION]
+    rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS, _BY_INTERPOLATION, _BY_BLOCKS]
     for rung in sorted(rungs, key=lambda rung: rung.cost):
         if time.monotonic() > deadline:
             break
@@ -84,6 +84,16 @@ def _parts(analysis: Analysis, with_time: bool, seed: int, deadline: float) -> S
     return outcome.found.parts if outcome.found is not None else ()
 
 
+def _simplest(analysis: Analysis, with_time: bool, seed: int) -> Expression | None:
+    """The first Lagrangian for a block of a system."""
+    outcome = search(analysis, with_time, seed, time.monotonic() + _SECONDS_FOR_A_BLOCK, lambda _: None)
+    return outcome.found.lagrangians[0] if outcome.found is not None else None
+
+
+_SECONDS_FOR_A_BLOCK = 10.0
+_BY_BLOCKS = Specialist(
+    "decoupled blocks one by one", 3.7, decoupled.applies, partial(decoupled.propose, ladder=_simplest)
+)
 _BY_INTERPOLATION = Specialist(
     "symbolic parameters by interpolation", 3.5, parameters.applies, partial(parameters.propose, ladder=_parts)
 )

@@ -1,0 +1,41 @@
+"""Systems that fall apart are solved block by block."""
+
+from __future__ import annotations
+
+import time
+
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.inverse_problem import certify
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.search.decoupled import decoupled_blocks
+from inverse_service.inverse_problem.search.ladder import search
+from inverse_service.mechanics.reading import read_system
+
+
+def test_coordinates_belong_together_when_one_leads_to_the_other() -> None:
+    system = read_system(["x", "y", "z", "w"], {"x": "y'", "y": "-y", "z": "-w", "w": "0"})
+    assert sorted(sorted(block.coordinates) for block in decoupled_blocks(system)) == [["w", "z"], ["x", "y"]]
+
+
+def test_a_chain_of_dependences_is_one_block() -> None:
+    system = read_system(["x", "y", "z"], {"x": "y", "y": "z", "z": "0"})
+    assert [set(block.coordinates) for block in decoupled_blocks(system)] == [{"x", "y", "z"}]
+
+
+def test_each_coordinate_of_free_motion_is_a_block() -> None:
+    assert len(decoupled_blocks(read_system(["x", "y", "z"], {"x": "0", "y": "0", "z": "0"}))) == 3
+
+
+def test_the_sum_of_the_blocks_lagrangians_is_a_lagrangian() -> None:
+    equations = {"x": "-3*x*x' - x^3", "y": "y*z'^2", "z": "-2*y'*z'/y", "w": "-sin(w)"}
+    analysis = analyse(read_system(list(equations), equations))
+    outcome = search(analysis, False, 1, time.monotonic() + 60, lambda _: None)
+    assert outcome.found is not None
+    certificate = certify.of_lagrangian(analysis, outcome.found.lagrangians[0], False)
+    assert check_certificate(certificate).verdict == "valid"
+
+
+def test_a_block_without_a_closed_form_leaves_the_system_without_one() -> None:
+    equations = {"x": "(1 - x^2)*x' - x", "y": "-y"}
+    analysis = analyse(read_system(list(equations), equations))
+    assert search(analysis, False, 1, time.monotonic() + 60, lambda _: None).found is None
