@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
@@ -22,6 +23,9 @@ from inverse_service.inverse_problem.search.sampling import Sampler, make_sample
 from inverse_service.inverse_problem.search.specialists import SPECIALISTS, Specialist
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, add_terms
 from inverse_service.mechanics.euler_lagrange import hessian
+
+# An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
+_NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +111,7 @@ def _proposed(
     progress(f"method: {specialist.name}")
     try:
         proposed = tuple(specialist.propose(material, seed))
-    except (IrreducibleAtoms, TooManyTerms):
+    except (*_NO_POINTS, TooManyTerms):
         proposed = ()
     tried.append((specialist.name, len(proposed)))
     return Found(proposed, specialist.name, proposed[:1]) if proposed else None
@@ -123,7 +127,7 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
             key for members in regular_members(space, seed) for k in members for key in space.combinations[k]
         )
         return _with_potentials(material, family, list(chosen), seed) if chosen else None
-    except IrreducibleAtoms:
+    except _NO_POINTS:
         return None
 
 
