@@ -1,8 +1,8 @@
 """The independent checker of certificates; FORMAT.md beside this file says what it checks.
 
-It imports nothing of the project, reads the formulas itself, draws its own points, primes and
-directions, never searches and never repairs. All numbers are Python integers: residues modulo a
-random prime where the formulas are rational, else fixed-point reals whose constants come from mpmath.
+It imports nothing of the project, draws its own points, primes and directions, never searches and never
+repairs. Formulas have no trees: the reader computes Taylor series about a point as it reads. All numbers are
+integers: residues modulo a prime where formulas are rational, else fixed-point reals, constants from mpmath.
 """
 
 from __future__ import annotations
@@ -12,38 +12,48 @@ import math
 import random
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 from heapq import heapify, heappop, heappush
-from itertools import combinations_with_replacement, pairwise, product
+from itertools import accumulate, combinations_with_replacement, pairwise, product
 from typing import Any, Literal
 
 import mpmath
 
 FORMAT, RESULT_FORMAT = "inverse-service/certificate/1", "inverse-service/result/1"
-MAX_TEXT, MAX_DEPTH, MAX_DIGITS, MAX_EXPONENT, MAX_MEMBERS = 60_000, 64, 400, 1000, 1000
+MAX_TEXT, MAX_DEPTH, MAX_DIGITS, MAX_EXPONENT, MAX_MEMBERS = 60_000, 100, 400, 1000, 1000
 MAX_COORDINATES, MAX_NAMES, MAX_ORDER, MAX_ROWS, MAX_MONOMIALS = 16, 200, 20, 200_000, 400_000
 PRECISIONS = ((480, 200, 90), (1440, 900, 400))  # bits; what is below 2^-200 is zero, above 2^-90 is not
-PRIMITIVE = ("exp", "log", "sin", "cos", "atan")
+PRIMITIVE = ("exp", "log", "sin", "atan")
 DEFINED = {
-    "sqrt": "u^(1/2)", "tan": "sin(u)/cos(u)", "cot": "cos(u)/sin(u)", "sec": "1/cos(u)", "csc": "1/sin(u)",
-    "sinh": "(exp(u) - exp(-u))/2", "cosh": "(exp(u) + exp(-u))/2", "sech": "2/(exp(u) + exp(-u))",
-    "csch": "2/(exp(u) - exp(-u))", "tanh": "(exp(u) - exp(-u))/(exp(u) + exp(-u))",
-    "coth": "(exp(u) + exp(-u))/(exp(u) - exp(-u))", "asin": "atan(u/sqrt(1 - u^2))",
-    "acos": "pi/2 - atan(u/sqrt(1 - u^2))", "asinh": "log(u + sqrt(u^2 + 1))", "acosh": "log(u + sqrt(u^2 - 1))",
-    "atanh": "log((1 + u)/(1 - u))/2",
-}  # fmt: skip
-RESERVED = {"t", "pi", "diff", *PRIMITIVE, *DEFINED}
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")
-TOKEN = re.compile(r"[ \t\r\n]*([0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*'*|[-+*/^(),])")
-VALUE = re.compile(r"-?[0-9]{1,400}((\.[0-9]{1,400})?(e[-+]?[0-9]{1,2})?|/0{0,9}[1-9][0-9]{0,399})\Z")
+    "cos": "sin(u + pi/2)", "sqrt": "u^(1/2)", "tan": "sin(u)/cos(u)", "cot": "cos(u)/sin(u)", "sec": "1/cos(u)",
+    "csc": "1/sin(u)", "sinh": "(exp(u) - exp(-u))/2", "cosh": "(exp(u) + exp(-u))/2", "tanh": "sinh(u)/cosh(u)",
+    "coth": "cosh(u)/sinh(u)", "sech": "1/cosh(u)", "csch": "1/sinh(u)", "asin": "atan(u/sqrt(1 - u^2))",
+    "acos": "pi/2 - asin(u)", "asinh": "log(u + sqrt(u^2 + 1))", "acosh": "log(u + sqrt(u^2 - 1))",
+    "atanh": "log((1 + u)/(1 - u))/2"}  # fmt: skip
+DERIVATIVE = re.compile(r"\bdiff\s*\(\s*(\w+)\s*\(([^()]*)\)\s*,([^()]*)\)", re.ASCII)
+IRRATIONAL = {"^", *PRIMITIVE, *DEFINED}  # tokens; an integral power is a token of another form
+RESERVED = {"t", "pi", "diff", *IRRATIONAL}
+BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
+EXPONENT = r"\^[ \t\r\n]*(?:-?[0-9]{1,9}|\(-?[0-9]{1,9}\))(?![0-9.]|[ \t\r\n]*\^)"  # an integer: ^2, ^(-2)
+OPERAND = r"[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"  # 2.5, x, x', B[1,0]
+TOKEN = re.compile(rf"[ \t\r\n]*({OPERAND}|{EXPONENT}|[-+*/^(),]|\Z|(.))", re.DOTALL)
+NAME, TEXT = r"[A-Za-z][A-Za-z0-9_]{0,99}", rf"(?s:.{{0,{MAX_TEXT}}})"
+NUMBER = r"-?[0-9]{1,400}((\.[0-9]{1,400})?(e[-+]?[0-9]{1,2})?|/0{0,9}[1-9][0-9]{0,399})"
+SYSTEM = {"coordinates": [NAME, MAX_COORDINATES], "parameters?": [NAME, MAX_NAMES], "functions?": {}, "equations": {}}
+VERDICTS = "variational|not_variational|undetermined"
+CERTIFICATE = {"format": FORMAT, "system": {}, "question": "autonomous|time_dependent", "near?": {},
+               "claim": VERDICTS, "kind": "lagrangian|existence|nonexistence"}  # fmt: skip
+RESULT = {"format": RESULT_FORMAT, "system": {}, "question?": r"L\((t, )?q, q'\)", "verdict": VERDICTS,
+          "lagrangian?": {}, "verdict_with_time?": VERDICTS,
+          "with_time?": {"verdict?": VERDICTS, "lagrangian?": {}}}  # fmt: skip
 
-Component = dict[int, int]  # coefficients of monomials, packed as in Expansion
-Series = list[Component]  # one component for each total degree
-Row = tuple[str, int, int, int]  # H2 or H3, i, j, packed alpha
-Jet = dict[tuple[int, ...], int]  # derivatives of a function at one argument
-Node = tuple[str, Any, tuple[int, ...]]  # kind, content, parts
+Series = dict[int, int]  # coefficients of monomials: eight bits for each exponent, the total degree on top of them
+Formula = tuple[str, ...]  # tokens, the last one empty
+Work = Callable[["Expansion"], None]
+Tools = tuple[random.Random, float]  # and the end of the time, by time.monotonic
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +64,8 @@ class CheckResult:
     reasons: tuple[str, ...] = ()
 
 
-class Refused(Exception):
-    """The document is malformed or its claim was found wrong."""
-
-
-class Unsettled(Exception):
-    """Nothing can be said."""
+class Ended(Exception):
+    """The check ends, with a verdict and a sentence: "invalid" or, where nothing can be said, "incomplete"."""
 
 
 class Undefined(Exception):
@@ -68,241 +74,116 @@ class Undefined(Exception):
 
 def require(condition: object, sentence: str) -> None:
     if not condition:
-        raise Refused(sentence)
+        raise Ended("invalid", sentence)
 
 
-@dataclass(frozen=True, slots=True)
-class Document:
-    """A part of a JSON document and its place; its methods refuse what is not as they say."""
-
-    value: Any
-    where: str
-
-    def keys(self) -> list[str]:
-        good = isinstance(self.value, Mapping) and len(self.value) <= MAX_MEMBERS
-        require(good and all(isinstance(key, str) for key in self.value), f"{self.where} has to be a moderate object.")
-        return list(self.value)
-
-    def get(self, key: str, default: object = None) -> Document:
-        """A member; null is as good as left out."""
-        found = self.value[key] if key in self.keys() else None
-        return Document(default if found is None else found, f"{self.where}.{ascii(key[:40])[1:-1]}")
-
-    def items(self, most: int) -> list[Document]:
-        good = isinstance(self.value, list | tuple) and len(self.value) <= most
-        require(good, f"{self.where} has to be a list of at most {most} items.")
-        return [Document(item, f"an item of {self.where}") for item in self.value]
-
-    def names(self, most: int) -> tuple[str, ...]:
-        good = all(isinstance(item.value, str) and NAME.match(item.value) for item in self.items(most))
-        require(good, f"{self.where} has to hold names of letters, digits and _.")
-        return tuple(self.value)
-
-    def whole(self, low: int, high: int) -> int:
-        good = type(self.value) is int and low <= self.value <= high
-        require(good, f"{self.where} has to be a whole number from {low} to {high}.")
-        return int(self.value)
-
-    def choice(self, *allowed: str) -> str:
-        good = isinstance(self.value, str) and self.value in allowed
-        require(good, f"{self.where} has to be one of: {', '.join(allowed)}.")
-        return str(self.value)
-
-    def number(self) -> Fraction:
-        short = type(self.value) is int and self.value.bit_length() < 1300
-        text = str(self.value) if short or isinstance(self.value, str) else ""
-        require(VALUE.match(text), f"{self.where} has to be an integer or the text of a number such as -1.25 or 3/4.")
-        return Fraction(text)
+def check_shape(value: Any, shape: Any, where: str) -> None:
+    """Refuse what is not a text of a pattern (of NUMBER also an integer), in a range, or made of such parts."""
+    parts: list[tuple[Any, Any, str]] = []
+    value = str(value) if shape is NUMBER and type(value) is int and value.bit_length() < 1300 else value
+    match shape:
+        case str():
+            good, what = isinstance(value, str) and bool(re.fullmatch(shape, value)), f"a text of the form {shape}"
+        case range():
+            good, what = type(value) is int and value in shape, f"a whole number from {shape[0]} to {shape[-1]}"
+        case [*_]:  # [shape of each, most], or a tuple: the shape of each in turn
+            fixed, most = isinstance(shape, tuple), len(shape) if isinstance(shape, tuple) else shape[1]
+            good = isinstance(value, list | tuple) and (len(value) == most if fixed else len(value) <= most)
+            what, shapes = f"a list of {'' if fixed else 'at most '}{most} items", shape if fixed else [shape[0]] * most
+            parts = [(*pair, f"an item of {where}") for pair in zip(value, shapes, strict=False)] if good else []
+        case _:  # {key: shape}; behind a key that may be left out, or null, stands ?
+            good = isinstance(value, dict) and len(value) <= MAX_MEMBERS and all(isinstance(key, str) for key in value)
+            what, keys = "a moderate object", [(key, key.rstrip("?")) for key in shape] if good else []
+            parts = [(value.get(key), shape[name], f"{where}.{ascii(key[:40])[1:-1]}")
+                     for name, key in keys if key == name or value.get(key) is not None]  # fmt: skip
+    require(good, f"{where} has to be {what}.")
+    for part in parts:
+        check_shape(*part)
 
 
-# Formulas
+def read_tokens(text: Any, where: str) -> Formula:
+    """The tokens of a formula, with B[1,0](x, y) for diff(B(x, y), x)."""
+    def rewritten(found: re.Match[str]) -> str:
+        names, by = ([name.strip() for name in part.split(",")] for part in (found[2], found[3]))
+        good = all(re.fullmatch(rf"{NAME}'?", name) for name in names) and {*by} <= {*names}
+        require(good and len({*names}) == len(names), f"{where}: diff takes a function and some of its distinct names.")
+        return f"{found[1]}[{','.join(str(by.count(name)) for name in names)}]({found[2]})"
 
-
-@dataclass(slots=True)
-class Table:
-    """All formulas of one check; equal nodes share a number, parts come first, a node has the tags of its parts."""
-
-    nodes: list[Node] = field(default_factory=list)
-    tags: list[frozenset[str]] = field(default_factory=list)
-    known: dict[Node, int] = field(default_factory=dict)
-
-    def add(self, kind: str, content: Any, *parts: int) -> int:
-        """The number of a node; a sum or product of one part is that part, few numbers become one."""
-        if kind in ("sum", "product") and len(parts) == 1:
-            return parts[0]
-        values = [self.nodes[part][1] for part in parts if self.nodes[part][0] == "number"]
-        if parts and len(values) == len(parts) <= 8 and (folded := self.folded(kind, values)) is not None:
-            kind, content, parts = "number", folded, ()
-        node = (kind, content, parts)
-        if node not in self.known:
-            self.known[node] = len(self.nodes)
-            self.nodes.append(node)
-            real = kind == "elementary" or (kind == "power" and self.exponent(node) is None)
-            own = {content} if kind == "name" else {"real"} if real else {kind}
-            self.tags.append(frozenset(own).union(*(self.tags[part] for part in parts)))
-        return self.known[node]
-
-    def folded(self, kind: str, values: list[Fraction]) -> Fraction | None:
-        if any(max(value.as_integer_ratio(), key=abs).bit_length() > 2000 for value in values):
-            return None
-        if kind == "power" and values[1].denominator == 1 and abs(values[1]) <= 64 and (values[0] or values[1] > 0):
-            return Fraction(values[0] ** int(values[1]))
-        if kind == "sum":
-            return sum(values, Fraction(0))
-        return math.prod(values, start=Fraction(1)) if kind == "product" else None
-
-    def exponent(self, node: Node) -> Fraction | None:
-        """The exponent of a power, where it is an integer."""
-        kind, value, _ = self.nodes[node[2][1]]
-        return value if kind == "number" and value.denominator == 1 else None
-
-    def uses(self, tag: str, roots: Iterable[int]) -> bool:
-        """Whether a name (x, x') or a kind of node occurs, "real" being what is not rational."""
-        return any(tag in self.tags[root] for root in roots)
-
-
-@dataclass(frozen=True, slots=True)
-class System:
-    """q'' = f as read; `forces` are numbers of nodes in the table."""
-
-    coordinates: tuple[str, ...]
-    parameters: frozenset[str]
-    functions: Mapping[str, tuple[str, ...]]
-    forces: tuple[int, ...] = ()
+    check_shape(text, TEXT, where)
+    tokens = list(TOKEN.finditer(DERIVATIVE.sub(rewritten, text)))
+    for token in tokens:
+        good = not token[2] and not (token[1][:1].isdigit() and len(token[1]) > MAX_DIGITS)
+        require(good, f"{where}: what stands at column {token.start(1) + 1} is no part of a formula.")
+    return tuple(token[1] for token in tokens)
 
 
 class Reader:
-    """A recursive descent reader of one formula; names in `bound` stand for nodes of the table."""
+    """Reads one formula by operator precedence, computing in a ring; names in `bound` have these values."""
 
-    def __init__(self, text: Document, table: Table, system: System, **bound: int) -> None:
-        good = isinstance(text.value, str) and len(text.value) <= MAX_TEXT
-        require(good, f"{text.where} has to be a formula of at most {MAX_TEXT} characters.")
-        self.table, self.system, self.where, self.bound = table, system, text.where, bound
-        self.tokens, self.position, self.depth, at, formula = list[str](), 0, 0, 0, text.value.rstrip(" \t\r\n")
-        while at < len(formula):
-            match = TOKEN.match(formula, at)
-            if not match or (match[1][0].isdigit() and len(match[1]) > MAX_DIGITS):
-                raise Refused(f"{self.where}: what stands at column {at + 1} is no part of a formula.")
-            self.tokens.append(match[1])
-            at = match.end()
-        self.tokens.append("")
+    def __init__(self, ring: Expansion, formula: Formula, **bound: Series) -> None:
+        self.ring, self.tokens, self.names, self.position = ring, formula, ring.names | bound, 0
+        self.value = self.expression(0, 0)
+        self.expect(not self.tokens[self.position], "an operator is expected")
 
     def expect(self, condition: object, what: str) -> None:
-        require(condition, f"{self.where}: {what}, at token {self.position + 1}.")
+        require(condition, f"Formula {''.join(self.tokens[:9])[:40]}…: {what}, at token {self.position + 1}.")
 
-    def formula(self) -> int:
-        number = self.sum()
-        self.expect(self.position == len(self.tokens) - 1, "an operator is expected")
-        return number
+    def take(self, operators: str) -> bool:
+        """Whether the next token is one of the operators; then it is passed."""
+        found = self.tokens[self.position] in tuple(operators)
+        self.position += found
+        return found
 
-    def take(self, operators: str) -> str:
-        """The next token if it is one of the operators, else nothing."""
-        here = self.tokens[self.position] if self.tokens[self.position] in operators else ""
-        self.position += bool(here)
-        return here
-
-    def chain(self, kind: str, part: Callable[[], int], operators: str, turn: Callable[[int], int]) -> int:
-        """part op part …; `turn` is applied behind the second operator."""
-        self.depth += 1
-        self.expect(self.depth <= 2 * MAX_DEPTH, f"at most {MAX_DEPTH} levels of nesting are allowed")
-        parts = [part()]
-        while operator := self.take(operators):
-            parts.append(part() if operator == operators[0] else turn(part()))
-        self.depth -= 1
-        return self.table.add(kind, None, *parts)
-
-    def sum(self) -> int:
-        return self.chain("sum", self.product, "+-", self.negative)
-
-    def product(self) -> int:
-        return self.chain("product", self.signed, "*/", self.reciprocal)
-
-    def negative(self, number: int) -> int:
-        return self.table.add("product", None, self.table.add("number", Fraction(-1)), number)
-
-    def reciprocal(self, number: int) -> int:
-        return self.table.add("power", None, number, self.table.add("number", Fraction(-1)))
-
-    def signed(self) -> int:
-        """A power behind minus signs; its exponent is a chain of one, so that depth is counted."""
-        minus = 0
+    def expression(self, floor: int, depth: int) -> Series:
+        """What stands before an operator that binds no tighter than `floor`; -x^2 is -(x^2), x^y^z is x^(y^z)."""
+        self.expect(depth <= 2 * MAX_DEPTH, f"at most {2 * MAX_DEPTH} brackets and exponents may be nested")
+        minuses = 0
         while self.take("-"):
-            minus += 1
-        number = self.atom()
-        if self.take("^"):
-            number = self.table.add("power", None, number, self.chain("product", self.signed, "^", int))
-        return self.negative(number) if minus % 2 else number
+            minuses += 1
+        value = self.expression(3, depth + 1) if minuses else self.atom(depth)
+        value = self.ring.add([value], [-1]) if minuses % 2 else value
+        while BINDING.get((operator := self.tokens[self.position])[:1], 0) > floor:
+            self.position += 1
+            if operator[1:]:
+                value = self.ring.power(value, int(operator[1:].strip("( \t\r\n)")))
+            else:
+                tower = operator == "^"
+                value = self.ring.joined(operator, value, self.expression(BINDING[operator] - tower, depth + tower))
+        return value
 
-    def atom(self) -> int:
+    def atom(self, depth: int) -> Series:
         token = self.tokens[self.position]
-        self.expect(token[:1].isalnum() or token == "(", "a number, a name or '(' is expected")
-        self.position += 1
-        if token == "(":
-            return self.arguments("(")[0]
+        self.expect(token == "(" or token[:1].isalnum(), "a number, a name or '(' is expected")
+        self.position += token != "("
         if token[0].isdigit():
-            return self.table.add("number", Fraction(token))
-        name = token.rstrip("'")
-        primes = len(token) - len(name)
-        return self.call(name, primes, self.arguments(",")) if self.take("(") else self.name(name, primes)
-
-    def arguments(self, comma: str) -> list[int]:
-        parts = [self.sum()]
-        while comma == "," and self.take(comma):
-            parts.append(self.sum())
+            return self.ring.arithmetic.settle({0: self.ring.arithmetic.number(Fraction(token))})
+        if not self.take("("):
+            self.expect(token in self.names, f"the name {token[:40]} is not known")
+            return self.names[token]
+        values = [self.expression(0, depth + 1)]
+        while token != "(" and self.take(","):
+            values.append(self.expression(0, depth + 1))
         self.expect(self.take(")"), "')' is expected")
-        return parts
+        return values[0] if token == "(" else self.call(token, values)
 
-    def name(self, name: str, primes: int) -> int:
-        if name in self.bound and not primes:
-            return self.bound[name]
-        constant = not primes and name in {"t", "pi"} | self.system.parameters
-        self.expect(constant or (primes <= 1 and name in self.system.coordinates),
-                    f"the name {name[:40]} (with {primes} primes) is not known")
-        return self.table.add("name", name + "'" * primes)
-
-    def call(self, name: str, primes: int, parts: list[int]) -> int:
-        declared = len(self.system.functions.get(name, ()))
-        if declared == len(parts) and primes <= (MAX_ORDER if declared == 1 else 0):
-            return self.table.add("function", (name, (primes,) + (0,) * (declared - 1)), *parts)
-        if name == "diff":
-            return self.derivative(parts)
-        good = not primes and len(parts) == 1 and (name in PRIMITIVE or name in DEFINED)
-        self.expect(good, f"{name[:40]} (with {primes} primes) is not known as a function of {len(parts)} arguments")
-        if name in PRIMITIVE:
-            return self.table.add("elementary", name, *parts)
-        return Reader(Document(DEFINED[name], self.where), self.table, self.system, u=parts[0]).formula()
-
-    def derivative(self, parts: list[int]) -> int:
-        """diff(A(x, y), x, …), by arguments that are names."""
-        kind, content, arguments = self.table.nodes[parts[0]]
-        names = {part for part in arguments if self.table.nodes[part][0] == "name" and arguments.count(part) == 1}
-        good = kind == "function" and set(parts[1:]) <= names and len(parts) <= MAX_ORDER
-        self.expect(good, "diff takes a declared function and some of its arguments, which are distinct names")
-        orders = tuple(order + parts[1:].count(part) for order, part in zip(content[1], arguments, strict=True))
-        return self.table.add("function", (content[0], orders), *arguments)
-
-
-def read_system(document: Document, table: Table) -> System:
-    coordinates = document.get("coordinates").names(MAX_COORDINATES)
-    parameters, declared = document.get("parameters", ()).names(MAX_NAMES), document.get("functions", {})
-    called = Document(declared.keys(), declared.where).names(MAX_NAMES)
-    functions = {name: declared.get(name).names(6) for name in called}
-    everything, where = {*coordinates, *parameters, *functions}, document.where
-    require(coordinates and all(functions.values()), f"{where} needs coordinates, and arguments of its functions.")
-    good = len(everything) == len(coordinates) + len(parameters) + len(functions) and not RESERVED & everything
-    require(good, f"{where} declares a name twice, or one that has a meaning of its own.")
-    equations, system = document.get("equations"), System(coordinates, frozenset(parameters), functions)
-    require(set(equations.keys()) == {*coordinates}, f"{where}.equations has to hold one formula for each coordinate.")
-    return replace(system, forces=tuple(Reader(equations.get(name), table, system).formula() for name in coordinates))
-
-
-# Numbers and power series
+    def call(self, token: str, values: list[Series]) -> Series:
+        """A(u), A'(u), B(u, w), B[1,0](u, w) or an elementary function."""
+        if token in DEFINED and len(values) == 1:
+            return Reader(self.ring, read_tokens(DEFINED[token], token), u=values[0]).value
+        if token in PRIMITIVE and len(values) == 1:
+            return self.ring.elementary(token, values[0])
+        name, _, listed = token.rstrip("]").partition("[")
+        orders = [int(order) for order in listed.split(",")] if listed else [name.count("'")]
+        name, orders = name.rstrip("'"), [0] * len(values) if orders == [0] else orders
+        good = len(values) == len(orders) == len(self.ring.task.functions.get(name, ())) and sum(orders) <= MAX_ORDER
+        self.expect(good, f"{token[:40]} is not known as a function of {len(values)} arguments")
+        return self.ring.function(name, tuple(orders), values)
 
 
 class Arithmetic:
-    """Residues modulo `prime`, or (prime 0) reals as integers scaled by `one` = 2^bits; with the end of its time."""
+    """Residues modulo `prime`, or (prime 0) reals as integers scaled by `one` = 2^bits."""
 
-    def __init__(self, task: Task, prime: int = 0, bits: int = 0, cut: int = 0, gap: int = 0) -> None:
+    def __init__(self, task: Question, prime: int = 0, bits: int = 0, cut: int = 0, gap: int = 0) -> None:
         self.task, self.prime, self.bits, self.one = task, prime, bits, 1 << bits
         self.cut, self.gap, self.noise = self.one >> cut, self.one >> gap, 1 << bits // 4
         self.context = mpmath.mp.clone()
@@ -315,41 +196,45 @@ class Arithmetic:
         """The number that a product of two numbers stands for."""
         return value % self.prime if self.prime else value >> self.bits
 
-    def settle(self, raw: Component) -> Component:
-        """`reduce` for each coefficient, zeros dropped (of reals: what is far below every threshold)."""
+    def settle(self, raw: Series, shift: int = 0) -> Series:
+        """The numbers without zeros (reals: what is far below every threshold); `shift` is `bits` for products."""
         if prime := self.prime:
             return {key: rest for key, value in raw.items() if (rest := value % prime)}
-        bits, noise = self.bits, self.noise
-        return {key: rest for key, value in raw.items() if abs(rest := value >> bits) > noise}
+        noise = self.noise
+        return {key: rest for key, value in raw.items() if abs(rest := value >> shift) > noise}
 
-    def row(self, raw: Component, scale: int = 0) -> Component:
+    def row(self, raw: Series, shift: int = 0, scale: int = 0) -> Series:
         """`settle` for a row of an elimination; with a `scale` the largest entry is made 1, or all are zero."""
-        row = self.settle(raw)
+        row = self.settle(raw, shift)
         if self.prime or not row:
             return row
-        largest = max(map(abs, row.values())) if scale else self.one
-        if self.vanishes(largest, scale):
-            return {}
-        scaled = {key: (value << self.bits) // largest for key, value in row.items()} if scale else row
-        return {key: value for key, value in scaled.items() if not self.vanishes(value, self.one)}
+        if scale:
+            largest = max(map(abs, row.values()))
+            row = {} if self.vanishes(largest, scale) else {key: (row[key] << self.bits) // largest for key in row}
+        return {key: value for key, value in row.items() if not self.vanishes(value, self.one)}
 
     def vanishes(self, value: int, scale: int) -> bool:
         """Whether the number is zero; reals: beside numbers of the size of `scale`."""
         if self.prime:
             return value % self.prime == 0
         if self.cut * scale < abs(value) << self.bits < self.gap * scale:
-            raise Unsettled("A number is too close to zero to judge.")
+            raise Ended("incomplete", "A number is too close to zero to judge.")
         return abs(value) << self.bits <= self.cut * scale
 
     def number(self, value: Fraction) -> int:
-        if self.prime:
-            return value.numerator * self.inverse(value.denominator) % self.prime
-        return (value.numerator << self.bits) // value.denominator
+        above, below = value.numerator, value.denominator
+        return above * self.inverse(below) % self.prime if self.prime else (above << self.bits) // below
 
     def inverse(self, value: int, least: int = 30) -> int:
         if abs(value) << least < self.one or (self.prime and value % self.prime == 0):
             raise Undefined
         return pow(value, -1, self.prime) if self.prime else (self.one << self.bits) // value
+
+    def power(self, value: int, exponent: int) -> int:
+        value, exponent = (self.inverse(value), -exponent) if exponent < 0 else (value, exponent)
+        if self.prime or not exponent:
+            return pow(value, exponent, self.prime) if self.prime else self.one
+        return int(value**exponent) >> self.bits * (exponent - 1)
 
     def real(self, name: str, argument: int = 0) -> int:
         """An elementary function, or pi, as mpmath computes it; refused unless real and of moderate size."""
@@ -366,19 +251,24 @@ class Arithmetic:
 
 
 class Expansion:
-    """Power series about a point in the displacements of the task's variables: t (if any), q_1 … q_n, v_1 … v_n.
-
-    A monomial is an integer, eight bits for each exponent and the total degree on top of them.
-    """
+    """Power series about a point in the displacements of t (if any), q_1 … q_n, v_1 … v_n, and conditions."""
 
     def __init__(self, arithmetic: Arithmetic, values: dict[str, int], degree: int) -> None:
-        self.task, self.arithmetic, self.values, self.degree = arithmetic.task, arithmetic, values, degree
-        self.n, m = len(self.task.system.coordinates), len(self.task.variables)
+        self.task, self.arithmetic, self.degree = arithmetic.task, arithmetic, degree
+        self.n, m = len(self.task.coordinates), len(self.task.variables)
         self.shift, self.units = 8 * m, [(1 << 8 * a) | (1 << 8 * m) for a in range(m)]
         self.q, self.v = range(m - 2 * self.n, m - self.n), range(m - self.n, m)
-        self.jets: list[tuple[str, list[int], Jet]] = []
+        self.curvature, self.jets = dict[tuple[int, int], Series](), dict[tuple[str, ...], dict[tuple[int, ...], int]]()
         if math.comb(m + degree, degree) > MAX_MONOMIALS:
-            raise Unsettled(f"Series of more than {MAX_MONOMIALS} terms would be needed.")
+            raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
+        self.names = {name: {0: value} for name, value in values.items()}
+        for name, unit in zip(self.task.variables if degree else (), self.units, strict=False):
+            self.names[name][unit] = arithmetic.one
+        self.forces = [Reader(self, force).value for force in self.task.forces]
+        self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
+        speeds = (self.names[name + "'"] for name in self.task.coordinates)
+        self.field = [*[{0: arithmetic.one}] * self.task.timed, *speeds, *self.forces]
+        self.scale = max(arithmetic.one, *(abs(value) for force in self.forces for value in force.values()), 0)
 
     def exponent(self, key: int, variable: int) -> int:
         return (key >> 8 * variable) & 255
@@ -386,190 +276,168 @@ class Expansion:
     def monomials(self, degree: int) -> Iterator[int]:
         return (sum(units) for units in combinations_with_replacement(self.units, degree)) if degree >= 0 else iter(())
 
+    def joined(self, operator: str, left: Series, right: Series) -> Series:
+        """left operator right, for ^ exp(right log(left))."""
+        self.task.check_time()
+        if operator in "+-":
+            return self.add([left, right], [1, 1 if operator == "+" else -1])
+        if operator == "^":
+            return self.elementary("exp", self.multiply(right, self.elementary("log", left), self.degree))
+        return self.multiply(left, self.power(right, -1) if operator == "/" else right, self.degree)
+
+    def add(self, terms: list[Series], weights: Iterable[int] = ()) -> Series:
+        """The sum of the series, each times a small integer."""
+        total: Series = {}
+        for term, weight in zip(terms, weights or [1] * len(terms), strict=True):
+            for key, value in term.items():
+                total[key] = total.get(key, 0) + value * weight
+        return self.arithmetic.settle(total)
+
+    def multiply(self, left: Series, right: Series, degree: int) -> Series:
+        """The product up to a total degree: the order of monomials is that of degrees first."""
+        total: Series = {}
+        terms, above = sorted(right.items()), (degree + 1) << self.shift
+        for first, value in left.items():
+            self.task.check_time()
+            for second, coefficient in terms[: bisect_left(terms, (above - first,))]:
+                total[first + second] = total.get(first + second, 0) + value * coefficient
+        return self.arithmetic.settle(total, self.arithmetic.bits)
+
+    def derivative(self, series: Series, variable: int) -> Series:
+        unit, powers = self.units[variable], ((key, self.exponent(key, variable)) for key in series)
+        return {key - unit: series[key] * power for key, power in powers if power}
+
+    def compose(self, arguments: list[Series], coefficient: Callable[..., int], *beta: int) -> Series:
+        """sum over beta of coefficient(beta) (u - u_0)^beta by Horner's rule, for arguments u with values u_0."""
+        if len(beta) == len(arguments):
+            return self.arithmetic.settle({0: coefficient(*beta)})
+        result, step = Series(), {key: value for key, value in arguments[len(beta)].items() if key}
+        for power in range(self.degree - sum(beta), -1, -1):
+            raised = self.multiply(result, step, self.degree - sum(beta) - power)
+            result = self.add([raised, self.compose(arguments, coefficient, *beta, power)])
+        return result
+
+    def power(self, u: Series, exponent: int) -> Series:
+        if abs(exponent) > MAX_EXPONENT:
+            raise Undefined
+        factors, start = [1], u.get(0, 0)  # binomial coefficients
+        for k in range(self.degree):
+            factors.append(factors[-1] * (exponent - k) // (k + 1))
+        return self.compose([u], lambda k: factors[k] and factors[k] * self.arithmetic.power(start, exponent - k))
+
+    def elementary(self, name: str, u: Series) -> Series:
+        field, start = self.arithmetic, u.get(0, 0)
+        value = field.real(name, start)
+        if name in ("log", "atan"):  # y with E(y) = w E(u), where E multiplies by the degree and w is the derivative
+            below = u if name == "log" else self.add([{0: field.one}, self.multiply(u, u, self.degree)])
+            growth = {key: part * (key >> self.shift) for key, part in u.items()}
+            growth = self.multiply(self.power(below, -1), growth, self.degree)
+            return {0: value} | {key: part // (key >> self.shift) for key, part in growth.items()}
+        cycle = [value] * 4 if name == "exp" else [value, cosine := field.real("cos", start), -value, -cosine]
+        return self.compose([u], lambda k: cycle[k % 4] // math.factorial(k))
+
+    def function(self, name: str, orders: tuple[int, ...], arguments: list[Series]) -> Series:
+        """A derivative of a declared function: its Taylor coefficients are random, but the same at equal arguments."""
+        field = self.arithmetic
+        near = [(argument.get(0, 0) + field.cut // 2) // field.cut for argument in arguments]
+        jet = self.jets.setdefault((name, *map(str, near)), {})
+        def coefficient(*beta: int) -> int:
+            value = jet.setdefault(tuple(map(sum, zip(beta, orders, strict=True))), field.draw())
+            return field.reduce(value * field.number(Fraction(1, math.prod(map(math.factorial, beta)))))
+
+        return self.compose(arguments, coefficient)
+
     def unknowns(self, degree: int) -> list[int]:
         """The unknowns of a degree: total degree two more, v-degree at least two."""
         return [key for key in self.monomials(degree + 2) if sum(self.exponent(key, v) for v in self.v) >= 2]
 
-    def constant(self, value: int) -> Series:
-        return [{0: value} if value else {}, *({} for _ in range(self.degree))]
+    def phi(self, k: int, j: int) -> Series:
+        """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
+        if (k, j) not in self.curvature:
+            pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
+            pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(self.n)]
+            terms = [self.derivative(self.forces[k], self.q[j]), *(self.multiply(*pair, self.degree) for pair in pairs)]
+            self.curvature[k, j] = self.add(terms, [-4] + [2] * len(self.field) + [-1] * self.n)
+        return self.curvature[k, j]
 
-    def add(self, terms: list[Series], weights: Iterable[int] = ()) -> Series:
-        """The sum of the series, each times a small integer."""
-        total: Series = [{} for _ in range(self.degree + 1)]
-        for term, weight in zip(terms, weights or [1] * len(terms), strict=True):
-            for sums, component in zip(total, term, strict=True):
-                for key, value in component.items():
-                    sums[key] = sums.get(key, 0) + ((value * weight) << self.arithmetic.bits)
-        return [self.arithmetic.settle(sums) for sums in total]
+    def row(self, kind: str, i: int, j: int, alpha: int) -> Series:
+        """The coefficient alpha of a condition, a sum of factor * g_ik and factor * d_a g_ij, in those of L."""
+        terms = [(rate, i, j, 2, a) for a, rate in enumerate(self.field) if kind == "H2"]
+        for k in range(self.n):
+            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in (j, i))
+            terms += [(left, i, k, 1, -1), (right, j, k, -1 if kind == "H3" else 1, -1)]
+        powers = [[unit * e for e in range(self.exponent(alpha, a) + 1)] for a, unit in enumerate(self.units)]
+        divisors, row, exponent = [sum(choice) for choice in product(*powers)], Series(), self.exponent
+        for factor, i, k, weight, a in terms:
+            first, second, along = self.v[i], self.v[k], self.units[a] if a >= 0 else 0
+            for part in divisors:
+                if value := factor.get(part):
+                    raised = alpha - part + along
+                    key = raised + self.units[first] + self.units[second]
+                    times = exponent(key, first) * (exponent(key, second) - (first == second))
+                    row[key] = row.get(key, 0) + value * weight * times * (exponent(raised, a) if along else 1)
+        return self.arithmetic.row(row, scale=self.scale)
 
-    def multiply(self, left: Series, right: Series) -> Series:
-        return [self.convolve(left, right, [1] * (degree + 1)) for degree in range(self.degree + 1)]
+    def rows(self, degree: int) -> Iterator[tuple[str, int, int, int]]:
+        """All rows whose unknowns have just this highest degree."""
+        for i, j in combinations_with_replacement(range(self.n), 2):
+            yield from (("H3", i, j, alpha) for alpha in self.monomials(degree) if i < j)
+            yield from (("H2", i, j, alpha) for alpha in self.monomials(degree - 1))
 
-    def convolve(self, left: Series, right: Series, weights: Iterable[int], factor: int | None = None) -> Component:
-        """factor * sum_(j <= k) weights[j] left_j right_(k - j)."""
-        total, weights = dict[int, int](), list(weights)
-        for component, other, weight in zip(left, reversed(right[: len(weights)]), weights, strict=False):
-            terms = list(other.items()) if weight else []
-            for first, value in component.items() if terms else ():
-                self.task.check_time()
-                for second, coefficient in terms:
-                    total[first + second] = total.get(first + second, 0) + value * weight * coefficient
-        settled, settle = self.arithmetic.settle(total), self.arithmetic.settle
-        return settled if factor is None else settle({key: value * factor for key, value in settled.items()})
+    def regular(self, series: Series) -> bool:
+        """Whether the matrix of the second v-derivatives at the point is regular."""
+        matrix = [{b: self.derivative(self.derivative(series, a), b).get(0, 0) for b in self.v} for a in self.v]
+        scale = max(abs(entry) for row in matrix for entry in row.values())
+        elimination = Elimination(self.arithmetic, 64)
+        elimination.insert(self.arithmetic.row(row, scale=scale) for row in matrix if scale)
+        return len(elimination.rows) == self.n
 
-    def derivative(self, series: Series, variable: int) -> Series:
-        unit, exponent = self.units[variable], self.exponent
-        lowered = [{key - unit: value * power for key, value in component.items() if (power := exponent(key, variable))}
-                   for component in series[1:]]  # fmt: skip
-        return self.add([[*lowered, {}]])
-
-    def inverse(self, series: Series) -> Series:
-        """y = 1/u: u_0 y_k = -sum_(j > 0) u_j y_(k-j)."""
-        start = self.arithmetic.inverse(series[0].get(0, 0))
-        result = self.constant(start)
-        for k in range(1, self.degree + 1):
-            result[k] = self.convolve(series, result, [0] + [-1] * k, start)
-        return result
-
-    def power(self, base: Series, exponent: Fraction | None, other: Series) -> Series:
-        """An integral power by squaring; any other is exp(other log base)."""
-        if exponent is None:
-            return self.elementary("exp", self.multiply(other, self.elementary("log", base)))
-        if abs(exponent) > MAX_EXPONENT:
-            raise Undefined
-        base, result = self.inverse(base) if exponent < 0 else base, self.constant(self.arithmetic.one)
-        for bit in f"{abs(int(exponent)):b}":
-            result = self.multiply(result, result)
-            result = self.multiply(result, base) if bit == "1" else result
-        return result
-
-    def integrate(self, argument: Series, slope: Series, result: Series, sign: int = 1) -> Iterator[None]:
-        """y with E(y) = w E(u), E the Euler operator: k y_k = sum_j j u_j w_(k-j); w may be y or grow beside it."""
-        for k in range(1, self.degree + 1):
-            result[k] = self.convolve(argument, slope, range(k + 1), self.arithmetic.number(Fraction(sign, k)))
-            yield
-
-    def elementary(self, name: str, u: Series) -> Series:
-        start, sign = u[0].get(0, 0), -1 if name == "cos" else 1
-        result = self.constant(self.arithmetic.real(name, start))
-        if name in ("sin", "cos"):
-            other = self.constant(self.arithmetic.real("cos" if name == "sin" else "sin", start))
-            list(zip(self.integrate(u, other, result, sign), self.integrate(u, result, other, -sign), strict=True))
-            return result
-        inside = self.add([self.constant(self.arithmetic.one), self.multiply(u, u)]) if name == "atan" else u
-        list(self.integrate(u, result if name == "exp" else self.inverse(inside), result))
-        return result
-
-    def series(self, roots: Iterable[int]) -> list[Series]:
-        """The Taylor series of formulas."""
-        wanted, nodes, values = set(roots), self.task.table.nodes, dict[int, Series]()
-        needed, last = set(wanted), dict[int, int]()
-        for number in range(max(wanted), -1, -1):
-            for part in nodes[number][2] if number in needed else ():
-                needed.add(part)
-                last.setdefault(part, number)
-        for number in sorted(needed):
-            self.task.check_time()
-            values[number] = self.node(nodes[number], [values[part] for part in nodes[number][2]])
-            for part in set(nodes[number][2]) - wanted:
-                if last[part] == number:
-                    del values[part]  # its last use: memory stays small
-        return [values[root] for root in roots]
-
-    def node(self, node: Node, values: list[Series]) -> Series:
-        match node[0]:
-            case "number":
-                return self.constant(self.arithmetic.number(node[1]))
-            case "name":
-                return self.variable(node[1])
-            case "sum":
-                return self.add(values)
-            case "power":
-                return self.power(values[0], self.task.table.exponent(node), values[1])
-            case "elementary":
-                return self.elementary(node[1], values[0])
-            case "function":
-                jet = self.jet(node[1][0], [one[0].get(0, 0) for one in values])
-                return self.horner(jet, node[1][1], [], [[{}, *one[1:]] for one in values])
-        result, *rest = values
-        for series in rest:
-            result = self.multiply(result, series)
-        return result
-
-    def variable(self, name: str) -> Series:
-        series = self.constant(self.values[name])
-        if name in self.task.variables and self.degree:
-            series[1] = {self.units[self.task.variables.index(name)]: self.arithmetic.one}
-        return series
-
-    def jet(self, name: str, arguments: list[int]) -> Jet:
-        """The derivatives drawn so far; equal arguments have the same."""
-        near = 0 if self.arithmetic.prime else self.arithmetic.cut
-        for known, values, jet in self.jets:
-            if known == name and all(abs(a - b) <= near for a, b in zip(values, arguments, strict=True)):
-                return jet
-        self.jets.append((name, arguments, {}))
-        return self.jets[-1][2]
-
-    def horner(self, jet: Jet, orders: tuple[int, ...], beta: list[int], rest: list[Series]) -> Series:
-        """sum over beta of A_(orders + beta) (u - u_0)^beta / beta! with random A_…."""
-        if not rest:
-            place = tuple(map(sum, zip(beta, orders, strict=True)))
-            factor = self.arithmetic.number(Fraction(1, math.prod(map(math.factorial, beta))))
-            return self.constant(self.arithmetic.reduce(jet.setdefault(place, self.arithmetic.draw()) * factor))
-        result = self.constant(0)
-        for power in range(self.degree - sum(beta), -1, -1):
-            result = self.add([self.multiply(result, rest[0]), self.horner(jet, orders, [*beta, power], rest[1:])])
-        return result
-
-
-# The linear system for a multiplier
+    def leaves_regular(self, elimination: Elimination) -> bool:
+        """Whether g(p) may be regular: two random ones are tried."""
+        return any(self.regular(elimination.solution(self.unknowns(0))) for _ in range(2))
 
 
 class Elimination:
-    """Rows in echelon form, columns (keys of monomials) in the order of falling degree."""
+    """Rows in echelon form without their pivots, which are 1; `order` numbers the rows by their pivots (monomials)."""
 
     def __init__(self, arithmetic: Arithmetic, shift: int) -> None:
         self.arithmetic, self.shift = arithmetic, shift
-        self.rows: list[Component] = []  # without their pivots, which are 1
-        self.pivots: list[int] = []
-        self.order: dict[int, int] = {}  # pivot: number of its row
+        self.rows, self.pivots, self.order = list[Series](), list[int](), dict[int, int]()
 
-    def insert(self, row: Component) -> None:
-        """Reduce the row degree by degree until its part of the highest degree is new, then keep it."""
-        while row:
-            top = max(row) >> self.shift
-            row = self.reduced(row, top)
-            block = [key for key in row if key >> self.shift == top]
+    def insert(self, rows: Iterable[Series]) -> None:
+        """Reduce each row degree by degree until its part of the highest degree is new, then keep it."""
+        field = self.arithmetic
+        for row in rows:
+            field.task.check_time()
+            block: list[int] = []
+            while row and not block:
+                top = max(row) >> self.shift
+                row = self.reduced(row, top)
+                block = [key for key in row if key >> self.shift == top]
             if block:
-                pivot = max(block, key=lambda key: key if self.arithmetic.prime else abs(row[key]))
-                inverse, self.order[pivot] = self.arithmetic.inverse(row.pop(pivot), 400), len(self.rows)
+                pivot = max(block, key=lambda key: key if field.prime else abs(row[key]))
+                inverse, self.order[pivot] = field.inverse(row.pop(pivot), 400), len(self.rows)
                 self.pivots.append(pivot)
-                self.rows.append(self.arithmetic.settle({key: value * inverse for key, value in row.items()}))
-                return
+                self.rows.append(field.settle({key: value * inverse for key, value in row.items()}, field.bits))
 
-    def reduced(self, row: Component, top: int) -> Component:
+    def reduced(self, row: Series, top: int) -> Series:
         """Without the pivots of one degree; a kept row holds no pivot of its degree older than itself."""
-        raw = {key: value << self.arithmetic.bits for key, value in row.items()}
-        queue = [self.order[key] for key in raw if key in self.order and key >> self.shift == top]
+        field, order, first = self.arithmetic, self.order, top << self.shift  # keys of this degree are not below
+        raw = {key: value << field.bits for key, value in row.items()}
+        queue = [order[key] for key in raw if key >= first and key in order]
         heapify(queue)
         while queue:
             number = heappop(queue)
-            factor = self.arithmetic.reduce(raw.pop(self.pivots[number], 0))
-            if not factor or self.arithmetic.vanishes(factor, self.arithmetic.one):
-                continue
-            self.arithmetic.task.check_time()
-            for key, value in self.rows[number].items():
-                if key not in raw and key in self.order and key >> self.shift == top:
-                    heappush(queue, self.order[key])
-                raw[key] = raw.get(key, 0) - factor * value
-        return self.arithmetic.row(raw)
+            factor = field.reduce(raw.pop(self.pivots[number], 0))
+            if factor and not field.vanishes(factor, field.one):
+                field.task.check_time()
+                for key, value in self.rows[number].items():
+                    if key >= first and key not in raw and key in order:
+                        heappush(queue, order[key])
+                    raw[key] = raw.get(key, 0) - factor * value
+        return field.row(raw, field.bits)
 
-    def rank(self, degree: int) -> int:
-        """The number of independent rows on unknowns of at most this degree of g."""
-        return sum((pivot >> self.shift) - 2 <= degree for pivot in self.pivots)
-
-    def solution(self, columns: list[int]) -> Component:
+    def solution(self, columns: list[int]) -> Series:
         """A random solution in the columns of the lowest degree."""
         values = {column: self.arithmetic.draw() for column in columns if column not in self.order}
         for pivot, row in zip(reversed(self.pivots), reversed(self.rows), strict=True):
@@ -578,405 +446,255 @@ class Elimination:
         return values
 
 
-def regular(matrix: list[list[int]], arithmetic: Arithmetic) -> bool:
-    elimination, scale = Elimination(arithmetic, 64), max(abs(entry) for row in matrix for entry in row)
-    for row in matrix if scale else ():
-        elimination.insert(arithmetic.row({j: value << arithmetic.bits for j, value in enumerate(row)}, scale))
-    return len(elimination.rows) == len(matrix)
+class Question:
+    """A system q'' = f as read, whether L may depend on t, and the checks of certificates that answer this."""
 
-
-def flat(series: Series) -> Component:
-    return {key: value for component in series for key, value in component.items()}
-
-
-class Prolongation(Expansion):
-    """The Helmholtz conditions (times two) on the Taylor coefficients of L at a point."""
-
-    def __init__(self, arithmetic: Arithmetic, values: dict[str, int], degree: int) -> None:
-        super().__init__(arithmetic, values, degree)
-        self.forces = self.series(self.task.system.forces)
-        speeds = [self.variable(name + "'") for name in self.task.system.coordinates]
-        self.field = [self.constant(arithmetic.one)] * self.task.timed + speeds + self.forces
-        self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
-        self.scale = max(arithmetic.one, *(abs(value) for force in self.forces for value in flat(force).values()), 0)
-        self.curvature: dict[tuple[int, int], Component] = {}
-        self.divisors: dict[int, list[int]] = {}
-
-    def phi(self, k: int, j: int) -> Component:
-        """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
-        if (k, j) not in self.curvature:
-            along = [self.multiply(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
-            squares = [self.multiply(self.slopes[k][m], self.slopes[m][j]) for m in range(self.n)]
-            terms = [*along, self.derivative(self.forces[k], self.q[j]), *squares]
-            self.curvature[k, j] = flat(self.add(terms, [2] * len(along) + [-4] + [-1] * self.n))
-        return self.curvature[k, j]
-
-    def below(self, key: int) -> list[int]:
-        """All monomials that divide this one."""
-        if key not in self.divisors:
-            powers = [[unit * e for e in range(self.exponent(key, a) + 1)] for a, unit in enumerate(self.units)]
-            self.divisors[key] = [sum(choice) for choice in product(*powers)]
-        return self.divisors[key]
-
-    def collect(self, row: Component, factor: Component, i: int, j: int, alpha: int, weight: int, a: int = -1) -> None:
-        """row += weight times the coefficient alpha of factor * g_ij, or of factor * d_a g_ij."""
-        i, j, exponent = self.v[i], self.v[j], self.exponent
-        raised = self.units[i] + self.units[j] + (self.units[a] if a >= 0 else 0)
-        for part in self.below(alpha):
-            if value := factor.get(part):
-                key = alpha - part + raised
-                times = weight * exponent(key, i) * (exponent(key, j) - (i == j))
-                times *= exponent(alpha - part, a) + 1 if a >= 0 else 1
-                row[key] = row.get(key, 0) + ((value * times) << self.arithmetic.bits)
-
-    def row(self, kind: str, i: int, j: int, alpha: int) -> Component:
-        row: Component = {}
-        for a, rate in enumerate(self.field if kind == "H2" else ()):
-            self.collect(row, flat(rate), i, j, alpha, 2, a)
-        for k in range(self.n):
-            first, second = (self.phi(k, c) if kind == "H3" else flat(self.slopes[k][c]) for c in (j, i))
-            self.collect(row, first, i, k, alpha, 1)
-            self.collect(row, second, j, k, alpha, -1 if kind == "H3" else 1)
-        return self.arithmetic.row(row, self.scale)
-
-    def rows(self, degree: int) -> Iterator[Row]:
-        """All rows whose unknowns have just this highest degree."""
-        for i, j in combinations_with_replacement(range(self.n), 2):
-            yield from (("H3", i, j, alpha) for alpha in self.monomials(degree) if i < j)
-            yield from (("H2", i, j, alpha) for alpha in self.monomials(degree - 1))
-
-    def value(self, terms: Component) -> list[list[int]]:
-        """g(p) of a solution."""
-        units = [self.units[v] for v in self.v]
-        return [[terms.get(a + b, 0) * (2 if a == b else 1) for a in units] for b in units]
-
-    def leaves_regular(self, elimination: Elimination) -> bool:
-        """Whether g(p) may be regular: two random ones are tried."""
-        found = [self.value(elimination.solution(self.unknowns(0))) for _ in range(2)]
-        return any(regular(g, self.arithmetic) for g in found)
-
-
-# The three kinds of certificates
-
-
-Work = Callable[[Arithmetic, dict[str, int]], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """One question about one system, what its check works with, and the checks themselves."""
-
-    generator: random.Random
-    limit: float
-    start: float = field(default_factory=time.monotonic)
-    table: Table = field(default_factory=Table)
-    system: System = System((), frozenset(), {})
-    timed: bool = False
-    near: Mapping[str, Fraction] = field(default_factory=dict)
-    variables: list[str] = field(default_factory=list)
-
-    def about(self, system: System, timed: bool, near: Mapping[str, Fraction]) -> Task:
-        """The same tools for another question."""
-        variables = ["t"] * timed + [*system.coordinates] + [name + "'" for name in system.coordinates]
-        good = set(near) <= {"t", *variables, *system.parameters}
-        require(good, "near holds a name that the system does not know.")
-        return replace(self, system=system, timed=timed, near=near, variables=variables)
+    def __init__(self, tools: Tools, document: Any, timed: bool = True, near: Any = None) -> None:
+        (self.generator, self.deadline), self.timed, near = tools, timed, near or {}
+        check_shape(document, SYSTEM, "system")
+        self.coordinates, self.parameters = document["coordinates"], document.get("parameters") or []
+        self.functions, equations = document.get("functions") or {}, document["equations"]
+        check_shape(list(self.functions.items()), [(NAME, [NAME, 6]), MAX_NAMES], "system.functions")
+        check_shape(equations, dict.fromkeys(self.coordinates, TEXT), "system.equations")
+        names = [*self.coordinates, *self.parameters, *self.functions]
+        good = self.coordinates and all(self.functions.values()) and len({*names} - RESERVED) == len(names)
+        good = good and len(equations) == len(self.coordinates)
+        require(good, "system has to declare names once, none with a meaning of its own, and an equation for each.")
+        self.forces = [read_tokens(equations[name], f"system.equations.{name}") for name in self.coordinates]
+        self.content = (self.coordinates, {*self.parameters}, self.functions, self.forces)
+        self.rational = all(IRRATIONAL.isdisjoint(force) for force in self.forces)
+        self.contains_time = any("t" in force for force in self.forces)
+        require(timed or not self.contains_time, "f contains t: the question has to be time_dependent.")
+        self.variables = ["t"] * timed + [*self.coordinates] + [name + "'" for name in self.coordinates]
+        self.names = {"t", *self.variables, *self.parameters}
+        check_shape(near, dict.fromkeys(near, NUMBER), "near")
+        require({*near} <= self.names, "near holds a name that the system does not know.")
+        self.near = {name: Fraction(value) for name, value in near.items()}
 
     def check_time(self) -> None:
-        if not time.monotonic() - self.start < self.limit:
-            raise Unsettled(f"The time limit of {self.limit:g} s ended the check.")
+        if not time.monotonic() < self.deadline:
+            raise Ended("incomplete", "The time limit ended the check.")
 
-    def draw(self, arithmetic: Arithmetic, attempt: int) -> dict[str, int]:
-        """Random values of all names; a real point lies near what the certificate names, else anywhere."""
-        values = {"pi": arithmetic.draw() if arithmetic.prime else arithmetic.real("pi")}
-        for name in ["t", *self.variables, *sorted(self.system.parameters)]:
-            values[name] = arithmetic.draw()
-            if not arithmetic.prime and name in self.near:
-                values[name] = arithmetic.number(self.near[name]) + (values[name] >> (3, 6, 10, 1)[attempt % 4])
-            elif not arithmetic.prime:
-                values[name] = (abs(values[name]) if attempt % 2 else values[name]) * 3 // 2
-        return values
-
-    def at_point(self, arithmetic: Arithmetic, work: Work) -> None:
-        """Do the work at a random point where the formulas are defined."""
+    def at_point(self, arithmetic: Arithmetic, degree: int, work: Work) -> None:
+        """Do the work at a random point where f is defined; a real one lies near what the certificate names."""
         for attempt in range(60):
+            values = {name: arithmetic.draw() for name in ("pi", *sorted(self.names))}
+            for name, value in values.items() if not arithmetic.prime else ():
+                spread = (3, 6, 10, 1)[attempt % 4] if name in self.near else 0
+                values[name] = arithmetic.number(self.near.get(name, Fraction(attempt % 2))) + (value >> spread)
+            values["pi"] = values["pi"] if arithmetic.prime else arithmetic.real("pi")
             try:
-                return work(arithmetic, self.draw(arithmetic, attempt))
+                return work(Expansion(arithmetic, values, degree))
             except Undefined:
                 self.check_time()
-        raise Unsettled("No point was found at which every formula is defined.")
+        raise Ended("incomplete", "No point was found at which every formula is defined.")
 
-    def settle(self, roots: tuple[int, ...], work: Work, thorough: bool = False) -> None:
-        """The work modulo two or three primes; or in real numbers, with more digits too if thorough or unsettled."""
-        for _ in range(0 if self.table.uses("real", roots) else 2 + thorough):
-            while not mpmath.libmp.isprime(prime := self.generator.randrange(1 << 60, 1 << 61)):
-                pass
-            self.at_point(Arithmetic(self, prime), work)
-        for precision in PRECISIONS if self.table.uses("real", roots) else ():
+    def settle(self, degree: int, work: Work, lagrangian: Formula = ()) -> None:
+        """The work modulo two primes or in reals, with more digits where unsettled; of a Lagrangian three, both."""
+        if self.rational and IRRATIONAL.isdisjoint(lagrangian):
+            for _ in range(3 if lagrangian else 2):
+                while not mpmath.libmp.isprime(prime := self.generator.randrange(1 << 60, 1 << 61)):
+                    pass
+                self.at_point(Arithmetic(self, prime), degree, work)
+            return
+        for precision in PRECISIONS:
             try:
-                self.at_point(Arithmetic(self, 0, *precision), work)
-            except Unsettled:
-                if precision == PRECISIONS[-1]:
-                    raise
-            else:
-                if not thorough:
+                self.at_point(Arithmetic(self, 0, *precision), degree, work)
+                if not lagrangian:
                     return
+            except Ended as end:
+                if end.args[0] == "invalid" or precision == PRECISIONS[-1]:
+                    raise
 
-    def lagrangian(self, document: Document) -> str:
-        root = Reader(document.get("lagrangian"), self.table, self.system).formula()
-        require(self.timed or not self.table.uses("t", [root]), "The Lagrangian contains t, but the question does not.")
-        roots = (root, *self.system.forces)
+    def lagrangian(self, document: dict[str, Any]) -> str:
+        """L_(v_i v_j) f^j + L_(v_i q_j) v^j + L_(v_i t) = L_(q_i), and the matrix L_(v_i v_j) is regular."""
+        formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
+        require(self.timed or "t" not in formula, "The Lagrangian contains t, but the question does not.")
+        def work(ring: Expansion) -> None:
+            field, lagrangian = ring.arithmetic, Reader(ring, formula).value
+            for v, q, name in zip(ring.v, ring.q, self.coordinates, strict=True):
+                momentum, terms = ring.derivative(lagrangian, v), [-lagrangian.get(ring.units[q], 0)]
+                for a, rate in enumerate(ring.field):
+                    terms.append(field.reduce(ring.derivative(momentum, a).get(0, 0) * rate.get(0, 0)))
+                zero = field.vanishes(sum(terms), max(field.one >> 60, *map(abs, terms)))
+                require(zero, f"The Euler-Lagrange equation of {name} does not hold.")
+            require(ring.regular(lagrangian), "The Hessian of the Lagrangian is singular.")
 
-        def work(arithmetic: Arithmetic, values: dict[str, int]) -> None:
-            self.test_lagrangian(roots, Expansion(arithmetic, values, 2))
-
-        self.settle(roots, work, thorough=True)
+        self.settle(2, work, formula)
         return "The Euler-Lagrange equations of the Lagrangian hold and its Hessian is regular."
 
-    def test_lagrangian(self, roots: tuple[int, ...], ring: Expansion) -> None:
-        arithmetic, v, (lagrangian, *forces) = ring.arithmetic, ring.v, ring.series(roots)
-        speeds = [ring.values[name + "'"] for name in self.system.coordinates]
-        rates = [*speeds, *(force[0].get(0, 0) for force in forces)]
-
-        def second(a: int, b: int) -> int:
-            return lagrangian[2].get(ring.units[a] + ring.units[b], 0) * (2 if a == b else 1)
-
-        for i, name in enumerate(self.system.coordinates):
-            terms = [arithmetic.reduce(second(v[i], a) * rate) for a, rate in zip((*ring.q, *v), rates, strict=True)]
-            terms += [second(v[i], 0)] * self.timed + [-lagrangian[1].get(ring.units[ring.q[i]], 0)]
-            zero = arithmetic.vanishes(sum(terms), max(arithmetic.one >> 60, *map(abs, terms)))
-            require(zero, f"The Euler-Lagrange equation of {name} does not hold.")
-        hessian = [[second(a, b) for b in v] for a in v]
-        require(regular(hessian, arithmetic), "The Hessian of the Lagrangian is singular.")
-
-    def multi_index(self, document: Document, most: int) -> int:
-        m, exponents = len(self.variables), [item.whole(0, most) for item in document.items(len(self.variables))]
-        good = len(exponents) == m and sum(exponents) <= most
-        require(good, f"A multi-index needs {m} exponents of total <= {most}.")
+    def multi_index(self, exponents: list[int], most: int) -> int:
+        good = len(exponents) == len(self.variables) and sum(exponents) <= most
+        require(good, f"A multi-index needs {len(self.variables)} exponents of total <= {most}.")
         return sum(exponent << 8 * a for a, exponent in enumerate([*exponents, sum(exponents)]))
 
-    def row(self, document: Document, order: int) -> Row:
-        parts, n = document.items(4), len(self.system.coordinates)
-        require(len(parts) == 4, "A row has four parts: kind, i, j, multi-index.")
-        kind, i, j = parts[0].choice("H2", "H3"), parts[1].whole(0, n - 1), parts[2].whole(0, n - 1)
-        require(i < j or (kind == "H2" and i == j), "A row of H2 needs i <= j, a row of H3 i < j.")
-        return kind, i, j, self.multi_index(parts[3], order - (kind == "H2"))
-
-    def nonexistence(self, document: Document) -> str:
-        order, shift = document.get("order").whole(0, MAX_ORDER), 8 * len(self.variables)
-        rows = [self.row(item, order) for item in document.get("rows").items(MAX_ROWS)]
+    def nonexistence(self, document: dict[str, Any]) -> str:
+        index, exponents, m = range(len(self.coordinates)), range(MAX_ORDER + 1), len(self.variables)
+        shape = {"order": exponents, "rows": [("H2|H3", index, index, [exponents, m]), MAX_ROWS]}
+        check_shape(document, shape, "certificate")
+        good = all(i < j or (kind == "H2" and i == j) for kind, i, j, alpha in document["rows"])
+        require(good, "A row of H2 needs i <= j, a row of H3 i < j.")
+        rows = [(kind, i, j, self.multi_index(alpha, document["order"] - (kind == "H2")))
+                for kind, i, j, alpha in document["rows"]]  # fmt: skip
         require(len(set(rows)) == len(rows), "A row is named twice.")
-        rows.sort(key=lambda row: ((row[3] >> shift) + (row[0] == "H2"), row))  # low degrees first fill in least
-        degree = max(((row[3] >> shift) + (2 if row[0] == "H3" else 1) for row in rows), default=0)
+        rows.sort(key=lambda row: ((row[3] >> 8 * m) + (row[0] == "H2"), row))  # low degrees first fill in least
+        def work(ring: Expansion) -> None:
+            elimination = Elimination(ring.arithmetic, ring.shift)
+            elimination.insert(ring.row(*row) for row in rows)
+            require(not ring.leaves_regular(elimination), "The rows leave a regular multiplier g(p).")
 
-        def work(arithmetic: Arithmetic, values: dict[str, int]) -> None:
-            prolongation, elimination = Prolongation(arithmetic, values, degree), Elimination(arithmetic, shift)
-            for row in rows:
-                elimination.insert(prolongation.row(*row))
-            require(not prolongation.leaves_regular(elimination), "The rows leave a regular multiplier g(p).")
-
-        self.settle(self.system.forces, work)
+        degrees = [(alpha >> 8 * m) + (2 if kind == "H3" else 1) for kind, _, _, alpha in rows]
+        self.settle(max(degrees, default=0), work)
         return f"{len(rows)} rows leave no regular multiplier g(p)."
 
-    def existence(self, document: Document) -> str:
-        order, symbol = document.get("order").whole(1, MAX_ORDER), document.get("symbol")
-        degree = document.get("degree").whole(1, order)
-        claimed = [item.whole(0, 10**9) for item in document.get("dimensions").items(degree + 1)]
-        numbers = [symbol.get(name) for name in ("dimension", "prolonged")]
-        numbers += symbol.get("characters").items(len(self.variables))
-        claimed_symbol = [number.whole(0, 10**9) for number in numbers]
-
-        def work(arithmetic: Arithmetic, values: dict[str, int]) -> None:
-            prolongation, found = Prolongation(arithmetic, values, order + 3), list[list[int]]()
-            elimination, widths = Elimination(arithmetic, prolongation.shift), [0]
+    def existence(self, document: dict[str, Any]) -> str:
+        count, orders = range(10**9), range(1, MAX_ORDER + 1)
+        symbol = {"dimension": count, "prolonged": count, "characters": [count, len(self.variables)]}
+        shape = {"order": orders, "degree": orders, "dimensions": [count, MAX_ORDER + 1], "symbol": symbol}
+        check_shape(document, shape, "certificate")
+        order, degree, dimensions = document["order"], document["degree"], list(document["dimensions"])
+        require(degree <= order, "degree has to be at most order.")
+        def work(ring: Expansion) -> None:
+            elimination, degrees = Elimination(ring.arithmetic, ring.shift), range(degree + 1)
             for step in range(order + 2):
-                for row in prolongation.rows(step):
-                    elimination.insert(prolongation.row(*row))
-                widths.append(widths[-1] + len(prolongation.unknowns(step)))
-                found.append([width - elimination.rank(k) for k, width in enumerate(widths[1 : degree + 2])])
-            require(found[order] == claimed, "The dimensions are not those of the system.")
-            require(found[order] == found[order + 1], "The dimension of the projection still falls at the next order.")
-            require(prolongation.leaves_regular(elimination), "No multiplier g(p) that is left is regular.")
-            test_symbol(elimination, prolongation, degree, claimed_symbol)
+                elimination.insert(ring.row(*row) for row in ring.rows(step))
+                kept = [pivot >> ring.shift for pivot in elimination.pivots]
+                found = list(accumulate(len(ring.unknowns(k)) - kept.count(k + 2) for k in degrees))
+                require(step < order or found == dimensions, "The dimensions are not those of this and the next order.")
+            require(ring.leaves_regular(elimination), "No multiplier g(p) that is left is regular.")
+            test_symbol(elimination, ring, degree, document["symbol"])
 
-        self.settle(self.system.forces, work)
+        self.settle(order + 3, work)
         found = "The projected system is involutive and leaves a regular multiplier g(p)."
-        return found if document.get("series").value is None else found + self.series(document.get("series"))
+        return found if document.get("series") is None else found + self.series(document["series"])
 
-    def series(self, series: Document) -> str:
+    def series(self, series: Any) -> str:
         """The rows of the order that it claims vanish on the given coefficients, and g(p) is regular."""
-        if self.table.uses("function", self.system.forces):
-            return " The series was not compared: functions are arbitrary."
-        order, prime = series.get("order").whole(0, MAX_ORDER), series.get("prime", 0).whole(0, 1 << 127)
-        good = prime >> 30 and mpmath.libmp.isprime(prime) and not self.table.uses("real", self.system.forces)
-        require(good or not prime, "series.prime has to be null, or, if f is rational, a prime above 2^30.")
-        arithmetic = Arithmetic(self, prime) if prime else Arithmetic(self, 0, 480, 80, 79)
-        given, terms = series.get("point"), [item.items(2) for item in series.get("terms").items(MAX_ROWS)]
+        point = dict.fromkeys({*self.variables, *self.parameters}, NUMBER)
+        shape = {"order": range(MAX_ORDER + 1), "prime?": range(1 << 127), "point": {**point, "pi?": NUMBER},
+                 "terms": [([range(MAX_ORDER + 3), len(self.variables)], NUMBER), MAX_ROWS]}  # fmt: skip
+        check_shape(series, shape, "certificate.series")
+        order, prime = series["order"], series.get("prime") or 0
+        good = not prime or (prime >> 30 and mpmath.libmp.isprime(prime) and self.rational)
+        require(good, "series.prime has to be null, or, if f is rational, a prime above 2^30.")
+        field = Arithmetic(self, prime) if prime else Arithmetic(self, 0, 480, 80, 79)
         try:
-            values = {name: arithmetic.number(given.get(name).number()) for name in list(given.keys())}
-            values = {"pi": 0 if prime else arithmetic.real("pi"), **values}
-            require({*self.variables, *self.system.parameters} <= set(values), "series.point lacks a value.")
-            require(all(len(term) == 2 for term in terms), "A term of the series is a multi-index and a value.")
-            known = {self.multi_index(a, order + 2): arithmetic.number(b.number()) for a, b in terms}
-            test_series(Prolongation(arithmetic, values, order + 2), order, known)
+            values = {name: field.number(Fraction(series["point"].get(name) or 0)) for name in (*point, "pi")}
+            values["pi"] = values["pi"] if prime else field.real("pi")
+            terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
+            ring = Expansion(field, values, order + 2)
         except Undefined:
-            raise Refused("The series stands at a point where f is not defined.") from None
+            raise Ended("invalid", "The series stands at a point where f is not defined.") from None
+        if ring.jets:
+            return " The series was not compared: functions are arbitrary."
+        for name in (name for degree in range(order + 1) for name in ring.rows(degree)):
+            products = [field.reduce(value * terms.get(key, 0)) for key, value in ring.row(*name).items()]
+            zero = field.vanishes(sum(products), max(1, 1, *map(abs, products)))
+            require(zero, "The series does not solve the rows.")
+        require(ring.regular(terms), "The series has a singular g(p).")
         return " The series solves the rows."
 
 
-def test_series(prolongation: Prolongation, order: int, terms: Component) -> None:
-    arithmetic = prolongation.arithmetic
-    for name in (name for degree in range(order + 1) for name in prolongation.rows(degree)):
-        products = [arithmetic.reduce(value * terms.get(key, 0)) for key, value in prolongation.row(*name).items()]
-        zero = arithmetic.vanishes(sum(products), max(1, 1, *map(abs, products)))
-        require(zero, "The series does not solve the rows.")
-    require(regular(prolongation.value(terms), arithmetic), "The series has a singular g(p).")
-
-
-def test_symbol(system: Elimination, ring: Expansion, degree: int, claimed: list[int]) -> None:
+def test_symbol(system: Elimination, ring: Expansion, degree: int, claimed: dict[str, Any]) -> None:
     """Cartan's test: dim of the prolongation = sum_k dim of what k random derivatives kill."""
-    arithmetic, bits = system.arithmetic, system.arithmetic.bits
-    above, killed = Elimination(arithmetic, ring.shift), Elimination(arithmetic, ring.shift)
+    field, above, killed = system.arithmetic, *(Elimination(ring.arithmetic, ring.shift) for _ in range(2))
     for pivot, row in zip(system.pivots, system.rows, strict=True):
         if pivot >> ring.shift == degree + 2:
-            top = {key: value for key, value in row.items() if key >> ring.shift == degree + 2}
-            top[pivot] = arithmetic.one
-            killed.insert(top)
-            for a, unit in enumerate(ring.units):
-                raised = {key + unit: (value * (ring.exponent(key, a) + 1)) << bits for key, value in top.items()}
-                above.insert(arithmetic.row(raised, arithmetic.one))
+            top = {pivot: field.one} | {key: value for key, value in row.items() if key >> ring.shift == degree + 2}
+            killed.insert([top])
+            above.insert(field.row({key + unit: value * (ring.exponent(key, a) + 1) for key, value in top.items()},
+                                   scale=field.one) for a, unit in enumerate(ring.units))  # fmt: skip
     left = [len(ring.unknowns(degree)) - len(killed.rows)]
     for _ in ring.units:
-        direction = [(a, unit, arithmetic.draw()) for a, unit in enumerate(ring.units)]
-        for key in ring.unknowns(degree - 1) if left[-1] else ():
-            row = {key + unit: (u * (ring.exponent(key, a) + 1)) << bits for a, unit, u in direction}
-            killed.insert(arithmetic.row(row, arithmetic.one))
+        direction = [(a, unit, field.draw()) for a, unit in enumerate(ring.units)]
+        killed.insert(field.row({key + unit: part * (ring.exponent(key, a) + 1) for a, unit, part in direction},
+                                scale=field.one) for key in ring.unknowns(degree - 1) if left[-1])  # fmt: skip
         left.append(len(ring.unknowns(degree)) - len(killed.rows))
-    prolonged = len(ring.unknowns(degree + 1)) - len(above.rows)
-    found = [left[0], prolonged, *(before - after for before, after in pairwise(left))]
-    padded = claimed + [0] * (len(found) - len(claimed))
-    require(padded == found, "The dimensions of the symbol are not those of the system.")
-    require(prolonged == sum(left[:-1]), "The symbol is not involutive.")
+    found = [left[0], len(ring.unknowns(degree + 1)) - len(above.rows), *(a - b for a, b in pairwise(left))]
+    given = [claimed["dimension"], claimed["prolonged"], *claimed["characters"]]
+    require([*given, *[0] * (len(found) - len(given))] == found, "The symbol has other dimensions.")
+    require(found[1] == sum(left[:-1]), "The symbol is not involutive.")
 
 
-# Documents
-
-
-def judged(work: Callable[[Task], list[str]], time_limit: float, seed: int | None) -> CheckResult:
-    task = Task(random.SystemRandom() if seed is None else random.Random(seed), time_limit)
+def judged(work: Callable[[Tools], list[str]], time_limit: float, seed: int | None) -> CheckResult:
+    generator = random.SystemRandom() if seed is None else random.Random(seed)
     try:
-        return CheckResult("valid", tuple(work(task)))
-    except Refused as problem:
-        return CheckResult("invalid", (str(problem),))
-    except Unsettled as problem:
-        return CheckResult("incomplete", (str(problem),))
+        return CheckResult("valid", tuple(work((generator, time.monotonic() + time_limit))))
+    except Ended as end:
+        return CheckResult(end.args[0], end.args[1:])
     except (RecursionError, MemoryError):
         return CheckResult("incomplete", ("The document is beyond the memory of the checker.",))
 
 
 def check_certificate(certificate: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
     """The verdict on a certificate by itself; never raises. `seed` makes the checker's choices repeatable."""
-    return judged(lambda task: [certified(Document(certificate, "certificate"), task)], time_limit, seed)
+    return judged(lambda tools: [certified(certificate, tools)], time_limit, seed)
 
 
 def check_result(result: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
     """The verdict on a result document, its certificates and their agreement with it; never raises."""
-    return judged(lambda task: compared(Document(result, "result"), task), time_limit, seed)
+    return judged(lambda tools: compared(result, tools), time_limit, seed)
 
 
 def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
     """The verdict on the JSON text of a result or of a certificate; never raises."""
-
     def members(pairs: list[tuple[str, object]]) -> dict[str, object]:
-        require(len(dict(pairs)) == len(pairs), "A key stands twice in one object.")
+        if len(dict(pairs)) < len(pairs):
+            raise ValueError
         return dict(pairs)
 
-    def constant(name: str) -> None:
-        raise Refused(f"{name} is not a number in JSON.")
-
     try:
-        document = json.loads(text, object_pairs_hook=members, parse_constant=constant)
-    except Refused as problem:
-        return CheckResult("invalid", (str(problem),))
+        document = json.loads(text, object_pairs_hook=members, parse_constant=int)  # int("NaN") is a ValueError
     except (ValueError, TypeError, RecursionError):
-        return CheckResult("invalid", ("The text is no JSON document, or is nested too deeply.",))
+        return CheckResult("invalid", ("The text is no JSON document, repeats a key, or is nested too deeply.",))
     kind = document.get("format") if isinstance(document, dict) else None
     return (check_certificate if kind == FORMAT else check_result)(document, time_limit, seed)
 
 
-def certified(document: Document, task: Task) -> str:
+def certified(document: Any, tools: Tools) -> str:
     """Check a certificate; the sentence that says what was found."""
-    document.get("format").choice(FORMAT)
-    timed = document.get("question").choice("autonomous", "time_dependent") == "time_dependent"
-    kind = document.get("kind").choice("lagrangian", "existence", "nonexistence")
-    document.get("claim").choice("not_variational" if kind == "nonexistence" else "variational")
-    system, near = read_system(document.get("system"), task.table), document.get("near", {})
-    require(timed or not task.table.uses("t", system.forces), "f contains t: the question has to be time_dependent.")
-    asked = task.about(system, timed, {name: near.get(name).number() for name in list(near.keys())})
+    check_shape(document, CERTIFICATE, "certificate")
+    kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
+    require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
+    asked = Question(tools, document["system"], document["question"] == "time_dependent", document.get("near"))
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
     return checks[kind](document)
 
 
-def compared(result: Document, task: Task) -> list[str]:
+def compared(result: Any, tools: Tools) -> list[str]:
     """Check a result: first that its parts agree, then its certificates."""
-    result.get("format").choice(RESULT_FORMAT)
-    verdicts, other = ("variational", "not_variational", "undetermined"), result.get("with_time")
-    system = read_system(result.get("system"), task.table)
-    asked = result.get("question", "").choice("L(q, q')", "L(t, q, q')", "")
-    timed = asked == "L(t, q, q')" or (not asked and task.table.uses("t", system.forces))
-    verdict, later = result.get("verdict").choice(*verdicts), result.get("verdict_with_time", "").choice(*verdicts, "")
-    require(not timed or later in ("", verdict), "verdict and verdict_with_time answer one question differently.")
+    check_shape(result, RESULT, "result")
+    system, asked = Question(tools, result["system"]), result.get("question")
+    timed = asked == "L(t, q, q')" or (asked is None and system.contains_time)
+    verdict, later, other = result["verdict"], result.get("verdict_with_time"), result.get("with_time")
+    require(not timed or later in (None, verdict), "verdict and verdict_with_time answer one question differently.")
     require((verdict, later) != ("variational", "not_variational"), "An L(q, q') is an L(t, q, q') too.")
-    certificates = [agreed(result, verdict, "time_dependent" if timed else "autonomous", system, task.table)]
-    if other.value is not None:
-        require(other.get("verdict", later).value == later, "with_time.verdict is not verdict_with_time.")
-        certificates.append(agreed(other, later, "time_dependent", system, task.table))
-    found = [certified(one, task) for one in certificates if one]
-    proven = not later or any(one and proves(one, "time_dependent", later) for one in certificates)
+    certificates = [agreed(result, verdict, "time_dependent" if timed else "autonomous", system, tools)]
+    if other is not None:
+        require(other.get("verdict") in (None, later), "with_time.verdict is not verdict_with_time.")
+        certificates.append(agreed(other, later, "time_dependent", system, tools))
+    found = [certified(one, tools) for one in certificates if one]
+    proven = later is None or any(one and proves(one, "time_dependent", later) for one in certificates)
     if not proven or None in certificates or "undetermined" in (verdict, later):
-        raise Unsettled("A verdict is undetermined, or no certificate proves it.")
-    return [*found, *compare_given(result.get("system").get("given"), task.about(system, True, {}))]
+        raise Ended("incomplete", "A verdict is undetermined, or no certificate proves it.")
+    return found if result["system"].get("given") is None else [*found, "The equations as given were not compared."]
 
 
-def proves(certificate: Document, question: str, verdict: str) -> bool:
+def proves(certificate: dict[str, Any], question: str, verdict: str | None) -> bool:
     """Whether the certificate's claim, if right, makes the verdict right."""
     wider = "time_dependent" if verdict == "not_variational" else "autonomous"
-    return certificate.get("claim").value == verdict and certificate.get("question").value in (question, wider)
+    return certificate["claim"] == verdict and certificate["question"] in (question, wider)
 
 
-def agreed(answer: Document, verdict: str, question: str, system: System, table: Table) -> Document | None:
+def agreed(answer: dict[str, Any], verdict: str | None, question: str, system: Question, tools: Tools) -> Any:
     """The certificate of an answer, if it has one, once it is seen to speak of the same things."""
     certificate, shown = answer.get("certificate"), answer.get("lagrangian")
-    if certificate.value is None:
+    if certificate is None:
         return None
-    require(proves(certificate, question, verdict), f"{certificate.where} does not claim the verdict.")
-    require(read_system(certificate.get("system"), table) == system, f"{certificate.where} is about another system.")
-    if certificate.get("kind").value != "lagrangian":
-        require(shown.value is None, f"{shown.where} is not certified.")
-        return certificate
-    numbers = {Reader(text, table, system).formula() for text in (shown.get("text"), certificate.get("lagrangian"))}
-    require(len(numbers) == 1, f"{shown.where} is not the certified one.")
+    check_shape(certificate, CERTIFICATE, "certificate")
+    require(proves(certificate, question, verdict), "A certificate does not claim the verdict that it stands beside.")
+    require(system.content == Question(tools, certificate["system"]).content, "A certificate is about another system.")
+    formula = None if shown is None else read_tokens(shown.get("text"), "lagrangian.text")
+    certain = read_tokens(certificate.get("lagrangian"), "lagrangian") if certificate["kind"] == "lagrangian" else None
+    require(formula == certain, "The Lagrangian of an answer is not the one that its certificate proves.")
     return certificate
-
-
-def compare_given(given: Document, task: Task) -> list[str]:
-    """Whether the equations as given, where readable, are the canonical ones; the sentence that says so."""
-    if given.value is None:
-        return []
-    try:
-        equations, values = given.get("equations", given.value), given.get("parameters", {})
-        names = values.keys() if isinstance(values.value, Mapping) else []
-        nodes = {name: task.table.add("number", values.get(name).number()) for name in names}
-        forces = [Reader(equations.get(q), task.table, task.system, **nodes).formula() for q in task.system.coordinates]
-    except Refused as problem:
-        return [f"The equations as given were not compared: {problem}"]
-    roots = (*forces, *task.system.forces)
-
-    def work(arithmetic: Arithmetic, values: dict[str, int]) -> None:
-        numbers = [series[0].get(0, 0) for series in Expansion(arithmetic, values, 0).series(roots)]
-        for a, b in zip(numbers, numbers[len(forces) :], strict=False):
-            same = arithmetic.vanishes(a - b, max(arithmetic.one, abs(a), abs(b)))
-            require(same, "The canonical equations are not those given.")
-
-    task.settle(roots, work)
-    return ["The equations as given are the canonical ones."]

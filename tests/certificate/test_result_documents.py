@@ -124,23 +124,9 @@ def test_an_undetermined_answer_hides_no_false_one() -> None:
     assert verdict(changed(wrong, "with_time.lagrangian.text", HENON_HEILES)) == "invalid"
 
 
-@pytest.mark.parametrize(
-    ("given", "expected", "word"),
-    [
-        ({"equations": {"x": "-x*(1+2*y)", "y": "y^2-x^2-y"}}, "valid", "are the canonical"),
-        ({"x": "-x*(1+2*y)", "y": "y^2-x^2-y"}, "valid", "are the canonical"),
-        ({"equations": {"x": "-x*(c+2*y)", "y": "y^2-x^2-y"}, "parameters": {"c": "1.0"}}, "valid", "canonical"),
-        ({"equations": {"x": "-x*(c+2*y)", "y": "y^2-x^2-y"}, "parameters": {"c": "1.1"}}, "invalid", "not those"),
-        ({"equations": {"x": "-x*(1+2*y)+x^3/10^9", "y": "y^2-x^2-y"}}, "invalid", "not those"),
-        ({"equations": {"x": "-x*(sin(y)^2+cos(y)^2+2*y)", "y": "y^2-x^2-y"}}, "valid", "are the canonical"),
-        ({"equations": {"x": "-x*(1+2y)", "y": "y^2-x^2-y"}}, "valid", "not compared"),
-        ({"equations": "x'' = -x - 2*x*y; y'' = -y - x^2 + y^2"}, "valid", "not compared"),
-        ({"equations": ["x'' = -x"]}, "valid", "not compared"),
-        ([1, 2], "valid", "not compared"),
-        ("x'' = 0", "valid", "not compared"),
-    ],
-)
-def test_the_equations_as_given_are_compared_where_readable(given: Any, expected: str, word: str) -> None:
+@pytest.mark.parametrize("given", [{"equations": {"x": "-x*(1+2*y)", "y": "y^2-x^2-y"}}, {"x": "0"}, [1, 2], "x'' = 0"])
+def test_the_equations_as_given_are_not_compared_and_the_reasons_say_so(given: Any) -> None:
     found = check_result(changed(variational(), "system.given", given), seed=1)
-    assert found.verdict == expected
-    assert word in found.reasons[-1]
+    assert found.verdict == "valid"
+    assert "not compared" in found.reasons[-1]
+    assert "not compared" not in check_result(variational(), seed=1).reasons[-1]
