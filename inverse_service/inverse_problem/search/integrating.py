@@ -69,7 +69,7 @@ def _solve(
 ) -> list[Fraction] | None:
     """The simplest rational solution: columns that depend on earlier ones are left out."""
     try:
-        sampler = make_sampler(material.analysis, [(column, Fraction(1)) for column in columns])
+        sampler = make_sampler(material.analysis, [(tree, Fraction(1)) for tree in (*columns, tree_of(c))])
         points = sample_points(sampler, len(columns) + 6, seed)
         rows = []
         for point in points:
