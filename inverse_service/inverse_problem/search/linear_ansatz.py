@@ -113,10 +113,15 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
     are no small rationals, or that fail at control points over another prime, are left out.
     """
     letters, n = letters_of(candidates), len(sampler.analysis.accelerations)
-    samples = (len(candidates) + _SPARE_EQUATIONS) // n + 1
-    table = letter_table(sampler, letters, samples, seed)
-    matrix = euler_lagrange_matrix(table, letters, candidates)
-    _, found = _null_vectors(_from_montgomery(matrix, table.prime), len(candidates), table.prime)
+    samples, nullity = (len(candidates) + _SPARE_EQUATIONS) // n + 1, -1
+    # Equations of cyclic coordinates can be trivial: points are doubled until the space no longer shrinks.
+    while True:
+        table = letter_table(sampler, letters, samples, seed)
+        matrix = euler_lagrange_matrix(table, letters, candidates)
+        size, found = _null_vectors(_from_montgomery(matrix, table.prime), len(candidates), table.prime)
+        if size in (0, nullity) or len(found) == size or samples > 2 * len(candidates):
+            break
+        samples, nullity = 2 * samples, size
     kept = _that_hold(sampler, candidates, found, seed + 77_777)
     return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
 
