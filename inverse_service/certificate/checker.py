@@ -175,22 +175,22 @@ class Reader:
         name, _, listed = token.rstrip("]").partition("[")
         orders = [int(order) for order in listed.split(",")] if listed else [name.count("'")]
         name, orders = name.rstrip("'"), [0] * len(values) if orders == [0] else orders
-        good = len(values) == len(orders) == len(self.ring.task.functions.get(name, ())) and sum(orders) <= MAX_ORDER
-        self.expect(good, f"{token[:40]} is not known as a function of {len(values)} arguments")
+        good = len(values) == len(orders) == len(self.ring.question.functions.get(name, ()))
+        self.expect(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is no function of {len(values)} arguments")
         return self.ring.function(name, tuple(orders), values)
 
 
 class Arithmetic:
     """Residues modulo `prime`, or (prime 0) reals as integers scaled by `one` = 2^bits."""
 
-    def __init__(self, task: Question, prime: int = 0, bits: int = 0, cut: int = 0, gap: int = 0) -> None:
-        self.task, self.prime, self.bits, self.one = task, prime, bits, 1 << bits
+    def __init__(self, question: Question, prime: int = 0, bits: int = 0, cut: int = 0, gap: int = 0) -> None:
+        self.question, self.prime, self.bits, self.one = question, prime, bits, 1 << bits
         self.cut, self.gap, self.noise = self.one >> cut, self.one >> gap, 1 << bits // 4
         self.context = mpmath.mp.clone()
         self.context.prec = bits + 64
 
     def draw(self) -> int:
-        return self.task.generator.randrange(*((self.prime,) if self.prime else (-self.one, self.one)))
+        return self.question.generator.randrange(*((self.prime,) if self.prime else (-self.one, self.one)))
 
     def reduce(self, value: int) -> int:
         """The number that a product of two numbers stands for."""
@@ -254,20 +254,20 @@ class Expansion:
     """Power series about a point in the displacements of t (if any), q_1 … q_n, v_1 … v_n, and conditions."""
 
     def __init__(self, arithmetic: Arithmetic, values: dict[str, int], degree: int) -> None:
-        self.task, self.arithmetic, self.degree = arithmetic.task, arithmetic, degree
-        self.n, m = len(self.task.coordinates), len(self.task.variables)
+        self.question, self.arithmetic, self.degree = arithmetic.question, arithmetic, degree
+        self.n, m = len(self.question.coordinates), len(self.question.variables)
         self.shift, self.units = 8 * m, [(1 << 8 * a) | (1 << 8 * m) for a in range(m)]
         self.q, self.v = range(m - 2 * self.n, m - self.n), range(m - self.n, m)
         self.curvature, self.jets = dict[tuple[int, int], Series](), dict[tuple[str, ...], dict[tuple[int, ...], int]]()
         if math.comb(m + degree, degree) > MAX_MONOMIALS:
             raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
         self.names = {name: {0: value} for name, value in values.items()}
-        for name, unit in zip(self.task.variables if degree else (), self.units, strict=False):
+        for name, unit in zip(self.question.variables if degree else (), self.units, strict=False):
             self.names[name][unit] = arithmetic.one
-        self.forces = [Reader(self, force).value for force in self.task.forces]
+        self.forces = [Reader(self, force).value for force in self.question.forces]
         self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
-        speeds = (self.names[name + "'"] for name in self.task.coordinates)
-        self.field = [*[{0: arithmetic.one}] * self.task.timed, *speeds, *self.forces]
+        speeds = (self.names[name + "'"] for name in self.question.coordinates)
+        self.field = [*[{0: arithmetic.one}] * self.question.timed, *speeds, *self.forces]
         self.scale = max(arithmetic.one, *(abs(value) for force in self.forces for value in force.values()), 0)
 
     def exponent(self, key: int, variable: int) -> int:
@@ -278,7 +278,7 @@ class Expansion:
 
     def joined(self, operator: str, left: Series, right: Series) -> Series:
         """left operator right, for ^ exp(right log(left))."""
-        self.task.check_time()
+        self.question.check_time()
         if operator in "+-":
             return self.add([left, right], [1, 1 if operator == "+" else -1])
         if operator == "^":
@@ -298,7 +298,7 @@ class Expansion:
         total: Series = {}
         terms, above = sorted(right.items()), (degree + 1) << self.shift
         for first, value in left.items():
-            self.task.check_time()
+            self.question.check_time()
             for second, coefficient in terms[: bisect_left(terms, (above - first,))]:
                 total[first + second] = total.get(first + second, 0) + value * coefficient
         return self.arithmetic.settle(total, self.arithmetic.bits)
@@ -318,9 +318,9 @@ class Expansion:
         return result
 
     def power(self, u: Series, exponent: int) -> Series:
-        if abs(exponent) > MAX_EXPONENT:
-            raise Undefined
         factors, start = [1], u.get(0, 0)  # binomial coefficients
+        if abs(exponent) > MAX_EXPONENT or start.bit_length() * abs(exponent) > 1 << 21:
+            raise Undefined
         for k in range(self.degree):
             factors.append(factors[-1] * (exponent - k) // (k + 1))
         return self.compose([u], lambda k: factors[k] and factors[k] * self.arithmetic.power(start, exponent - k))
@@ -408,7 +408,7 @@ class Elimination:
         """Reduce each row degree by degree until its part of the highest degree is new, then keep it."""
         field = self.arithmetic
         for row in rows:
-            field.task.check_time()
+            field.question.check_time()
             block: list[int] = []
             while row and not block:
                 top = max(row) >> self.shift
@@ -430,7 +430,7 @@ class Elimination:
             number = heappop(queue)
             factor = field.reduce(raw.pop(self.pivots[number], 0))
             if factor and not field.vanishes(factor, field.one):
-                field.task.check_time()
+                field.question.check_time()
                 for key, value in self.rows[number].items():
                     if key >= first and key not in raw and key in order:
                         heappush(queue, order[key])

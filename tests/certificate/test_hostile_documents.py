@@ -141,6 +141,22 @@ def test_large_work_ends_at_the_time_limit() -> None:
     assert time.monotonic() - start < 4
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "((10^300)^1000)^1000*sin(x)",
+        "x'^999999999", "x'^(10^400)", "sin(x)^1000^1000", "(" * 190 + "x" + ")^999" * 190,
+        "diff(" * 5000, "diff(A(" * 5000, "x^2" + " " * 50_000 + "^2", "sqrt(" * 190 + "x" + ")" * 190,
+        "+".join(["diff(A(x, y), x)"] * 3000),
+    ],
+    ids=lambda text: text[:20],
+)  # fmt: skip
+def test_formulas_made_to_take_long_are_answered_soon(text: str) -> None:
+    start = time.monotonic()
+    assert check_certificate(lagrangian("free", text), seed=1, time_limit=0.3).verdict in ("invalid", "incomplete")
+    assert time.monotonic() - start < 3
+
+
 def test_a_huge_object_is_refused_at_once() -> None:
     start = time.monotonic()
     big = {f"k{k}": "1" for k in range(200_000)}
