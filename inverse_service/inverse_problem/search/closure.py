@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
 from inverse_service.expressions.tree import TIME, Apply, Number, walk
+from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
 from inverse_service.inverse_problem.search.motion import euler_lagrange, split_velocities
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, rank, times
@@ -35,6 +36,7 @@ def closed(material: Material, seeds: Sequence[Monomial], depth: int, bound: int
 
 def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> list[Monomial]:
     """Admissible terms that answer the residuals of one candidate."""
+    check()
     try:
         residuals = euler_lagrange(material.motion, key)
     except TooManyTerms:

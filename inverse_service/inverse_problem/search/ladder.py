@@ -13,6 +13,7 @@ from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.search import decoupled, parameters
 from inverse_service.inverse_problem.search.choice import as_tree, gauge_of, reduced, regular_members, scaled, signature
+from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, solve_ansatz
@@ -55,17 +56,32 @@ def search(
 ) -> SearchOutcome:
     """The first family that holds a regular Lagrangian, or what was tried; the caller's own terms come first."""
     tried: list[tuple[str, int]] = []
+    try:
+        with until(deadline):
+            found = _climb(analysis, with_time, seed, progress, own_terms, tried)
+    except OutOfTime:
+        found = None
+    return SearchOutcome(found, tuple(tried))
+
+
+def _climb(
+    analysis: Analysis,
+    with_time: bool,
+    seed: int,
+    progress: Callable[[str], None],
+    own_terms: Sequence[Expression],
+    tried: list[tuple[str, int]],
+) -> Found | None:
     known: set[Monomial] = set()
     try:
         material = gather(analysis, with_time)
     except TooManyTerms:
-        return SearchOutcome(None, ())
+        return None
     factors: Factors | None = None
     own = own_family(own_terms)
     rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS, _BY_INTERPOLATION, _BY_BLOCKS]
     for rung in sorted(rungs, key=lambda rung: rung.cost):
-        if time.monotonic() > deadline:
-            break
+        check()
         if isinstance(rung, Specialist):
             found = _proposed(material, rung, seed, tried, progress)
         else:
@@ -78,8 +94,8 @@ def search(
             tried.append((rung.name, len(terms)))
             found = _solve(material, rung, terms, seed)
         if found is not None:
-            return SearchOutcome(found, tuple(tried))
-    return SearchOutcome(None, tuple(tried))
+            return found
+    return None
 
 
 def _parts(analysis: Analysis, with_time: bool, seed: int, deadline: float) -> Sequence[Expression]:

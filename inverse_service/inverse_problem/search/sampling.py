@@ -24,6 +24,7 @@ from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, power
 from inverse_service.inverse_problem.analysis import Analysis, variables_of
+from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.terms import Monomial
 
 Words = npt.NDArray[np.uint64]
@@ -79,7 +80,11 @@ class LetterTable:
 def sample_points(sampler: Sampler, count: int, seed: int) -> list[Point]:
     """Points over one prime."""
     prime = draw_point(sampler.tower, seed).prime
-    return [draw_point(sampler.tower, seed + 1 + k, prime) for k in range(count)]
+    points = []
+    for k in range(count):
+        check()
+        points.append(draw_point(sampler.tower, seed + 1 + k, prime))
+    return points
 
 
 def letter_table(
@@ -92,6 +97,7 @@ def letter_table(
     rows = []
     for block in range(_ATTEMPTS):
         for point in sample_points(sampler, count, seed + block * 100_003) if len(kept) < count else []:
+            check()
             if kept and point.prime != kept[0].prime:
                 continue
             try:
