@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.expressions.tree import TIME, Apply, Sum
+from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
 from inverse_service.inverse_problem.search.divergence import divergence_factor
 from inverse_service.inverse_problem.search.integrating import integrating_factor
 from inverse_service.inverse_problem.search.material import Material, distinct, integrating_candidates
@@ -16,6 +16,7 @@ from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, rank, 
 _MOST_FACTORS = 24
 _MOST_COEFFICIENTS = 40
 _MOST_IN_TIME = 6
+_HIGHEST_EXPONENTIAL = 5
 HALF = Fraction(1, 2)
 
 
@@ -81,17 +82,27 @@ def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomi
     return [times(a, b) for a in left for b in right]
 
 
+def _exponents(letter: Expression, seen: set[Fraction]) -> list[Fraction]:
+    """The exponents with which a letter of position is offered, given those with which it stands in f."""
+    one = Fraction(1)
+    if isinstance(letter, Sum):
+        return [one, -one, HALF, -HALF]
+    if isinstance(letter, Apply) and letter.function == "exp":
+        highest = int(max([one, *(abs(e) for e in seen)]))
+        return [sign * k * one for k in range(1, min(highest, _HIGHEST_EXPONENTIAL) + 1) for sign in (1, -1)]
+    return [one, -one] if any(e < 0 for e in seen) else [one]
+
+
 def position_monomials(material: Material, degree: int) -> list[Monomial]:
     """Products of at most `degree` letters of position; sums also inverted and rooted, others as in f."""
+    powers: dict[Expression, set[Fraction]] = {}
+    for terms in material.motion.forces:
+        for key in terms:
+            for letter, e in key:
+                powers.setdefault(letter, set()).add(e)
     units: list[Monomial] = []
-    inverted = {p for terms in material.motion.forces for key in terms for p, e in key if e < 0}
     for letter in material.position_letters:
-        exponents = [Fraction(1)]
-        if isinstance(letter, Sum):
-            exponents += [Fraction(-1), HALF, -HALF]
-        elif letter in inverted or (isinstance(letter, Apply) and letter.function == "exp"):
-            exponents.append(Fraction(-1))
-        units += [frozenset([(letter, e)]) for e in exponents]
+        units += [frozenset([(letter, e)]) for e in _exponents(letter, powers.get(letter, set()))]
     found = [EMPTY]
     for count in range(1, degree + 1):
         for chosen in itertools.combinations_with_replacement(units, count):
