@@ -15,6 +15,7 @@ from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import Monomial, times
 
 _MOST_SEEDS = 900
+_MOST_PRODUCTS = 360
 # Plain functions of position that are offered as potentials beside what the residuals ask for.
 _MOST_FUNCTIONS = 60
 
@@ -45,8 +46,9 @@ def _constant_in_time(material: Material, factors: Factors) -> list[Monomial]:
 
 
 def _integrating(material: Material, factors: Factors) -> list[Monomial]:
-    every = products(factors.in_time, factors.plain)
-    return products(every, products(material.parameter_monomials[:4], shapes.pairs(material)))
+    pairs = shapes.pairs(material)
+    every = products(material.parameter_monomials[:4], products(factors.in_time, factors.plain))
+    return products(every[: max(4, _MOST_PRODUCTS // len(pairs))], pairs)
 
 
 def _metric(material: Material, factors: Factors) -> list[Monomial]:

@@ -115,7 +115,7 @@ _BY_BLOCKS = Specialist(
     "decoupled blocks one by one", 3.7, decoupled.applies, partial(decoupled.propose, ladder=_simplest)
 )
 _BY_INTERPOLATION = Specialist(
-    "symbolic parameters by interpolation", 3.5, parameters.applies, partial(parameters.propose, ladder=_parts)
+    "symbolic parameters by interpolation", 4.5, parameters.applies, partial(parameters.propose, ladder=_parts)
 )
 
 
