@@ -1,0 +1,54 @@
+"""Jobs and batches as the service reports them; the client's typed answers."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal
+
+from pydantic import Field
+
+from api_schemas.base import Document
+from api_schemas.problem import ProblemDocument
+
+JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
+FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})
+
+
+class Job(Document):
+    """One piece of work. `id` is a hash of engine version, canonical document and options.
+
+    `progress` holds what is known while the job runs (stage, order, family, counts); `result` is
+    there when it is successful, `problem` when it failed.
+    """
+
+    id: str
+    kind: str
+    status: JobStatus
+    progress: dict[str, Any] | None = None
+    result: Any = None
+    problem: ProblemDocument | None = None
+
+    @property
+    def is_final(self) -> bool:
+        """Whether nothing about the job will change any more."""
+        return self.status in FINAL
+
+
+class JobList(Document):
+    """One page of jobs, newest first; `next` is the cursor of the page after it."""
+
+    jobs: list[Job]
+    next: str | None = None
+
+
+class Batch(Document):
+    """A batch: how many lines it has, and how many of them are in each status."""
+
+    id: str
+    status: JobStatus
+    total: int = Field(ge=0)
+    counts: dict[JobStatus, int]
+
+    @property
+    def is_final(self) -> bool:
+        """Whether every line has its answer."""
+        return self.status in FINAL
