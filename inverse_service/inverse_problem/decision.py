@@ -78,6 +78,7 @@ class _Run:
     seed: int
     limits: Limits
     progress: Progress
+    expected: int = _FIRST_ORDER
     history: list[tuple[int, ...]] = field(default_factory=list)
 
 
@@ -102,7 +103,8 @@ def decide(
         first = _decide_once(_Run(analysis, with_time, 2 * seed, limits, report))
         if first.verdict == "undetermined":
             return _timed(first, began)
-        second = _decide_once(_Run(analysis, with_time, 2 * seed + 1, limits, report))
+        # The second run will go as far as the first: it expands f once, to that order.
+        second = _decide_once(_Run(analysis, with_time, 2 * seed + 1, limits, report, first.order))
     except IrreducibleAtoms as problem:
         return _timed(Decision("undetermined", with_time, 0, reason=problem.detail), began)
     return _timed(_agreement(first, second), began)
@@ -144,7 +146,7 @@ def _expand(run: _Run, seed: int, order: int) -> LocalSystem:
 
 
 def _prolong(run: _Run, seed: int) -> Decision:
-    known = _FIRST_ORDER
+    known = run.expected
     prolongation = start(_expand(run, seed, known))
     prime = prolongation.local.ring.prime
     points = ({"prime": prime, "seed": seed},)

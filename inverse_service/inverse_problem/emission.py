@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.algebra.echelon import Words
-from inverse_service.algebra.monomials import MonomialKeys
+from inverse_service.algebra.monomials import known_keys
 from inverse_service.algebra.montgomery import compiled
 from inverse_service.algebra.series import Series
 
@@ -20,39 +20,55 @@ NO_DERIVATIVE = -1
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A summand series * g_ij, or series * d_a g_ij, of one equation."""
+    """A summand of one equation: factor * series * g_ij, or factor * series * d_a g_ij, factor 1 or -1."""
 
+    equation: int
     i: int
     j: int
     derivative: int
     series: Series
+    negative: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class TermTable:
-    """All Taylor coefficients of the terms of an equation: monomial keys, values, degrees, and v_i, v_j, d_a."""
+    """The terms of all equations of a kind.
 
+    Series s has the Taylor coefficients starts[s] … starts[s + 1] - 1 (monomial keys, values, degrees);
+    term t is equation, series, sign, v_i, v_j, d_a in the columns of `terms`, (terms, 6).
+    """
+
+    equations: int
+    starts: Integers
     keys: Integers
     values: Words
     degrees: Integers
-    first: Integers
-    second: Integers
-    derivatives: Integers
+    terms: Integers
 
 
-def term_table(terms: Sequence[Term], size: int, first_velocity: int) -> TermTable:
+def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity: int) -> TermTable:
     """The terms over `size` displacements, those of the velocities from `first_velocity` on."""
-    monomials = MonomialKeys(size)
-    rows: list[tuple[int, int, int, int, int]] = []
+    key_of = known_keys(size)
+    keys: list[int] = []
     values: list[int] = []
+    degrees: list[int] = []
+    starts, places = [0], dict[int, int]()
+    rows = []
     for term in terms:
-        for degree, component in enumerate(term.series):
-            for exponents, value in component.to_dict().items() if component else ():
-                place = (first_velocity + term.i, first_velocity + term.j, term.derivative)
-                rows.append((monomials.key(exponents), degree, *place))
-                values.append(int(value))
-    columns = np.array(rows, np.int64).reshape(-1, 5).T.copy()
-    return TermTable(columns[0], np.array(values, np.uint64), columns[1], columns[2], columns[3], columns[4])
+        if id(term.series) not in places:
+            places[id(term.series)] = len(places)
+            for degree, component in enumerate(term.series):
+                for exponents, value in component.to_dict().items() if component else ():
+                    keys.append(key_of[exponents])
+                    values.append(int(value))
+                    degrees.append(degree)
+            starts.append(len(keys))
+        first, second = first_velocity + term.i, first_velocity + term.j
+        rows.append((term.equation, places[id(term.series)], term.negative, first, second, term.derivative))
+    return TermTable(
+        equations, np.array(starts, np.int64), np.array(keys, np.int64), np.array(values, np.uint64),
+        np.array(degrees, np.int64), np.array(rows, np.int64).reshape(-1, 6),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,48 +81,57 @@ class Unknowns:
 
 
 @compiled
+def _multiple(value: np.uint64, factor: np.int64, prime: np.uint64) -> np.uint64:
+    """value * factor modulo the prime; the factor is at most a few dozen."""
+    total = np.uint64(0)
+    for _ in range(factor):
+        total += value
+        if total >= prime:
+            total -= prime
+    return total
+
+
+@compiled
 def emit(
-    fill: bool, keys: Integers, exponents: Exponents, starts: Integers, term_keys: Integers, term_values: Words,
-    degrees: Integers, first: Integers, second: Integers, derivatives: Integers, degree: int,
+    fill: bool, keys: Integers, exponents: Exponents, starts: Integers, series_starts: Integers, term_keys: Integers,
+    term_values: Words, degrees: Integers, terms: Integers, degree: int,
     row_keys: Integers, row_order: Integers, bits: int, prime: np.uint64,
     counts: Integers, columns: Integers, values: Words,
 ) -> None:
     """Entries of term * (d_a) g_ij in the rows of one degree, for all terms; counted or filled in."""
-    for t in range(len(term_keys)):
-        vi, vj, da = first[t], second[t], derivatives[t]
-        wanted = degree - degrees[t] + (1 if da >= 0 else 0)
-        if degrees[t] > degree or wanted >= len(starts) - 1:
-            continue
-        for m in range(starts[wanted], starts[wanted + 1]):
-            ei = np.int64(exponents[m, vi])
-            ej = np.int64(exponents[m, vj])
-            factor = ei * (ej - 1) if vi == vj else ei * ej
-            if factor <= 0:
+    for t in range(len(terms)):
+        vi, vj, da = terms[t, 3], terms[t, 4], terms[t, 5]
+        first_row = terms[t, 0] * len(row_keys)
+        for c in range(series_starts[terms[t, 1]], series_starts[terms[t, 1] + 1]):
+            wanted = degree - degrees[c] + (1 if da >= 0 else 0)
+            if degrees[c] > degree or wanted >= len(starts) - 1:
                 continue
-            key = keys[m] - (np.int64(1) << (bits * vi)) - (np.int64(1) << (bits * vj))
-            if da >= 0:
-                ea = np.int64(exponents[m, da])
-                if da == vi:
-                    ea -= 1
-                if da == vj:
-                    ea -= 1
-                if ea <= 0:
+            for m in range(starts[wanted], starts[wanted + 1]):
+                ei = np.int64(exponents[m, vi])
+                ej = np.int64(exponents[m, vj])
+                factor = ei * (ej - 1) if vi == vj else ei * ej
+                if factor <= 0:
                     continue
-                factor *= ea
-                key -= np.int64(1) << (bits * da)
-            place = np.searchsorted(row_keys, key + term_keys[t])
-            if place >= len(row_keys) or row_keys[place] != key + term_keys[t]:
-                continue
-            row = row_order[place]
-            if fill:
-                columns[counts[row]] = m
-                total = np.uint64(0)
-                for _ in range(factor):  # factor is at most a few dozen
-                    total += term_values[t]
-                    if total >= prime:
-                        total -= prime
-                values[counts[row]] = total
-            counts[row] += 1
+                key = keys[m] - (np.int64(1) << (bits * vi)) - (np.int64(1) << (bits * vj))
+                if da >= 0:
+                    ea = np.int64(exponents[m, da])
+                    if da == vi:
+                        ea -= 1
+                    if da == vj:
+                        ea -= 1
+                    if ea <= 0:
+                        continue
+                    factor *= ea
+                    key -= np.int64(1) << (bits * da)
+                place = np.searchsorted(row_keys, key + term_keys[c])
+                if place >= len(row_keys) or row_keys[place] != key + term_keys[c]:
+                    continue
+                row = first_row + row_order[place]
+                if fill:
+                    value = prime - term_values[c] if terms[t, 2] else term_values[c]
+                    columns[counts[row]] = m
+                    values[counts[row]] = _multiple(value, factor, prime)
+                counts[row] += 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,10 +146,10 @@ class Rows:
 def rows_of_degree(
     unknowns: Unknowns, table: TermTable, degree: int, row_keys: Integers, bits: int, prime: int
 ) -> Rows:
-    """The coefficients of the monomials `row_keys` (all of one degree) of an equation."""
+    """The coefficients of the monomials `row_keys` (all of one degree), equation after equation."""
     order = np.argsort(row_keys)
-    counts = np.zeros(len(row_keys) + 1, np.int64)
-    terms = (table.keys, table.values, table.degrees, table.first, table.second, table.derivatives)
+    counts = np.zeros(table.equations * len(row_keys) + 1, np.int64)
+    terms = (table.starts, table.keys, table.values, table.degrees, table.terms)
     head = (unknowns.keys, unknowns.exponents, unknowns.starts, *terms, degree, row_keys[order], order, bits)
     modulus = np.uint64(prime)
     emit(False, *head, modulus, counts, np.empty(0, np.int64), np.empty(0, np.uint64))

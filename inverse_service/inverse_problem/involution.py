@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from flint import nmod_mat
 
 from inverse_service.algebra.echelon import Echelon
+from inverse_service.algebra.monomials import MonomialKeys, keys_of
+from inverse_service.inverse_problem.emission import Exponents
 from inverse_service.inverse_problem.prolongation import Prolongation, unknown_block
 
 Rows = list[dict[int, int]]
@@ -91,26 +93,33 @@ def symbol(prolongation: Prolongation, degree: int, seed: int) -> Symbol:
     return Symbol(dimension, _prolonged(prolongation, degree, top), _characters(prolongation, degree, basis, seed))
 
 
-def _index(block: np.typing.NDArray[np.int8]) -> Mapping[tuple[int, ...], int]:
-    return {tuple(int(e) for e in row): k for k, row in enumerate(block)}
+def _columns_of(
+    prolongation: Prolongation, block: Exponents, wanted: Exponents
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """The places in `block` of the monomials `wanted`, and which of them are there at all."""
+    keys = MonomialKeys(prolongation.size)
+    known = keys_of(keys, block)
+    order = np.argsort(known)
+    sought = keys_of(keys, wanted)
+    places = np.minimum(np.searchsorted(known, sought, sorter=order), len(known) - 1)
+    return order[places], known[order[places]] == sought
 
 
 def _prolonged(prolongation: Prolongation, degree: int, top: Rows) -> int:
     """dim {L of degree d + 3 : all partial derivatives lie in M_d}."""
     block, above = prolongation.blocks[degree], unknown_block(prolongation, degree + 1)
-    index = _index(above)
-    echelon = Echelon(prolongation.local.ring.prime)
+    prime, size = prolongation.local.ring.prime, prolongation.size
+    echelon = Echelon(prime)
     echelon.widen(len(above))
-    starts, columns, values = [0], [], []
-    for row in top:
-        for a in range(prolongation.size):
-            for column, value in row.items():
-                raised = [int(e) for e in block[column]]
-                raised[a] += 1
-                columns.append(index[tuple(raised)])
-                values.append(value * raised[a] % prolongation.local.ring.prime)
-            starts.append(len(columns))
-    echelon.insert(np.array(starts, np.int64), np.array(columns, np.int64), np.array(values, np.uint64))
+    entries = np.array([column for row in top for column in row], np.int64)
+    values = [value for row in top for value in row.values()]
+    lengths = np.array([len(row) for row in top], np.int64)
+    starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+    for a in range(size):
+        raised = block[entries] + np.eye(size, dtype=np.int8)[a]
+        columns, _ = _columns_of(prolongation, above, raised)
+        scaled = [value * factor % prime for value, factor in zip(values, raised[:, a].tolist(), strict=True)]
+        echelon.insert(starts, columns, np.array(scaled, np.uint64))
     return len(above) - echelon.count
 
 
@@ -137,13 +146,11 @@ def _characters(prolongation: Prolongation, degree: int, basis: nmod_mat, seed: 
 def _derivative_matrix(prolongation: Prolongation, degree: int, direction: list[int]) -> nmod_mat:
     """L -> sum_a direction_a d_a L modulo v-degree <= 1, (unknowns of degree d, of degree d - 1)."""
     block, below = prolongation.blocks[degree], prolongation.blocks[degree - 1]
-    index, prime = _index(below), prolongation.local.ring.prime
+    prime, size = prolongation.local.ring.prime, prolongation.size
     matrix = nmod_mat(len(block), len(below), prime)
-    for k, row in enumerate(block):
-        exponents = [int(e) for e in row]
-        for a, e in enumerate(exponents):
-            if e:
-                lowered = tuple(x - (b == a) for b, x in enumerate(exponents))
-                if lowered in index:
-                    matrix[k, index[lowered]] = e * direction[a] % prime
+    for a in range(size):
+        rows = np.flatnonzero(block[:, a])
+        columns, there = _columns_of(prolongation, below, block[rows] - np.eye(size, dtype=np.int8)[a])
+        for row, column in zip(rows[there].tolist(), columns[there].tolist(), strict=True):
+            matrix[row, column] = int(block[row, a]) * direction[a] % prime
     return matrix

@@ -13,6 +13,7 @@ Trans. AMS 50 (1941), section 2; signs as in Mestdag, Bloch and Fernandez).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,26 +37,27 @@ RowName = tuple[str, int, int, tuple[int, ...]]
 
 
 @dataclass(frozen=True, slots=True)
-class Equation:
-    """One of the equations H2_ij, H3_ij as the sum of its terms."""
+class Equations:
+    """The equations of one kind, H2 (i <= j) or H3 (i < j): their index pairs, and the terms of all."""
 
     kind: str
-    i: int
-    j: int
-    terms: tuple[Term, ...]
+    pairs: tuple[tuple[int, int], ...]
     table: TermTable
 
 
 def matrix_product(left: list[list[Series]], right: list[list[Series]]) -> list[list[Series]]:
     size = range(len(left))
-    return [[_total([ps.multiply(left[i][k], right[k][j]) for k in size]) for j in size] for i in size]
+    return [[sum_of_products([(left[i][k], right[k][j]) for k in size]) for j in size] for i in size]
 
 
-def _total(parts: list[Series]) -> Series:
-    total = parts[0]
-    for part in parts[1:]:
-        total = ps.add(total, part)
-    return total
+def sum_of_products(pairs: Sequence[tuple[Series, Series]]) -> Series:
+    """sum_k x_k y_k; most factors of a sparse system are zero, and cost nothing."""
+    total: Series | None = None
+    for x, y in pairs:
+        if any(x) and any(y):
+            product = ps.multiply(x, y)
+            total = product if total is None else ps.add(total, product)
+    return total or ps.scale(pairs[0][1], 0)
 
 
 def truncate(series: Series, order: int) -> Series:
@@ -77,6 +79,18 @@ class LocalSystem:
         return len(self.connection)
 
 
+def along(field_: Sequence[Series], series: Series) -> Series | None:
+    """Gamma(y) = sum_a X^a d_a y, one order less than y; None where y is zero."""
+    if not any(series):
+        return None
+    return sum_of_products([(x, ps.derivative(series, a)) for a, x in enumerate(field_)])
+
+
+def _less(left: Series, right: Series, factor: int) -> Series:
+    """left - factor right."""
+    return ps.subtract(left, ps.scale(right, factor)) if any(right) else left
+
+
 def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series], with_time: bool) -> LocalSystem:
     """X, N, Phi from the series of v and f of order D; Phi comes out to order D - 2."""
     n = len(forces)
@@ -88,47 +102,47 @@ def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series
     by_position = [[ps.derivative(f, offset + j) for j in range(n)] for f in forces]
     square = matrix_product(by_velocity, by_velocity)
     lower = [truncate(x, order - 1) for x in field_]
+    zero = truncate(ring.constant(0), order - 1)
     endomorphism = []
     for i in range(n):
         row = []
         for j in range(n):
-            entry = _total([ps.multiply(x, ps.derivative(by_velocity[i][j], a)) for a, x in enumerate(lower)])
-            entry = ps.subtract(entry, ps.scale(truncate(by_position[i][j], order - 1), 2))
-            row.append(ps.subtract(entry, ps.scale(truncate(square[i][j], order - 1), half)))
+            entry = along(lower, by_velocity[i][j]) or zero
+            entry = _less(entry, truncate(by_position[i][j], order - 1), 2)
+            row.append(_less(entry, truncate(square[i][j], order - 1), half))
         endomorphism.append(tuple(row))
-    connection = tuple(tuple(ps.scale(entry, ring.prime - half) for entry in row) for row in by_velocity)
+    connection = tuple(
+        tuple(ps.scale(entry, ring.prime - half) if any(entry) else entry for entry in row) for row in by_velocity
+    )
     return LocalSystem(ring, offset, tuple(field_), connection, tuple(endomorphism))
 
 
-def equations(local: LocalSystem) -> list[Equation]:
+def equations(local: LocalSystem) -> tuple[Equations, ...]:
     """H2 for i <= j, then H3 for i < j."""
-    n, found = local.dimension, []
-    for i in range(n):
-        for j in range(i, n):
-            terms = [Term(i, j, a, x) for a, x in enumerate(local.field) if any(x)]
-            for k in range(n):
-                terms += _zero_order(i, k, local.connection[k][j], negative=True)
-                terms += _zero_order(j, k, local.connection[k][i], negative=True)
-            found.append(_equation(local, "H2", i, j, terms))
-    for i in range(n):
-        for j in range(i + 1, n):
-            terms = []
-            for k in range(n):
-                terms += _zero_order(i, k, local.endomorphism[k][j], negative=False)
-                terms += _zero_order(j, k, local.endomorphism[k][i], negative=True)
-            found.append(_equation(local, "H3", i, j, terms))
+    size = range(local.dimension)
+    along, straight = [(a, x) for a, x in enumerate(local.field) if any(x)], local.endomorphism
+    second, third = [(i, j) for i in size for j in size if i <= j], [(i, j) for i in size for j in size if i < j]
+    terms = [Term(e, i, j, a, x) for e, (i, j) in enumerate(second) for a, x in along]
+    terms += [x for e, (i, j) in enumerate(second) for x in _products(e, i, j, local.connection, True, True)]
+    skew = [x for e, (i, j) in enumerate(third) for x in _products(e, i, j, straight, False, True)]
+    return (_equations(local, "H2", second, terms), _equations(local, "H3", third, skew))
+
+
+def _equations(local: LocalSystem, kind: str, pairs: list[tuple[int, int]], terms: list[Term]) -> Equations:
+    table = term_table(terms, len(pairs), local.ring.size, local.offset + local.dimension)
+    return Equations(kind, tuple(pairs), table)
+
+
+def _products(
+    equation: int, i: int, j: int, matrix: tuple[tuple[Series, ...], ...], negative: bool, other_negative: bool
+) -> list[Term]:
+    """sum_k (+-) g_ik A^k_j (+-) g_jk A^k_i for a matrix A of series."""
+    found = []
+    for k, row in enumerate(matrix):
+        for a, b, sign in ((i, j, negative), (j, i, other_negative)):
+            if any(row[b]):
+                found.append(Term(equation, min(a, k), max(a, k), NO_DERIVATIVE, row[b], sign))
     return found
-
-
-def _equation(local: LocalSystem, kind: str, i: int, j: int, terms: list[Term]) -> Equation:
-    table = term_table(terms, local.ring.size, local.offset + local.dimension)
-    return Equation(kind, i, j, tuple(terms), table)
-
-
-def _zero_order(i: int, k: int, series: Series, negative: bool) -> list[Term]:
-    if not any(series):
-        return []
-    return [Term(min(i, k), max(i, k), NO_DERIVATIVE, ps.scale(series, -1) if negative else series)]
 
 
 @dataclass(slots=True)
@@ -141,9 +155,9 @@ class Prolongation:
     local: LocalSystem
     echelon: Echelon
     order: int = -1
-    equations: list[Equation] = field(default_factory=list)
+    equations: tuple[Equations, ...] = ()
     blocks: list[Exponents] = field(default_factory=list)
-    row_blocks: list[tuple[int, Exponents]] = field(default_factory=list)
+    row_blocks: list[tuple[Equations, Exponents]] = field(default_factory=list)
 
     @property
     def size(self) -> int:
@@ -164,11 +178,12 @@ class Prolongation:
 
     def row_name(self, number: int) -> RowName:
         """The name of an original row."""
-        for equation, exponents in self.row_blocks:
-            if number < len(exponents):
-                found = self.equations[equation]
-                return (found.kind, found.i, found.j, tuple(int(e) for e in exponents[number]))
-            number -= len(exponents)
+        for block, exponents in self.row_blocks:
+            if number < len(block.pairs) * len(exponents):
+                pair, monomial = divmod(number, len(exponents))
+                i, j = block.pairs[pair]
+                return (block.kind, i, j, tuple(int(e) for e in exponents[monomial]))
+            number -= len(block.pairs) * len(exponents)
         raise IndexError("no such row")
 
 
@@ -191,17 +206,16 @@ def advance(prolongation: Prolongation) -> None:
     prolongation.blocks.append(unknown_block(prolongation, order))
     prolongation.echelon.widen(prolongation.width(order))
     unknowns = _unknowns(prolongation)
-    for kind, degree in (("H2", order - 1), ("H3", order)):
-        if degree < 0:
+    bits, prime = MonomialKeys(prolongation.size).bits, prolongation.local.ring.prime
+    for block in prolongation.equations:
+        degree = order - 1 if block.kind == "H2" else order
+        if degree < 0 or not block.pairs:
             continue
         monomials = exponents_of_degree(prolongation.size, degree)
         keys = keys_of(MonomialKeys(prolongation.size), monomials)
-        for number, equation in enumerate(prolongation.equations):
-            if equation.kind == kind:
-                bits, prime = MonomialKeys(prolongation.size).bits, prolongation.local.ring.prime
-                rows = rows_of_degree(unknowns, equation.table, degree, keys, bits, prime)
-                prolongation.echelon.insert(rows.starts, rows.columns, rows.values)
-                prolongation.row_blocks.append((number, monomials))
+        rows = rows_of_degree(unknowns, block.table, degree, keys, bits, prime)
+        prolongation.echelon.insert(rows.starts, rows.columns, rows.values)
+        prolongation.row_blocks.append((block, monomials))
 
 
 def _unknowns(prolongation: Prolongation) -> Unknowns:

@@ -98,7 +98,8 @@ def test_rows_are_the_taylor_coefficients_of_the_helmholtz_conditions(
     ring = SeriesRing(P, local.ring.size, order + 2)
     lagrangian, values = random_lagrangian(ring, prolongation, 1)
     g = [[ps.derivative(ps.derivative(lagrangian, first + i), first + j) for j in range(n)] for i in range(n)]
-    residues = {(e.kind, e.i, e.j): ps.terms(helmholtz(local, g, e.kind, e.i, e.j)) for e in equations(local)}
+    names = [(block.kind, i, j) for block in equations(local) for i, j in block.pairs]
+    residues = {name: ps.terms(helmholtz(local, g, *name)) for name in names}
     assert len(recorded) == prolongation.echelon.inserted
     for number, row in enumerate(recorded):
         kind, i, j, alpha = prolongation.row_name(number)
