@@ -26,7 +26,8 @@ class Family:
 
     With depth > 0 the seeds are closed that often under what cancels their residuals, up to `bound`
     terms; with depth 0 potentials and linear terms are read off f, at most `bound` of each.
-    `companions` are terms without a Hessian that go with every choice of the others.
+    `companions` are terms without a Hessian that go with every choice of the others. `quadratic` says
+    that no multiplier of the family depends on the velocities.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Family:
     depth: int = 1
     bound: int = 400
     companions: tuple[Monomial, ...] = ()
+    quadratic: bool = False
 
 
 def _constant(material: Material, factors: Factors) -> list[Monomial]:
@@ -120,14 +122,14 @@ def _logarithms(material: Material, factors: Factors) -> list[Monomial]:
 
 
 FAMILIES = (
-    Family("constant multiplier", 1, _constant),
-    Family("quadratic, polynomial in the coordinates", 2, _constant_in_time, depth=3, bound=250),
-    Family("quadratic with integrating factors", 3, _integrating),
+    Family("constant multiplier", 1, _constant, quadratic=True),
+    Family("quadratic, polynomial in the coordinates", 2, _constant_in_time, depth=3, bound=250, quadratic=True),
+    Family("quadratic with integrating factors", 3, _integrating, quadratic=True),
     Family("Laurent monomials v_i v_j / v_k, polynomial in the coordinates", 4, _laurent_plain, depth=3, bound=600),
     Family("functions of the velocities, constant coefficients", 5, _velocity_functions, depth=0, bound=200),
     Family("roots of velocities that are constant", 5.5, _roots_of_constants, depth=2, bound=250),
     Family("functions of one velocity with fitted factors", 6, _separate, depth=0, bound=200),
-    Family("quadratic in the velocities", 7, _metric, bound=500),
+    Family("quadratic in the velocities", 7, _metric, bound=500, quadratic=True),
     Family("Laurent monomials v_i v_j / v_k", 8, _laurent, bound=400),
     Family("logarithms and roots of velocities", 9, _logarithms),
     Family("Laurent monomials v_i v_j v_k / v_l^2", 10, _laurent_double, depth=2, bound=500),

@@ -13,7 +13,7 @@ from flint import nmod_mat
 
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.point import Expansion, evaluate
+from inverse_service.algebra.point import Expansion, Variable, evaluate
 from inverse_service.algebra.primes import reconstruct
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
@@ -33,16 +33,15 @@ _MOST_COLUMNS = 40
 _BOUND = 1_000
 
 
-def integrating_factor(material: Material, c: Terms, variable: Expression, seed: int) -> Monomial | None:
+def integrating_factor(material: Material, c: Terms, variable: Variable, seed: int) -> Monomial | None:
     """exp(-int c d variable), or None where it is no such product; logarithms alone are tried first."""
     own = dict.fromkeys(p for key in c for letter, _ in key for p in (letter, *companions(letter)))
     sums = [p for p in material.position_letters if isinstance(p, Sum)]
     letters = [p for p in dict.fromkeys([variable, *own, *sums]) if not _is_exponential(p)]
-    logarithms: list[Expression] = [Apply("log", p) for p in letters]
     primitives = list(dict.fromkeys(m for key in c for m in antiderivatives(key, variable)))
     for extra in ([], primitives):
-        columns = logarithms + [monomial_tree(m) for m in extra]
-        solution = _solve(material, c, variable, columns, seed) if len(columns) <= _MOST_COLUMNS else None
+        fits = len(letters) + len(extra) <= _MOST_COLUMNS
+        solution = _solve(material, c, variable, letters, [monomial_tree(m) for m in extra], seed) if fits else None
         if solution is not None:
             return _assembled(letters, extra, solution)
     return None
@@ -65,20 +64,45 @@ def _assembled(letters: Sequence[Expression], primitives: Sequence[Monomial], so
 
 
 def _solve(
-    material: Material, c: Terms, variable: Expression, columns: list[Expression], seed: int
+    material: Material,
+    c: Terms,
+    variable: Variable,
+    letters: Sequence[Expression],
+    primitives: Sequence[Expression],
+    seed: int,
 ) -> list[Fraction] | None:
     """The simplest rational solution: columns that depend on earlier ones are left out."""
+    given = tree_of(c)
     try:
-        sampler = make_sampler(material.analysis, [(tree, Fraction(1)) for tree in (*columns, tree_of(c))])
-        points = sample_points(sampler, len(columns) + 6, seed)
-        rows = []
-        for point in points:
-            expansion = Expansion(point, [variable], 1)  # type: ignore[list-item]
-            slopes = [ps.value_at_point(ps.derivative(expansion.expand(to_kernels(u)), 0)) for u in columns]
-            rows.append([*slopes, evaluate(to_kernels(tree_of(c)), point)])
+        sampler = make_sampler(material.analysis, [(tree, Fraction(1)) for tree in (*letters, *primitives, given)])
+        points = sample_points(sampler, len(letters) + len(primitives) + 6, seed)
+        rows = [_row(Expansion(point, [variable], 1), letters, primitives, given) for point in points]
     except (IrreducibleAtoms, SingularPoint, ValueError):
         return None
-    prime, width = points[0].prime, len(columns)
+    return _solution(rows, points[0].prime)
+
+
+def _row(
+    expansion: Expansion, letters: Sequence[Expression], primitives: Sequence[Expression], c: Expression
+) -> list[int]:
+    """d(log p)/dx for each letter, dm/dx for each antiderivative, and c, at a point."""
+    prime = expansion.point.prime
+    row = []
+    for p in letters:
+        series = expansion.expand(to_kernels(p))
+        if not ps.value_at_point(series):
+            raise SingularPoint("a letter vanishes")
+        row.append(_slope(series) * pow(ps.value_at_point(series), -1, prime) % prime)
+    row += [_slope(expansion.expand(to_kernels(m))) for m in primitives]
+    return [*row, evaluate(to_kernels(c), expansion.point)]
+
+
+def _slope(series: ps.Series) -> int:
+    return ps.value_at_point(ps.derivative(series, 0))
+
+
+def _solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] | None:
+    width = len(rows[0]) - 1
     reduced, rank = nmod_mat(len(rows), width + 1, [x % prime for row in rows for x in row], prime).rref()
     solution = [Fraction(0)] * width
     for i in range(rank):

@@ -23,6 +23,7 @@ from inverse_service.inverse_problem.search.own_terms import own_family
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
 from inverse_service.inverse_problem.search.specialists import SPECIALISTS, Specialist
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, add_terms
+from inverse_service.inverse_problem.search.velocity_free import may_be_velocity_free
 from inverse_service.mechanics.euler_lagrange import hessian
 
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
@@ -78,6 +79,7 @@ def _climb(
     except TooManyTerms:
         return None
     factors: Factors | None = None
+    quadratic: bool | None = None
     own = own_family(own_terms)
     rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS, _BY_INTERPOLATION, _BY_BLOCKS]
     for rung in sorted(rungs, key=lambda rung: rung.cost):
@@ -85,6 +87,11 @@ def _climb(
         if isinstance(rung, Specialist):
             found = _proposed(material, rung, seed, tried, progress)
         else:
+            if rung.quadratic:
+                quadratic = may_be_velocity_free(material, seed) if quadratic is None else quadratic
+                if not quadratic:
+                    tried.append((rung.name, 0))
+                    continue
             progress(f"ansatz: {rung.name}")
             factors = find_factors(material, seed) if factors is None and rung.cost > 1 else factors
             terms = kinetic_terms(material, rung, factors or NO_FACTORS)

@@ -9,6 +9,7 @@ from functools import lru_cache
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.tree import (
@@ -221,10 +222,10 @@ def coefficient(terms: Terms, moving: Monomial) -> Terms:
     return {split_velocities(key)[0]: value for key, value in terms.items() if split_velocities(key)[1] == moving}
 
 
-def integrating_candidates(material: Material) -> list[tuple[int, Terms, Expression]]:
+def integrating_candidates(material: Material) -> list[tuple[int, Terms, Variable]]:
     """(i, c, variable) with wanted factors exp(-int c d variable): from c v_i v_l, c v_i^2, c v_i in f_i."""
     motion = material.motion
-    found: list[tuple[int, Terms, Expression]] = []
+    found: list[tuple[int, Terms, Variable]] = []
     for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
         for q, w in zip(motion.coordinates, motion.velocities, strict=True):
             c = simplified(material, coefficient(f, monomial(v, w)))
