@@ -1,0 +1,57 @@
+"""What a run hands back: the recorded motion and how it ended, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a run ended.
+
+    `kind` is "completed", "singular" (a quantity of the method vanished), "guard" (the implicit equations of a
+    step are not safely solvable), "no_convergence" (Newton), "not_finite", "off_domain" (the start lies where a
+    formula has no value) or "cancelled". Where a run stopped, `step` and `time` say at which step (its result is
+    not recorded), `quantity` and `value` what vanished or passed its limit, `remedy` what to do about it.
+    """
+
+    kind: str
+    step: int | None = None
+    time: float | None = None
+    quantity: str | None = None
+    value: float | None = None
+    remedy: str | None = None
+
+    @property
+    def completed(self) -> bool:
+        return self.kind == "completed"
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """m + 1 recorded points of a motion with n coordinates; row 0 is the start.
+
+    `times` (m + 1,), `positions` (m + 1, n). `momenta` (m + 1, n) are the discrete momenta of methods that have
+    them. `velocities[k]` (m + 1, n) is the discrete velocity (q_k - q_(k-1))/h over the step that ends at k, row 0
+    that of the first step; for Runge-Kutta methods and reference solutions it is the velocity at the point.
+    `series[name]` (m + 1,) is an observed quantity at the recorded steps (row 0 that of the first step),
+    `maxima[name]` its greatest absolute value over all steps, recorded or not.
+    """
+
+    times: FloatArray
+    positions: FloatArray
+    momenta: FloatArray | None
+    velocities: FloatArray | None
+    outcome: Outcome
+    force_evaluations: int
+    newton_iterations: int
+    compile_seconds: float
+    run_seconds: float
+    series: Mapping[str, FloatArray] = field(default_factory=dict)
+    maxima: Mapping[str, float] = field(default_factory=dict)
