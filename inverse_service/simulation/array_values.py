@@ -1,0 +1,106 @@
+"""The values of formulas along a trajectory: one numpy operation for each node of the tree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.errors import InverseServiceError
+from inverse_service.expressions.tree import (
+    PI,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+)
+
+Array = NDArray[np.float64]
+
+_FUNCTIONS: dict[str, Callable[[Any], Any]] = {
+    **{name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
+    "cot": lambda u: np.cos(u) / np.sin(u),
+    "sec": lambda u: 1 / np.cos(u),
+    "csc": lambda u: 1 / np.sin(u),
+    "coth": lambda u: 1 / np.tanh(u),
+    "sech": lambda u: 1 / np.cosh(u),
+    "csch": lambda u: 1 / np.sinh(u),
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "asinh": np.arcsinh,
+    "acosh": np.arccosh,
+    "atanh": np.arctanh,
+}
+
+
+class NoValue(InverseServiceError):
+    """A formula holds a name that was given no value."""
+
+    code = "no-value"
+
+
+def table_of(
+    coordinates: tuple[str, ...], positions: Array, velocities: Array | None, values: Mapping[str, float]
+) -> dict[Expression, Any]:
+    """Names to arrays: `positions` and `velocities` are (m, n), each column a coordinate; parameters are numbers."""
+    table: dict[Expression, Any] = {Symbol(name): value for name, value in values.items()}
+    table |= {Symbol(name): positions[:, k] for k, name in enumerate(coordinates)}
+    if velocities is not None:
+        table |= {Velocity(name): velocities[:, k] for k, name in enumerate(coordinates)}
+    return table
+
+
+def array_value(expression: Expression, table: Mapping[Expression, Any]) -> Array:
+    """The formula at every row of the table, as (m,); nan or infinite where it has no real value.
+
+    Raises NoValue for a name or an arbitrary function that the table does not hold.
+    """
+    sizes = [np.shape(value) for value in table.values() if np.ndim(value)]
+    with np.errstate(all="ignore"):
+        value = _value(expression, dict(table))
+    return np.broadcast_to(np.asarray(value, dtype=float), sizes[0] if sizes else (1,))
+
+
+def _value(expression: Expression, known: dict[Expression, Any]) -> Any:
+    if expression not in known:
+        known[expression] = _computed(expression, known)
+    return known[expression]
+
+
+def _computed(expression: Expression, known: dict[Expression, Any]) -> Any:
+    match expression:
+        case Number(value):
+            return float(value)
+        case Sum(terms):
+            return sum(_value(term, known) for term in terms)
+        case Product(factors):
+            product: Any = 1.0
+            for factor in factors:
+                product = product * _value(factor, known)
+            return product
+        case Power(base, exponent):
+            return _power(_value(base, known), exponent, known)
+        case Apply(function, argument):
+            return _FUNCTIONS[function](_value(argument, known))
+        case _ if expression == PI:
+            return np.pi
+        case _:
+            raise NoValue(f"a formula has no value here: {getattr(expression, 'name', 'a name')} is not given.")
+
+
+def _power(base: Any, exponent: Expression, known: dict[Expression, Any]) -> Any:
+    if isinstance(exponent, Number) and exponent.value.denominator == 1 and abs(exponent.value) <= 8:
+        whole = int(exponent.value)
+        product = np.asarray(base, dtype=float) ** abs(whole)
+        return product if whole >= 0 else 1 / product
+    if isinstance(exponent, Number) and exponent.value.denominator == 2 and abs(exponent.value.numerator) == 1:
+        root = np.sqrt(base)
+        return root if exponent.value > 0 else 1 / root
+    return np.power(np.asarray(base, dtype=float), _value(exponent, known))

@@ -1,0 +1,167 @@
+"""Circles that match a plane path: through three points, by least squares, and how they change.
+
+The paper matches the variational solution by the circle through three of its points,
+(x - a)^2 + (y - b)^2 = c^2; the least-squares circle uses all of them.
+Source: Mestdag, Bloch, Fernandez (2009), section 4; Kasa (1976) for the start of the fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Below this sine of the largest angle three points are taken to lie on a line.
+COLLINEAR = 1e-10
+MOST_CORRECTIONS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """Centre (x, y) and radius in the unit of the coordinates; `misfit` is the root mean square of |p - c| - r."""
+
+    centre: tuple[float, float]
+    radius: float
+    misfit: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class CircleDrift:
+    """The matching circles of the first and of the last revolution.
+
+    `revolutions` is the turning of the path over 2 pi; below one the whole path is both windows, and
+    nothing can be said on a drift: `first` and `last` are then equal.
+    """
+
+    first: Circle
+    last: Circle
+    revolutions: float
+
+    @property
+    def centre_drift(self) -> float:
+        """The distance of the two centres."""
+        return float(np.hypot(*np.subtract(self.last.centre, self.first.centre)))
+
+
+def circle_through(points: Array) -> Circle | None:
+    """The circle through three points, (3, 2); None where they lie on a line or coincide."""
+    first = np.asarray(points, dtype=float)[0]
+    (bx, by), (cx, cy) = points[1] - first, points[2] - first
+    lengths = np.hypot(bx, by), np.hypot(cx, cy), np.hypot(cx - bx, cy - by)
+    cross = bx * cy - by * cx
+    longest = max(lengths)
+    if not np.isfinite(cross) or longest == 0 or abs(cross) <= COLLINEAR * longest * longest:
+        return None
+    squares = bx * bx + by * by, cx * cx + cy * cy
+    shift = np.array([cy * squares[0] - by * squares[1], bx * squares[1] - cx * squares[0]]) / (2 * cross)
+    centre = first + shift
+    return Circle((float(centre[0]), float(centre[1])), float(np.hypot(*shift)))
+
+
+def least_squares_circle(points: Array) -> Circle | None:
+    """The circle that minimises sum (|p_k - c| - r)^2 over (m, 2) points; None for fewer than three, or a line.
+
+    Started from the algebraic fit sum (|p_k - c|^2 - r^2)^2, then Gauss-Newton.
+    """
+    points = np.asarray(points, dtype=float)
+    if len(points) < 3 or not np.isfinite(points).all():
+        return None
+    mean = points.mean(axis=0)
+    scale = float(np.abs(points - mean).max())
+    if scale == 0:
+        return None
+    reduced = (points - mean) / scale
+    matrix = np.column_stack([reduced, np.ones(len(points))])
+    if np.linalg.svd(reduced, compute_uv=False)[-1] <= COLLINEAR * np.sqrt(len(points)):
+        return None
+    solution = np.linalg.lstsq(matrix, (reduced**2).sum(axis=1), rcond=None)[0]
+    centre = solution[:2] / 2
+    found = _corrected(reduced, centre)
+    distances = np.hypot(*(reduced - found).T)
+    radius = distances.mean()
+    misfit = float(np.sqrt(((distances - radius) ** 2).mean()))
+    absolute = mean + scale * found
+    return Circle((float(absolute[0]), float(absolute[1])), float(scale * radius), scale * misfit)
+
+
+def _corrected(points: Array, centre: Array) -> Array:
+    """Gauss-Newton on the centre, the radius being the mean distance; stops where it no longer gains."""
+    best = _cost(points, centre)
+    for _ in range(MOST_CORRECTIONS):
+        difference = points - centre
+        distances = np.hypot(*difference.T)
+        if not distances.all():
+            break
+        directions = -difference / distances[:, None]
+        slopes = directions - directions.mean(axis=0)
+        step = np.linalg.lstsq(slopes, -(distances - distances.mean()), rcond=None)[0]
+        tried = centre + step
+        cost = _cost(points, tried)
+        if not cost < best:
+            break
+        centre, best = tried, cost
+    return centre
+
+
+def _cost(points: Array, centre: Array) -> float:
+    distances = np.hypot(*(points - centre).T)
+    return float(((distances - distances.mean()) ** 2).sum())
+
+
+def circle_drift(points: Array) -> CircleDrift | None:
+    """Matching circles of the first and the last revolution of a path, (m, 2); None where there is no circle.
+
+    A revolution ends where the direction of the chords has turned by 2 pi.
+    """
+    points = np.asarray(points, dtype=float)
+    if len(points) < 3 or not np.isfinite(points).all():
+        return None
+    turning = turned(points)
+    whole = 2 * np.pi * (1 - 1e-9)
+    reached = np.nonzero(np.abs(turning) >= whole)[0]
+    if not len(reached):
+        circle = least_squares_circle(points)
+        return None if circle is None else CircleDrift(circle, circle, float(np.abs(turning[-1])) / (2 * np.pi))
+    back = np.nonzero(np.abs(turning - turning[-1]) >= whole)[0]
+    start = int(back[-1]) if len(back) else 0
+    first, last = least_squares_circle(points[: reached[0] + 1]), least_squares_circle(points[start:])
+    if first is None or last is None:
+        return None
+    return CircleDrift(first, last, float(np.abs(turning[-1])) / (2 * np.pi))
+
+
+def turned(points: Array) -> Array:
+    """The angle in radians by which the chords p_k -> p_(k+1) have turned since the first, (m - 1,).
+
+    Chords of length zero keep the direction of the one before.
+    """
+    chords = np.diff(points, axis=0)
+    moving = np.hypot(*chords.T) > 0
+    if not moving.any():
+        return np.zeros(len(chords))
+    places = np.maximum.accumulate(np.where(moving, np.arange(len(chords)), -1))
+    places[places < 0] = int(np.argmax(moving))
+    directions = np.arctan2(chords[:, 1], chords[:, 0])[places]
+    angles: Array = np.unwrap(directions)
+    return angles - angles[0]
+
+
+def radial_distance(points: Array, circle: Circle) -> Array:
+    """| |p_k - c| - r | / r for each of (m, 2) points, dimensionless."""
+    distances = np.hypot(*(np.asarray(points, dtype=float) - np.asarray(circle.centre)).T)
+    found: Array = np.abs(distances - circle.radius) / circle.radius
+    return found
+
+
+def phase_error(points: Array, circle: Circle, exact: Array, exact_circle: Circle) -> Array:
+    """The angle in radians by which the path runs ahead of the exact one, each seen from its own centre, (m,)."""
+    angles = [
+        np.unwrap(np.arctan2(path[:, 1] - round_.centre[1], path[:, 0] - round_.centre[0]))
+        for path, round_ in ((points, circle), (exact, exact_circle))
+    ]
+    difference: Array = angles[0] - angles[1]
+    # Angles are known up to whole turns only: the paths start together.
+    return difference - 2 * np.pi * np.round(difference[0] / (2 * np.pi))

@@ -1,0 +1,107 @@
+"""The matching circle is the circle where there is one, and nothing where there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from inverse_service.simulation.matching_circle import (
+    Circle,
+    circle_drift,
+    circle_through,
+    least_squares_circle,
+    phase_error,
+    radial_distance,
+    turned,
+)
+
+
+def arc(centre: tuple[float, float], radius: float, angles: np.ndarray) -> np.ndarray:
+    return np.column_stack([centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)])
+
+
+@pytest.mark.parametrize(("centre", "radius"), [((0.0, 0.0), 1.0), ((1e3, -2.0), 0.5), ((-3.0, 4.0), 1e-4)])
+def test_three_points_of_a_circle_give_it_back(centre: tuple[float, float], radius: float) -> None:
+    found = circle_through(arc(centre, radius, np.array([0.1, 1.3, 4.0])))
+    assert found is not None
+    assert found.radius == pytest.approx(radius, rel=1e-8)
+    assert found.centre == pytest.approx(centre, abs=1e-8)
+
+
+@pytest.mark.parametrize("points", [
+    [[0, 0], [1, 1], [2, 2]], [[0, 0], [0, 0], [1, 0]], [[3, 3], [3, 3], [3, 3]], [[0, 0], [1, np.nan], [2, 0]],
+])  # fmt: skip
+def test_three_points_of_a_line_have_no_circle(points: list[list[float]]) -> None:
+    assert circle_through(np.array(points, dtype=float)) is None
+
+
+def test_all_points_of_an_arc_give_the_circle_back() -> None:
+    found = least_squares_circle(arc((5.0, -7.0), 2.5, np.linspace(0, 0.9, 40)))
+    assert found is not None
+    assert found.radius == pytest.approx(2.5, rel=1e-10)
+    assert found.misfit < 1e-12
+
+
+def test_the_fit_is_a_minimum_of_the_distances() -> None:
+    angles = np.linspace(0, 2.5, 60)
+    points = arc((1.0, 2.0), 1.0, angles) * (1 + 0.05 * np.sin(9 * angles))[:, None]
+    found = least_squares_circle(points)
+    assert found is not None
+
+    def misfit(centre: tuple[float, float]) -> float:
+        distances = np.hypot(*(points - np.array(centre)).T)
+        return float(np.sqrt(((distances - distances.mean()) ** 2).mean()))
+
+    assert misfit(found.centre) == pytest.approx(found.misfit, rel=1e-9)
+    for dx, dy in [(1e-3, 0), (-1e-3, 0), (0, 1e-3), (0, -1e-3)]:
+        assert misfit((found.centre[0] + dx, found.centre[1] + dy)) > found.misfit
+
+
+@pytest.mark.parametrize("points", [
+    np.zeros((0, 2)), np.zeros((1, 2)), np.ones((7, 2)), np.array([[0.0, 0.0], [1.0, 2.0]]),
+    np.column_stack([np.arange(9.0), 3 * np.arange(9.0) + 1]), np.array([[0, 0], [1, 1], [np.inf, 2.0]]),
+])  # fmt: skip
+def test_too_few_points_and_lines_have_no_circle(points: np.ndarray) -> None:
+    assert least_squares_circle(points) is None
+    assert circle_drift(points) is None
+
+
+def test_the_drift_of_a_steady_circle_is_nothing() -> None:
+    drift = circle_drift(arc((2.0, 1.0), 3.0, -0.1 * np.arange(400)))
+    assert drift is not None
+    assert drift.revolutions == pytest.approx(39.8 / (2 * np.pi))
+    assert drift.centre_drift < 1e-11
+    assert drift.last.radius == pytest.approx(drift.first.radius, rel=1e-11)
+
+
+def test_a_moving_centre_and_a_growing_radius_are_told_apart() -> None:
+    angles = 0.05 * np.arange(2001)
+    growing = circle_drift(arc((0, 0), 1, angles) * (1 + 0.001 * angles)[:, None])
+    moving = circle_drift(arc((0, 0), 1, angles) + np.column_stack([0.001 * angles, 0 * angles]))
+    assert growing is not None
+    assert moving is not None
+    assert growing.last.radius - growing.first.radius == pytest.approx(0.001 * (100 - 2 * np.pi), rel=2e-2)
+    assert growing.centre_drift < 2e-3
+    assert moving.centre_drift == pytest.approx(0.001 * (100 - 2 * np.pi), rel=2e-2)
+    assert moving.last.radius == pytest.approx(moving.first.radius, rel=1e-3)
+
+
+def test_less_than_a_revolution_is_said() -> None:
+    drift = circle_drift(arc((0, 0), 1, np.linspace(0, 2, 30)))
+    assert drift is not None
+    assert drift.revolutions < 1
+    assert drift.first == drift.last
+
+
+def test_the_turning_of_a_path_that_rests_is_nothing() -> None:
+    assert (turned(np.ones((5, 2))) == 0).all()
+    resting = np.array([[0, 0], [0, 0], [1, 0], [1, 0], [1, 1.0]])
+    assert turned(resting) == pytest.approx([0, 0, 0, np.pi / 2])
+
+
+def test_radial_distance_and_phase_are_what_was_put_in() -> None:
+    angles = 0.2 * np.arange(100)
+    exact, late = arc((0, 0), 2, angles), arc((1, 1), 2.2, 0.99 * angles)
+    assert radial_distance(late, Circle((1, 1), 2.0)) == pytest.approx(0.1)
+    error = phase_error(late, Circle((1, 1), 2.2), exact, Circle((0, 0), 2.0))
+    assert error == pytest.approx(-0.01 * angles, abs=1e-12)
