@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
@@ -15,7 +15,7 @@ from inverse_service.algebra import montgomery
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.montgomery import compiled, multiply
-from inverse_service.algebra.point import Expansion, Point
+from inverse_service.algebra.point import Expansion, Point, variables_in
 from inverse_service.algebra.primes import positive_power
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
@@ -31,6 +31,15 @@ Words = npt.NDArray[np.uint64]
 _ATTEMPTS = 8
 
 
+@dataclass(slots=True)
+class _Rows:
+    """Points over one prime at which all letters have a value, with their entries of a table."""
+
+    prime: int
+    tried: int = 0
+    kept: list[tuple[Point, tuple[list[Any], ...]]] = field(default_factory=list)
+
+
 @dataclass(frozen=True, slots=True)
 class Sampler:
     """A tower for f together with the letters of an ansatz, and a real point of both."""
@@ -38,6 +47,7 @@ class Sampler:
     analysis: Analysis
     tower: Tower
     real_point: RealTable | None
+    known: dict[tuple[tuple[Expression, ...], int, int], _Rows] = field(default_factory=dict, compare=False)
 
     @property
     def variables(self) -> list[Symbol | Velocity]:
@@ -90,39 +100,44 @@ def sample_points(sampler: Sampler, count: int, seed: int) -> list[Point]:
 def letter_table(
     sampler: Sampler, letters: Sequence[Expression], count: int, seed: int, with_third: bool = False
 ) -> LetterTable:
-    """The table at `count` random points; points at which a letter vanishes are replaced."""
-    kernels = [to_kernels(letter) for letter in letters]
-    forces = sampler.analysis.accelerations
-    kept: list[Point] = []
-    rows = []
-    for block in range(_ATTEMPTS):
-        for point in sample_points(sampler, count, seed + block * 100_003) if len(kept) < count else []:
-            check()
-            if kept and point.prime != kept[0].prime:
-                continue
-            try:
-                rows.append(_letter_rows(sampler, point, kernels, forces, 3 if with_third else 2))
-                kept.append(point)
-            except (SingularPoint, ValueError):
-                continue
-    if len(kept) < count:
-        raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
-    arrays = [np.array([row[k] for row in rows[:count]], np.uint64) for k in range(1, 7)]
-    return LetterTable(kept[0].prime, tuple(kept[:count]), [row[0] for row in rows[:count]], *arrays)
+    """The table at `count` random points; points at which a letter vanishes are left out.
+
+    The points follow from the seed one by one, and what is known of them is kept with the sampler.
+    """
+    kernels = tuple(to_kernels(letter) for letter in letters)
+    order = 3 if with_third else 2
+    rows = sampler.known.setdefault((kernels, seed, order), _Rows(draw_point(sampler.tower, seed).prime))
+    while len(rows.kept) < count:
+        check()
+        if rows.tried >= _ATTEMPTS * count:
+            raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
+        rows.tried += 1
+        point = draw_point(sampler.tower, seed + rows.tried, rows.prime)
+        try:
+            rows.kept.append((point, _letter_rows(sampler, point, kernels, order)))
+        except (SingularPoint, ValueError):
+            continue
+    points, found = zip(*rows.kept[:count], strict=True)
+    arrays = [np.array([row[k] for row in found], np.uint64) for k in range(1, 7)]
+    return LetterTable(rows.prime, points, [row[0] for row in found], *arrays)
 
 
-def _letter_rows(
-    sampler: Sampler, point: Point, kernels: Sequence[Expression], forces: Sequence[Expression], order: int
-) -> tuple[list[Any], ...]:
+def _letter_rows(sampler: Sampler, point: Point, kernels: Sequence[Expression], order: int) -> tuple[list[Any], ...]:
     """The entries of the table for one point."""
-    expansion = Expansion(point, sampler.variables, order)
-    n, prime = len(forces), point.prime
+    forces = sampler.analysis.accelerations
     still = Expansion(point, (), 0)
+    n, prime, variables = len(forces), point.prime, sampler.variables
     f = [ps.value_at_point(still.expand(force)) for force in forces]
-    drift = [1, *(point.variable(v) for v in sampler.variables[1 + n :]), *f]
+    drift = [1, *(point.variable(v) for v in variables[1 + n :]), *f]
+    expansions: dict[tuple[int, ...], Expansion] = {}
     table: tuple[list[Any], ...] = ([], [], [], [], [], [], [])
     for kernel in kernels:
-        value, gradient, second, third = _logarithmic(expansion, kernel, drift, n)
+        # Only the variables of the letter are displaced: most letters have one.
+        names = set(variables_in(kernel))
+        places = tuple(k for k, variable in enumerate(variables) if variable in names)
+        if places not in expansions:
+            expansions[places] = Expansion(point, [variables[k] for k in places], order)
+        value, gradient, second, third = _logarithmic(expansions[places], places, kernel, drift, n)
         entries = (
             value,
             sum(a * b for a, b in zip(drift, gradient, strict=True)) % prime,
@@ -138,15 +153,18 @@ def _letter_rows(
 
 
 def _logarithmic(
-    expansion: Expansion, kernel: Expression, drift: Sequence[int], n: int
+    expansion: Expansion, names: Sequence[int], kernel: Expression, drift: Sequence[int], n: int
 ) -> tuple[int, list[int], list[list[int]], list[list[int]]]:
-    """(p, d_a log p, d_a d_b log p, sum_c drift_c d_c d_i d_j log p for velocities i, j) at the point."""
+    """(p, d_a log p, d_a d_b log p, sum_c drift_c d_c d_i d_j log p for velocities i, j) at the point.
+
+    `names` are the places among (t, q, v) of the variables that are displaced.
+    """
     ring, size = expansion.ring, 2 * n + 1
     series = expansion.expand(kernel)
     gradient, second = [0] * size, [[0] * size for _ in range(size)]
     third = [[0] * n for _ in range(n)]
     for exponents, coefficient in ps.terms(ps.logarithm(ring, series, 0)).items():
-        places = [k for k, e in enumerate(exponents) for _ in range(e)]
+        places = [names[k] for k, e in enumerate(exponents) for _ in range(e)]
         # A Taylor coefficient times the factorials of its exponents is the derivative.
         value = coefficient * math.prod(math.factorial(e) for e in exponents) % ring.prime
         if len(places) == 1:
