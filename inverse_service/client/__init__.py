@@ -1,0 +1,36 @@
+"""The Python client of the service: submit, wait, stream, batch; blocking and asynchronous.
+
+    with Client("http://127.0.0.1:8000") as client:
+        result = client.solve({"coordinates": ["x"], "equations": {"x": "-x"}})
+
+`Client` and `AsyncClient` have the same methods. docs/rest.md shows each of them at work.
+"""
+
+from inverse_service.client.asynchronous import AsyncClient
+from inverse_service.client.blocking import Client
+from inverse_service.client.failures import (
+    ClientError,
+    JobDismissed,
+    JobFailed,
+    RequestRefused,
+    ServiceBusy,
+    ServiceUnreachable,
+    UnexpectedAnswer,
+    WaitedTooLong,
+)
+from inverse_service.client.reading import BatchAnswer, Event
+
+__all__ = [
+    "AsyncClient",
+    "BatchAnswer",
+    "Client",
+    "ClientError",
+    "Event",
+    "JobDismissed",
+    "JobFailed",
+    "RequestRefused",
+    "ServiceBusy",
+    "ServiceUnreachable",
+    "UnexpectedAnswer",
+    "WaitedTooLong",
+]

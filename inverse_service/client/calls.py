@@ -1,0 +1,109 @@
+"""Requests and answers as plain data, and the rule by which a request is repeated.
+
+A flow is a generator that yields a Call or a Pause and is sent the Answer: the two clients only
+differ in how they perform these. Every call may be repeated, also POST: a job's id is a hash of its
+question, so asking twice computes once.
+"""
+
+from __future__ import annotations
+
+import email.utils
+import time
+from collections.abc import Generator, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final, TypeVar
+
+from inverse_service.client.failures import ServiceBusy, ServiceUnreachable
+from inverse_service.client.reading import problem_of
+
+BUSY: Final = frozenset({429, 502, 503, 504})
+FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
+LOOK_AGAIN = 0.5
+NDJSON: Final = "application/x-ndjson"
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One HTTP request; `path` is absolute or a whole URL of the same service."""
+
+    method: str
+    path: str
+    body: bytes | None = None
+    headers: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One HTTP response; the names of `headers` are in small letters."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Do nothing for so many seconds."""
+
+    seconds: float
+
+
+Value = TypeVar("Value")
+Flow = Generator[Call | Pause, Answer | None, Value]
+
+
+def exchange(call: Call, patience: float) -> Flow[Answer]:
+    """The answer of a call, repeated with pauses while the service is busy or away.
+
+    Raises ServiceBusy or ServiceUnreachable when the next pause would pass `patience` s.
+    """
+    repetition = Repetition(patience)
+    while True:
+        try:
+            answer = yield call
+        except ServiceUnreachable as error:
+            yield repetition.pause_after(error)
+            continue
+        assert answer is not None
+        if answer.status not in BUSY:
+            return answer
+        yield repetition.pause_after(ServiceBusy(answer.status, problem_of(answer.status, answer.body)), answer.headers)
+
+
+class Repetition:
+    """Pauses that double up to LONGEST_PAUSE, or as long as Retry-After asks; `patience` s in all."""
+
+    def __init__(self, patience: float) -> None:
+        self._patience = patience
+        self.reset()
+
+    def reset(self) -> None:
+        """The call went well: the next failure is a first one."""
+        self._end = time.monotonic() + self._patience
+        self._pauses = pauses(FIRST_PAUSE, LONGEST_PAUSE)
+
+    def pause_after(self, failure: ServiceBusy | ServiceUnreachable, headers: Mapping[str, str] = {}) -> Pause:
+        """How long to wait before the next attempt; raises `failure` when patience is at its end."""
+        seconds = max(next(self._pauses), retry_after(headers) or 0.0)
+        if time.monotonic() + seconds > self._end:
+            raise failure
+        return Pause(seconds)
+
+
+def pauses(first: float, longest: float) -> Iterator[float]:
+    """first, 2 first, 4 first, ..., longest, longest, ..."""
+    while True:
+        yield first
+        first = min(2 * first, longest)
+
+
+def retry_after(headers: Mapping[str, str]) -> float | None:
+    """The seconds of Retry-After, which is a number or a date (RFC 9110); None without a usable one."""
+    text = headers.get("retry-after", "").strip()
+    if text.isascii() and text.isdigit() and len(text) < 9:
+        return float(text)
+    try:
+        moment = email.utils.parsedate_to_datetime(text)
+    except (TypeError, ValueError):
+        return None
+    return max(0.0, moment.timestamp() - time.time())

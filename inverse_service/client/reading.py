@@ -1,0 +1,136 @@
+"""From the bytes of an answer to typed documents.
+
+Fields that this version does not know are left out, so a client outlives an update of the service.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from api_schemas.base import Document
+from api_schemas.problem import CheckAnswer, ProblemDocument
+from api_schemas.result import FORMAT, ResultDocument
+from inverse_service.client.failures import UnexpectedAnswer
+
+Model = TypeVar("Model", bound=Document)
+Result = ResultDocument | CheckAnswer | dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One event of a job: `kind` such as progress, `data` such as the stage and its counts."""
+
+    kind: str
+    data: dict[str, Any]
+    id: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class BatchAnswer:
+    """The answer to one line of a batch: `result`, or the `problem` of a line that has none."""
+
+    id: str | int | None
+    line: int | None
+    result: Result | None = None
+    problem: ProblemDocument | None = None
+
+
+def read(model: type[Model], body: bytes) -> Model:
+    """The document in a body; raises UnexpectedAnswer."""
+    try:
+        return model.model_validate_json(body, extra="ignore")
+    except ValidationError as error:
+        raise unexpected(f"is no {model.__name__} ({error.error_count()} faults)") from None
+
+
+def read_value(body: bytes) -> Any:
+    """The JSON value of a body; raises UnexpectedAnswer."""
+    try:
+        return json.loads(body)
+    except (ValueError, RecursionError):
+        raise unexpected("is not JSON") from None
+
+
+def unexpected(what: str) -> UnexpectedAnswer:
+    """The error of an answer that is not what it should be."""
+    return UnexpectedAnswer(f"The answer {what}; is the address that of this service, and its version that of this?")
+
+
+def result_of(value: Any) -> Result:
+    """A result as its type: what solves, what checks, or an object as it came (a simulation)."""
+    if not isinstance(value, dict):
+        raise unexpected("is not a result")
+    if value.get("format") == FORMAT:
+        return read(ResultDocument, json.dumps(value).encode())
+    if set(value) == set(CheckAnswer.model_fields):
+        return read(CheckAnswer, json.dumps(value).encode())
+    return value
+
+
+def problem_of(status: int, body: bytes) -> ProblemDocument:
+    """The problem document of a body; one that says so where the body is none (a proxy in between)."""
+    value = None
+    with contextlib.suppress(ValueError, RecursionError):
+        value = json.loads(body)
+    if isinstance(value, dict):
+        return problem_from(value, status)
+    return problem_from({"detail": f"The service answered with status {status} and no explanation."}, status)
+
+
+def problem_from(value: Mapping[str, Any], status: int = 0) -> ProblemDocument:
+    """A problem document from an object that may lack some of its fields."""
+    whole = {"type": "about:blank", "title": "", "status": status, "detail": "No explanation was given."}
+    whole.update(value)
+    try:
+        return ProblemDocument.model_validate(whole, extra="ignore")
+    except ValidationError:
+        return ProblemDocument(type="about:blank", title="", status=status, detail="No explanation was given.")
+
+
+def batch_answer(line: str) -> BatchAnswer:
+    """One line of a batch's results; raises UnexpectedAnswer."""
+    value = read_value(line.encode())
+    if not isinstance(value, dict) or "id" not in value:
+        raise unexpected("has a line without an id")
+    identifier, number = value.pop("id"), value.pop("line", None)
+    if "format" in value or "verdict" in value:
+        return BatchAnswer(identifier, number, result=result_of(value))
+    problem = value.get("error", value)
+    return BatchAnswer(identifier, number, problem=problem_from(problem if isinstance(problem, dict) else {}))
+
+
+class EventReader:
+    """Server-sent events (the WHATWG format) from their lines; comments and unknown fields are skipped."""
+
+    def __init__(self, last_id: str = "") -> None:
+        self.last_id = self._id = last_id
+        self._kind, self._data = "", list[str]()
+
+    def feed(self, line: str) -> Event | None:
+        """The event that this line ends, if it ends one."""
+        if not line:
+            return self._end()
+        name, _, value = line.partition(":")
+        value = value.removeprefix(" ")
+        if name == "event":
+            self._kind = value
+        elif name == "data":
+            self._data.append(value)
+        elif name == "id" and "\0" not in value:
+            self._id = value
+        return None
+
+    def _end(self) -> Event | None:
+        kind, text = self._kind or "message", "\n".join(self._data)
+        self._kind, self._data = "", []
+        self.last_id = self._id  # an event that broke off was not had
+        if not text:
+            return None
+        value = read_value(text.encode())
+        return Event(kind, value if isinstance(value, dict) else {"value": value}, self.last_id)

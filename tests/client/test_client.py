@@ -1,0 +1,265 @@
+"""The clients repeat what may be repeated, tell errors apart, and hand out nothing twice."""
+
+from __future__ import annotations
+
+import inspect
+import time
+from email.utils import formatdate
+from typing import Any
+
+import httpx
+import pytest
+
+from api_schemas.problem import CheckAnswer
+from api_schemas.result import ResultDocument
+from inverse_service.client import (
+    AsyncClient,
+    BatchAnswer,
+    Client,
+    ClientError,
+    JobDismissed,
+    JobFailed,
+    RequestRefused,
+    ServiceBusy,
+    ServiceUnreachable,
+    UnexpectedAnswer,
+    WaitedTooLong,
+)
+from inverse_service.client.calls import retry_after
+from inverse_service.client.reading import EventReader
+from inverse_service.client.streams import Lines
+from tests.client.scripted import Broken, Script, answer, asynchronous, blocking, lines
+
+SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
+RESULT = ResultDocument(system=None, verdict="variational").model_dump(mode="json")
+PROBLEM = {
+    "type": "urn:inverse-service:problem:bad-input",
+    "title": "The document cannot be accepted",
+    "status": 422,
+    "detail": "omega is not declared.",
+    "errors": [{"pointer": "/equations/x", "column": 6, "detail": "omega is not declared."}],
+}
+BATCH = {"id": "b", "status": "accepted", "total": 3, "counts": {"accepted": 3}}
+both = pytest.mark.parametrize("ask", [blocking, asynchronous])
+
+
+def job(status: str, **more: Any) -> dict[str, Any]:
+    return {"id": "abc", "kind": "solve", "status": status, "progress": None, "result": None, **more}
+
+
+@both
+def test_a_quick_result_comes_with_the_first_answer(ask: Any) -> None:
+    script = Script([answer(200, RESULT)])
+    assert ask(script, "solve", SYSTEM, time_limit=3.5) == ResultDocument(system=None, verdict="variational")
+    (request,) = script.requests
+    assert (request.method, request.url.path, request.url.query) == ("POST", "/v1/solve", b"time_limit=3.5")
+    assert request.headers["prefer"] == "wait=20"
+
+
+@both
+def test_a_slow_result_is_waited_for(ask: Any) -> None:
+    script = Script(
+        [
+            answer(202, job("accepted"), location="/v1/jobs/abc", retry_after="1"),
+            answer(202, job("running", progress={"stage": "decision"})),
+            answer(200, job("successful", result=RESULT)),
+        ]
+    )
+    assert ask(script, "solve", SYSTEM).verdict == "variational"
+    assert [request.url.path for request in script.requests] == ["/v1/solve", "/v1/jobs/abc", "/v1/jobs/abc"]
+
+
+@both
+def test_submit_does_not_wait(ask: Any) -> None:
+    script = Script([answer(202, job("accepted"), location="http://service/v1/jobs/abc")])
+    found = ask(script, "submit", SYSTEM, fresh=True)
+    assert (found.id, found.kind, found.status) == ("abc", "solve", "accepted")
+    assert script.requests[0].headers["prefer"] == "respond-async"
+    assert script.requests[0].headers["cache-control"] == "no-cache"
+
+
+@both
+def test_a_busy_or_absent_service_is_asked_again(ask: Any) -> None:
+    script = Script(
+        [
+            answer(503, PROBLEM, retry_after="0"),
+            httpx.ConnectError("refused"),
+            answer(429, PROBLEM, retry_after="1"),
+            answer(200, RESULT),
+        ]
+    )
+    begin = time.monotonic()
+    assert ask(script, "solve", SYSTEM).verdict == "variational"
+    assert time.monotonic() - begin >= 1.0, "Retry-After was not kept"
+    assert len({request.content for request in script.requests}) == 1
+
+
+@both
+def test_patience_ends(ask: Any) -> None:
+    with pytest.raises(ServiceBusy, match="omega") as busy:
+        ask(Script([answer(503, PROBLEM, retry_after="3600")]), "solve", SYSTEM)
+    assert busy.value.status == 503
+    assert busy.value.retry
+    with pytest.raises(ServiceUnreachable, match="no service at"):
+        ask(Script([httpx.ConnectError("refused")] * 99), "solve", SYSTEM, patience=0.3)
+
+
+@both
+def test_a_refusal_is_not_repeated_and_carries_its_problem(ask: Any) -> None:
+    with pytest.raises(RequestRefused, match="/equations/x, column 6: omega") as refused:
+        ask(Script([answer(422, PROBLEM)]), "solve", SYSTEM)
+    assert refused.value.problem is not None
+    assert refused.value.problem.errors[0].column == 6
+    with pytest.raises(RequestRefused, match="status 403") as refused:
+        ask(Script([httpx.Response(403, text="<html>")]), "solve", SYSTEM)
+    assert refused.value.status == 403
+
+
+@both
+def test_the_ends_of_a_job_are_told_apart(ask: Any) -> None:
+    failed = job("failed", problem={"type": "urn:x", "title": "t", "status": 500, "detail": "three crashes", "new": 1})
+    with pytest.raises(JobFailed, match="three crashes"):
+        ask(Script([answer(200, failed)]), "wait", "abc")
+    with pytest.raises(JobDismissed):
+        ask(Script([answer(200, job("dismissed"))]), "wait", "abc")
+    with pytest.raises(WaitedTooLong, match=r"0\.2 s"):
+        ask(Script([answer(202, job("running")) for _ in range(20)]), "wait", "abc", timeout=0.2)
+
+
+@both
+@pytest.mark.parametrize(
+    ("status", "body", "headers"),
+    [(200, "<html>", {}), (200, "[]", {}), (302, "", {"location": "/x"}), (202, "{}", {})],
+)
+def test_what_is_no_answer_of_the_service_is_said_to_be_none(
+    ask: Any, status: int, body: str, headers: dict[str, str]
+) -> None:
+    with pytest.raises(UnexpectedAnswer, match="version"):
+        ask(Script([httpx.Response(status, text=body, headers=headers)]), "solve", SYSTEM)
+
+
+@both
+def test_fields_of_a_newer_service_are_left_out(ask: Any) -> None:
+    newer = {**RESULT, "poetry": "none", "lagrangian": {"text": "L", "latex": "L", "sound": 1}}
+    found = ask(Script([answer(200, newer)]), "solve", SYSTEM)
+    assert found.lagrangian.text == "L"
+
+
+@both
+def test_checks_and_simulations_have_their_own_types(ask: Any) -> None:
+    valid = {"verdict": "valid", "reasons": []}
+    assert ask(Script([answer(200, valid)]), "check", RESULT) == CheckAnswer(verdict="valid", reasons=[])
+    scene = {"format": "inverse-service/trajectories/1", "methods": []}
+    assert ask(Script([answer(200, scene)]), "simulate", {}) == scene
+
+
+@both
+def test_events_go_on_where_a_connection_broke(ask: Any) -> None:
+    first = Broken(b'id: 1\nevent: progress\ndata: {"stage"', b': "decision"}\n\n: beat\n\nid: 2\nevent: prog')
+    rest = b'id: 2\nevent: progress\ndata: {"order": 2}\n\nid: 3\nevent: status\ndata: {"status": "successful"}\n\n'
+    script = Script([httpx.Response(200, stream=first), httpx.Response(200, content=rest)])
+    events = ask(script, "stream", "abc")
+    assert [(event.kind, event.data) for event in events] == [
+        ("progress", {"stage": "decision"}),
+        ("progress", {"order": 2}),
+        ("status", {"status": "successful"}),
+    ]
+    assert script.requests[1].headers["last-event-id"] == "1"
+
+
+@both
+def test_events_end_with_the_job_even_if_the_last_one_is_lost(ask: Any) -> None:
+    stream = b'id: 1\ndata: {"stage": "search"}\n\n'
+    script = Script(
+        [
+            httpx.Response(200, content=stream),
+            answer(200, job("successful", result=RESULT)),
+            httpx.Response(200, content=b""),
+        ]
+    )
+    assert [event.data for event in ask(script, "stream", "abc")] == [{"stage": "search"}]
+
+
+@both
+def test_a_batch_is_handed_out_once_through_a_broken_stream(ask: Any) -> None:
+    one, two = {"id": "a", "line": 1, **RESULT}, {"id": "b", "line": 2, **RESULT}
+    bad = {"id": None, "line": 3, "error": {"type": "bad-input", "detail": "Line 3: no.", "errors": []}}
+    script = Script(
+        [
+            answer(202, BATCH, location="/v1/batches/b"),
+            httpx.Response(200, stream=Broken(lines(two), lines(one)[:40])),
+            answer(503, PROBLEM, retry_after="0"),
+            httpx.Response(200, content=lines(two, one, bad)),
+        ]
+    )
+    found = ask(script, "batch", [SYSTEM, SYSTEM, {}])
+    assert [(found.id, found.line) for found in found] == [("b", 2), ("a", 1), (None, 3)]
+    assert [type(answer.result) for answer in found] == [ResultDocument, ResultDocument, type(None)]
+    assert found[2].problem.detail == "Line 3: no."
+    assert script.requests[0].content.count(b"\n") == 3
+
+
+@both
+def test_a_finished_batch_that_lacks_results_is_no_answer(ask: Any) -> None:
+    done = {**BATCH, "status": "successful", "counts": {"successful": 3}}
+    empty = httpx.Response(200, content=b"")
+    script = Script([answer(202, BATCH), empty, answer(200, done), httpx.Response(200, content=b"")])
+    with pytest.raises(UnexpectedAnswer, match="3 of 3"):
+        ask(script, "batch", [SYSTEM] * 3)
+
+
+@both
+def test_an_empty_batch_has_no_answers(ask: Any) -> None:
+    assert ask(Script([answer(202, {**BATCH, "total": 0, "counts": {}})]), "batch", []) == []
+
+
+def test_the_key_is_sent_and_ids_cannot_leave_their_place() -> None:
+    script = Script([answer(200, job("running"))])
+    with Client("http://service/", api_key="secret", transport=httpx.MockTransport(script)) as client:
+        client.job("../../x?y#z")
+    assert script.requests[0].headers["authorization"] == "Bearer secret"
+    assert script.requests[0].url.raw_path == b"/v1/jobs/..%2F..%2Fx%3Fy%23z"
+
+
+@pytest.mark.parametrize("address", ["", "localhost:8000", "ftp://x", "/v1"])
+def test_an_address_without_http_is_refused(address: str) -> None:
+    with pytest.raises(ClientError, match="http://"):
+        Client(address)
+
+
+def test_retry_after_is_a_number_or_a_date() -> None:
+    assert retry_after({"retry-after": " 17 "}) == 17.0
+    assert retry_after({"retry-after": formatdate(time.time() + 50, usegmt=True)}) == pytest.approx(50, abs=2)
+    assert retry_after({"retry-after": formatdate(0, usegmt=True)}) == 0.0
+    for text in ("", "soon", "-1", "1e9", "\u0663", "9" * 400):
+        assert retry_after({"retry-after": text}) is None
+
+
+def test_a_line_ends_with_a_line_feed_only() -> None:
+    reader = Lines()
+    assert reader.feed('"a\u2028b\x85"'.encode()) == []
+    assert reader.feed(b'\r\n"c"\n"d') == ['"a\u2028b\x85"', '"c"']
+
+
+def test_events_follow_the_format() -> None:
+    reader = EventReader()
+    text = ': note\nevent:x\ndata:{"a":\ndata: 1}\nretry: 5\nid: 7\n'
+    assert [reader.feed(line) for line in text.splitlines()] == [None] * 6
+    event = reader.feed("")
+    assert event is not None
+    assert (event.kind, event.data, event.id) == ("x", {"a": 1}, "7")
+    assert reader.feed("") is None
+
+
+def test_both_clients_have_the_same_methods() -> None:
+    def methods(client: type) -> dict[str, list[str]]:
+        found = inspect.getmembers(client, inspect.isfunction)
+        return {name: list(inspect.signature(f).parameters) for name, f in found if not name.startswith("_")}
+
+    assert methods(Client) == methods(AsyncClient)
+    assert len(methods(Client)) > 12
+
+
+def test_an_answer_of_a_batch_is_frozen() -> None:
+    with pytest.raises(AttributeError):
+        BatchAnswer("a", 1).id = "b"  # type: ignore[misc]
