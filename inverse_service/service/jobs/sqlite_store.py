@@ -1,0 +1,191 @@
+"""The job store in one SQLite file: write-ahead log, synchronous=FULL, one process, one writing thread."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+from inverse_service.service.jobs import sqlite_statements as statements
+from inverse_service.service.jobs.lock import SupervisorLock
+from inverse_service.service.jobs.model import Batch, BatchAnswer, BatchLine, Bounds, Event, Job, JobRequest, Usage
+from inverse_service.service.jobs.sqlite_schema import connect, prepare
+from inverse_service.service.jobs.sqlite_writer import Writer
+from inverse_service.service.jobs.states import JobStatus
+
+NO_BOUNDS = Bounds()
+
+
+class SqliteStore:
+    """See `store.JobStore`. Raises DatabaseTaken where another process has this file.
+
+    `durable=False` leaves out the fsync, for a store that is deleted at the end.
+    """
+
+    def __init__(self, path: Path, durable: bool = True) -> None:
+        self._path = str(path)
+        self._lock = SupervisorLock(path)
+        try:
+            connection = connect(self._path)
+            prepare(connection)
+        except sqlite3.Error:
+            self._lock.release()
+            raise
+        self._writer = Writer(connection, durable)
+        self._local = threading.local()
+        self._readers: list[sqlite3.Connection] = []
+        self._guard = threading.Lock()
+        self._listeners: list[Callable[[str], None]] = []
+
+    def submit(self, requests: Sequence[JobRequest], bounds: Bounds = NO_BOUNDS) -> list[Job]:
+        jobs, accepted = self._writer.write(lambda c: statements.submit(c, requests, bounds))
+        self._tell(accepted)
+        return jobs
+
+    def claim(self, owner: str, limit: int, excluded_clients: Sequence[str] = ()) -> list[Job]:
+        jobs = self._writer.write(lambda c: statements.claim(c, owner, limit, excluded_clients), durable=False)
+        self._tell(job.id for job in jobs)
+        return jobs
+
+    def heartbeat(self, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
+        query = "SELECT 1 FROM jobs WHERE id = ? AND attempt = ? AND status = 'running' AND owner = ?"
+        reader = self._reader()
+        # One process has the database, so its claims need no renewal.
+        return [id for id, attempt in running if reader.execute(query, (id, attempt, owner)).fetchone() is None]
+
+    def finish(self, id: str, attempt: int, result: bytes, usage: Usage) -> bool:
+        return self._end(id, attempt, "successful", result, usage)
+
+    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage) -> bool:
+        return self._end(id, attempt, "failed", problem, usage)
+
+    def release(self, id: str, attempt: int, crashed: bool) -> Job | None:
+        job = self._writer.write(lambda c: statements.release(c, id, attempt, crashed))
+        self._tell([id])
+        return job
+
+    def dismiss(self, id: str) -> Job | None:
+        job, changed = self._writer.write(lambda c: statements.dismiss(c, id))
+        if changed:
+            self._tell([id])
+        return job
+
+    def recover(self, owner: str | None = None, lease: float = 0.0) -> list[Job]:
+        return self._writer.write(lambda c: statements.recover(c, owner, lease))
+
+    def job(self, id: str, with_body: bool = True) -> Job | None:
+        return statements.read_job(self._reader(), id, with_body)
+
+    def jobs(
+        self, *, status: JobStatus | None = None, kind: str | None = None, client: str | None = None,
+        cursor: str | None = None, limit: int = 50,
+    ) -> tuple[list[Job], str | None]:  # fmt: skip
+        wanted = {"status": status, "kind": kind, "client": client, "sequence": _sequence(cursor)}
+        chosen = {name: value for name, value in wanted.items() if value is not None}
+        where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1"
+        query = f"{statements.SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
+        rows = self._reader().execute(query, (*chosen.values(), limit + 1)).fetchall()
+        found = [statements.job_of(row) for row in rows[:limit]]
+        return found, str(found[-1].sequence) if len(rows) > limit else None
+
+    def add_events(self, events: Iterable[tuple[str, Event]]) -> None:
+        rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
+        insert = "INSERT OR IGNORE INTO events VALUES (?, ?, ?, ?)"
+        self._writer.write(lambda c: c.executemany(insert, rows).rowcount, durable=False)
+        self._tell({row[0] for row in rows})
+
+    def events(self, id: str, after: int = 0, limit: int = 1000) -> list[Event]:
+        query = "SELECT number, kind, data FROM events WHERE id = ? AND number > ? ORDER BY number LIMIT ?"
+        rows = self._reader().execute(query, (id, after, limit)).fetchall()
+        return [Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
+
+    def create_batch(
+        self, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds = NO_BOUNDS
+    ) -> Batch:
+        batch = self._writer.write(lambda c: statements.create_batch(c, id, kind, client, lines, bounds))
+        self._tell([""])
+        return batch
+
+    def batch(self, id: str) -> Batch | None:
+        return statements.read_batch(self._reader(), id)
+
+    def batch_answers(self, id: str, after: int = 0, limit: int = 500) -> list[BatchAnswer]:
+        query = (
+            "SELECT lines.number, lines.identifier, lines.problem, lines.order_number, bodies.status, bodies.body "
+            "FROM lines LEFT JOIN bodies ON bodies.id = lines.job "
+            "WHERE lines.batch = ? AND lines.order_number > ? ORDER BY lines.order_number LIMIT ?"
+        )
+        return [_answer(row) for row in self._reader().execute(query, (id, after, limit))]
+
+    def dismiss_batch(self, id: str) -> list[str]:
+        query = (
+            "SELECT DISTINCT job FROM lines JOIN jobs ON jobs.id = lines.job WHERE lines.batch = ? "
+            "AND jobs.status IN ('accepted', 'running') "
+            "AND NOT EXISTS (SELECT 1 FROM lines AS other WHERE other.job = lines.job AND other.batch <> lines.batch)"
+        )
+
+        def change(connection: sqlite3.Connection) -> list[str]:
+            ids = [row["job"] for row in connection.execute(query, (id,)).fetchall()]
+            return [job for job in ids if statements.dismiss(connection, job)[1]]
+
+        dismissed = self._writer.write(change)
+        self._tell(dismissed)
+        return dismissed
+
+    def counts(self) -> Mapping[JobStatus, int]:
+        rows = self._reader().execute("SELECT status, count(*) AS jobs FROM jobs GROUP BY status")
+        return {row["status"]: row["jobs"] for row in rows}
+
+    def running_by_client(self) -> Mapping[str, int]:
+        query = "SELECT client, count(*) AS jobs FROM jobs WHERE status = 'running' GROUP BY client"
+        return {row["client"]: row["jobs"] for row in self._reader().execute(query)}
+
+    def prune(self, oldest: float, largest: int) -> int:
+        return self._writer.write(lambda c: statements.prune(c, oldest, largest))
+
+    def on_change(self, listener: Callable[[str], None]) -> None:
+        self._listeners.append(listener)
+
+    def close(self) -> None:
+        self._writer.close()
+        with self._guard:
+            for reader in self._readers:
+                reader.close()
+            self._readers.clear()
+        self._lock.release()
+
+    def _end(self, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage) -> bool:
+        ended = self._writer.write(lambda c: statements.end(c, id, attempt, status, body, usage))
+        self._tell([id])
+        return ended
+
+    def _reader(self) -> sqlite3.Connection:
+        """A connection for reading of this thread's own."""
+        found: sqlite3.Connection | None = getattr(self._local, "connection", None)
+        if found is None:
+            found = self._local.connection = connect(self._path, read_only=True)
+            with self._guard:
+                self._readers.append(found)
+        return found
+
+    def _tell(self, ids: Iterable[str]) -> None:
+        for id in ids:
+            for listener in self._listeners:
+                listener(id)
+
+
+def _answer(row: sqlite3.Row) -> BatchAnswer:
+    bad = row["problem"] is not None
+    status: JobStatus = "failed" if bad else row["status"] or "dismissed"
+    body = row["problem"] if bad else row["body"]
+    return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"])
+
+
+def _sequence(cursor: str | None) -> int | None:
+    if cursor is None:
+        return None
+    if not (cursor.isascii() and cursor.isdigit() and len(cursor) < 16):
+        raise ValueError("not a cursor of this list")
+    return int(cursor)

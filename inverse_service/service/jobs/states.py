@@ -1,0 +1,26 @@
+"""The states of a job and the ways between them."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
+STATUSES: Final[tuple[JobStatus, ...]] = ("accepted", "running", "successful", "failed", "dismissed")
+OPEN: Final[frozenset[JobStatus]] = frozenset({"accepted", "running"})
+FINAL: Final[frozenset[JobStatus]] = frozenset({"successful", "failed", "dismissed"})
+# running -> accepted: the worker or the service died; final -> accepted: the question is asked anew.
+NEXT: Final[dict[JobStatus, frozenset[JobStatus]]] = {
+    "accepted": frozenset({"running", "dismissed"}),
+    "running": frozenset({"successful", "failed", "dismissed", "accepted"}),
+    "successful": frozenset({"accepted"}),
+    "failed": frozenset({"accepted"}),
+    "dismissed": frozenset({"accepted"}),
+}
+# A job whose worker dies this often by itself is failed; so is one that saw the service die so often.
+MAX_CRASHES: Final = 3
+MAX_RESTARTS: Final = 10
+
+
+def may_become(now: JobStatus, then: JobStatus) -> bool:
+    """Whether a job may go from one status to the other."""
+    return then in NEXT[now]
