@@ -53,6 +53,13 @@ def read_system(
     )
 
 
+def read_names(
+    coordinates: Sequence[str], parameters: Parameters = (), functions: Mapping[str, Sequence[str]] | None = None
+) -> Names:
+    """The declared names, checked; InputError with the pointer of a name that cannot be declared."""
+    return _names(coordinates, (), parameters, functions or {})
+
+
 def escaped(key: str) -> str:
     """A key as a part of a JSON pointer (RFC 6901)."""
     return key.replace("~", "~0").replace("/", "~1")
