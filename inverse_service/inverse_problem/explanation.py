@@ -32,7 +32,9 @@ from inverse_service.inverse_problem.hierarchy import (
     unique_direction,
     unknowns,
 )
+from inverse_service.inverse_problem.numbers_at_a_point import numbers_at_a_point
 from inverse_service.inverse_problem.outcome import Step
+from inverse_service.inverse_problem.point_explanation import steps_in_numbers
 from inverse_service.inverse_problem.pointwise import local_motion
 from inverse_service.inverse_problem.wording import (
     Explanation,
@@ -65,7 +67,8 @@ def explain_negative(
 ) -> Explanation:
     """From the chosen conditions of the hierarchy to det g = 0; for None, the differential consequence.
 
-    Where the expressions are too large for pencil and paper, the conditions and their ranks.
+    Where the expressions are too large for pencil and paper, the conditions in numbers at one point, or
+    else their ranks.
     `with_time` says that the question was for L(t, q, v).
     """
     system = analysis.system
@@ -78,6 +81,10 @@ def explain_negative(
             return _by_elimination(analysis, chosen, seed, budget)
     except (TooLarge, ZeroDivisionError):
         pass
+    if chosen is not None and len(system.coordinates) <= LARGEST_N:
+        numbers = numbers_at_a_point(analysis, chosen)
+        if numbers is not None:
+            return Explanation(steps_in_numbers(system, chosen, entry_symbols(system), numbers))
     return Explanation(summary, complete=False)
 
 

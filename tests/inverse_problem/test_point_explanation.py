@@ -1,0 +1,84 @@
+"""Conditions in numbers at one point: the numbers are those of the formulas, the point is real, the argument closes."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import mpmath
+import pytest
+
+from inverse_service import catalogue
+from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.tree import Apply, Expression
+from inverse_service.inverse_problem.analysis import Analysis, analyse
+from inverse_service.inverse_problem.explanation import explain_negative
+from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
+from inverse_service.inverse_problem.numbers_at_a_point import numbers_at_a_point
+from inverse_service.mechanics.conditions import conditions
+from inverse_service.mechanics.reading import read_system
+
+LONG = ["poynting-robertson", "pendulum-on-viscous-cart", "generic-class-with-potential-first"]
+
+
+def analysis_of(name: str) -> Analysis:
+    document = catalogue.document(name)
+    return analyse(
+        read_system(
+            document["coordinates"], document["equations"], document.get("parameters", ()), document.get("functions")
+        )
+    )
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_long_conditions_are_settled_in_numbers(name: str) -> None:
+    analysis = analysis_of(name)
+    found = explain_negative(analysis, smallest_sufficient_set(analysis))
+    assert found.complete
+    assert "take one point" in found.steps[1].text
+    assert "have the solution" in found.steps[-2].text
+
+
+@pytest.mark.parametrize("name", ["inclined-knife-edge-first", "pendulum-on-viscous-cart"])
+def test_the_numbers_are_those_of_the_formulas(name: str) -> None:
+    analysis = analysis_of(name)
+    chosen = smallest_sufficient_set(analysis)
+    assert chosen is not None
+    numbers = numbers_at_a_point(analysis, chosen)
+    tensors = conditions(analysis.system)
+    assert numbers is not None
+    assert tensors.Phi is not None
+    table: dict[Expression, mpmath.mpf] = {
+        name: mpmath.mpf(value.numerator) / value.denominator for name, value in numbers.variables.items()
+    }
+    for atom, value in numbers.atoms.items():
+        if isinstance(atom, Apply) and atom.function == "sin":
+            other = numbers.atoms.get(Apply("cos", atom.argument))
+            cosine = mpmath.mpf(other.numerator) / other.denominator if other is not None else None
+            sine = mpmath.mpf(value.numerator) / value.denominator
+            table[atom.argument] = mpmath.atan2(sine, cosine if cosine is not None else mpmath.sqrt(1 - sine**2))
+    with mpmath.workdps(40):
+        matrix = next(m for condition, m in numbers.tensors.items() if condition.name == "Phi")
+        for row, exact_row in zip(matrix, tensors.Phi, strict=True):
+            for entry, exact in zip(row, exact_row, strict=True):
+                assert abs(evaluate(exact, table) - mpmath.mpf(entry.numerator) / entry.denominator) < 1e-12
+
+
+def test_roots_are_rational_at_the_point() -> None:
+    analysis = analysis_of("poynting-robertson")
+    chosen = smallest_sufficient_set(analysis)
+    assert chosen is not None
+    numbers = numbers_at_a_point(analysis, chosen)
+    assert numbers is not None
+    x, y = (value for name, value in numbers.variables.items() if str(name) in ("Symbol(name='x')", "Symbol(name='y')"))
+    (root,) = numbers.atoms.values()
+    assert root**2 == (x**2 + y**2) ** 3
+    assert isinstance(root, Fraction)
+
+
+def test_dependent_generators_give_no_point() -> None:
+    """x stands both bare and in log(x): free values of the two would not be those of a real point."""
+    system = read_system(["x", "y"], {"x": "y*log(x)+x'", "y": "-x'*y*x"})
+    analysis = analyse(system)
+    chosen = smallest_sufficient_set(analysis)
+    assert chosen is not None
+    assert numbers_at_a_point(analysis, chosen) is None
