@@ -15,7 +15,7 @@ from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrang
 from inverse_service.inverse_problem.power_series import count
 from inverse_service.inverse_problem.rational_series import as_tree, rational_series
 from inverse_service.inverse_problem.search.describe import describe
-from inverse_service.inverse_problem.search.ladder import SearchOutcome
+from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.verification import explain_positive
 from inverse_service.mechanics.legendre import legendre
 

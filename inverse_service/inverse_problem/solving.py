@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -9,6 +10,7 @@ from typing import Any
 
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.errors import CertificateRefused, IrreducibleAtoms
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem import certify
 from inverse_service.inverse_problem.analysis import Analysis, analyse
@@ -27,11 +29,13 @@ from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.describe import describe
-from inverse_service.inverse_problem.search.ladder import SearchOutcome, search
+from inverse_service.inverse_problem.search.found import SearchOutcome
+from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
+log = logging.getLogger(__name__)
 # Of the time left after the decision, the part that the search for a closed form may take.
 _SEARCH_SHARE = 0.5
 
@@ -166,20 +170,36 @@ def _by_existence(work: _Work, decision: Decision) -> Answer:
 
 def _by_lagrangian(work: _Work, decision: Decision) -> Answer | None:
     """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found."""
-    began = time.monotonic()
-    deadline = began + _SEARCH_SHARE * work.left()
-    work.outcome = search(
-        work.analysis, decision.with_time, work.options.seed, deadline, work.progress, work.options.ansatz
+    work.outcome = _searched(work, decision)
+    if work.outcome.found is None:
+        return None
+    first, *others = work.outcome.found.lagrangians
+    proposed = of_lagrangian(work.analysis, decision, work.outcome, first)
+    return _completed(work, replace(proposed, checked="valid"), others, decision)
+
+
+def _searched(work: _Work, decision: Decision) -> SearchOutcome:
+    """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
+    began, checked = time.monotonic(), work.seconds.get("check", 0.0)
+    outcome = search(
+        work.analysis,
+        decision.with_time,
+        work.options.seed,
+        began + _SEARCH_SHARE * work.left(),
+        work.progress,
+        work.options.ansatz,
+        lambda tree: _is_confirmed(work, tree, decision.with_time),
     )
-    work.add_seconds("search", began)
-    trees = work.outcome.found.lagrangians if work.outcome.found is not None else ()
-    for tree in trees:
-        proposed = of_lagrangian(work.analysis, decision, work.outcome, tree)
-        assert proposed.certificate is not None
-        if _verdict(work, proposed.certificate).verdict == "valid":
-            answer = replace(proposed, checked="valid")
-            return _completed(work, answer, [other for other in trees if other != tree], decision)
-    return None
+    work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
+    return outcome
+
+
+def _is_confirmed(work: _Work, tree: Expression, with_time: bool) -> bool:
+    """Whether the checker finds the Lagrangian valid; that it refuses one is a fault of ours, and logged."""
+    found = _verdict(work, certify.of_lagrangian(work.analysis, tree, with_time))
+    if found.verdict == "invalid":
+        log.warning("The checker refused the Lagrangian %s: %s", to_text(tree), "; ".join(found.reasons))
+    return found.verdict == "valid"
 
 
 def _completed(work: _Work, answer: Answer, others: list[Expression], decision: Decision) -> Answer:
@@ -191,13 +211,9 @@ def _completed(work: _Work, answer: Answer, others: list[Expression], decision: 
     hamiltonian = hamiltonian_of(answer.lagrangian.expression, names)
     steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
-    described = [describe(work.analysis, other, answer.lagrangian.family) for other in others]
-    confirmed = [
-        other
-        for other in described
-        if _verdict(work, certify.of_lagrangian(work.analysis, other.expression, decision.with_time)).verdict == "valid"
-    ]
-    return replace(answer, hamiltonian=hamiltonian, other_lagrangians=tuple(confirmed), explanation=steps)
+    confirmed = [other for other in others if _is_confirmed(work, other, decision.with_time)]
+    described = tuple(describe(work.analysis, other, answer.lagrangian.family) for other in confirmed)
+    return replace(answer, hamiltonian=hamiltonian, other_lagrangians=described, explanation=steps)
 
 
 def _verdict(work: _Work, certificate: Mapping[str, Any]) -> CheckResult:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, walk
-from inverse_service.inverse_problem.analysis import Analysis, analyse
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-Ladder = Callable[[Analysis, bool, int], Expression | None]
+_SECONDS_FOR_A_BLOCK = 10.0
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
@@ -47,8 +48,8 @@ def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:
     """The sum of the Lagrangians that `ladder` finds for the blocks; nothing where one has none."""
     parts = []
     for block in decoupled_blocks(material.analysis.system):
-        found = ladder(analyse(block), material.motion.with_time, seed)
+        found = ladder(analyse(block), material.motion.with_time, seed, _SECONDS_FOR_A_BLOCK)
         if found is None:
             return []
-        parts.append(found)
+        parts.append(found.lagrangians[0])
     return [add(*parts)]

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
-from inverse_service.inverse_problem.search import decoupled, parameters
 from inverse_service.inverse_problem.search.choice import as_tree, gauge_of, reduced, regular_members, scaled, signature
 from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms
+from inverse_service.inverse_problem.search.found import Found, SearchOutcome
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.multiplier_ansatz import solve_multiplier
@@ -30,23 +29,6 @@ from inverse_service.mechanics.euler_lagrange import hessian
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """Regular Lagrangians of one family, the simplest first; `parts` are those that the first is a sum of."""
-
-    lagrangians: tuple[Expression, ...]
-    family: str
-    parts: tuple[Expression, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class SearchOutcome:
-    """What was found, and the families tried with the number of their candidates."""
-
-    found: Found | None
-    tried: tuple[tuple[str, int], ...]
-
-
 def search(
     analysis: Analysis,
     with_time: bool,
@@ -54,15 +36,28 @@ def search(
     deadline: float,
     progress: Callable[[str], None],
     own_terms: Sequence[Expression] = (),
+    holds: Callable[[Expression], bool] = lambda _: True,
 ) -> SearchOutcome:
-    """The first family that holds a regular Lagrangian, or what was tried; the caller's own terms come first."""
+    """The first family that holds a regular Lagrangian, or what was tried; the caller's own terms come first.
+
+    A family counts only if one of its Lagrangians `holds`; those before that one are left out.
+    """
     tried: list[tuple[str, int]] = []
     try:
         with until(deadline):
-            found = _climb(analysis, with_time, seed, progress, own_terms, tried)
+            candidates = _climb(analysis, with_time, seed, progress, own_terms, tried)
+            found = next((kept for kept in (_kept(one, holds) for one in candidates) if kept), None)
     except OutOfTime:
         found = None
     return SearchOutcome(found, tuple(tried))
+
+
+def _kept(found: Found, holds: Callable[[Expression], bool]) -> Found | None:
+    """From the first Lagrangian on that holds."""
+    for k, tree in enumerate(found.lagrangians):
+        if holds(tree):
+            return replace(found, lagrangians=found.lagrangians[k:], parts=() if k else found.parts)
+    return None
 
 
 def _climb(
@@ -72,16 +67,17 @@ def _climb(
     progress: Callable[[str], None],
     own_terms: Sequence[Expression],
     tried: list[tuple[str, int]],
-) -> Found | None:
+) -> Iterator[Found]:
+    """What each rung finds, those that find nothing left out."""
     known: set[Monomial] = set()
     try:
         material = gather(analysis, with_time)
     except TooManyTerms:
-        return None
+        return
     factors: Factors | None = None
     quadratic: bool | None = None
     own = own_family(own_terms)
-    rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS, _BY_INTERPOLATION, _BY_BLOCKS]
+    rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS]
     for rung in sorted(rungs, key=lambda rung: rung.cost):
         check()
         if isinstance(rung, Specialist):
@@ -101,29 +97,12 @@ def _climb(
             tried.append((rung.name, len(terms)))
             found = _solve(material, rung, terms, seed)
         if found is not None:
-            return found
-    return None
+            yield found
 
 
-def _parts(analysis: Analysis, with_time: bool, seed: int, deadline: float) -> Sequence[Expression]:
-    """The parts of a Lagrangian for a system without parameters."""
-    outcome = search(analysis, with_time, seed, deadline, lambda _: None)
-    return outcome.found.parts if outcome.found is not None else ()
-
-
-def _simplest(analysis: Analysis, with_time: bool, seed: int) -> Expression | None:
-    """The first Lagrangian for a block of a system."""
-    outcome = search(analysis, with_time, seed, time.monotonic() + _SECONDS_FOR_A_BLOCK, lambda _: None)
-    return outcome.found.lagrangians[0] if outcome.found is not None else None
-
-
-_SECONDS_FOR_A_BLOCK = 10.0
-_BY_BLOCKS = Specialist(
-    "decoupled blocks one by one", 3.7, decoupled.applies, partial(decoupled.propose, ladder=_simplest)
-)
-_BY_INTERPOLATION = Specialist(
-    "symbolic parameters by interpolation", 4.5, parameters.applies, partial(parameters.propose, ladder=_parts)
-)
+def search_smaller(analysis: Analysis, with_time: bool, seed: int, seconds: float) -> Found | None:
+    """The ladder for a system that a method makes out of the given one."""
+    return search(analysis, with_time, seed, time.monotonic() + seconds, lambda _: None).found
 
 
 def _proposed(
@@ -133,7 +112,7 @@ def _proposed(
         return None
     progress(f"method: {specialist.name}")
     try:
-        proposed = tuple(specialist.propose(material, seed))
+        proposed = tuple(specialist.propose(material, seed, search_smaller))
     except (*_NO_POINTS, TooManyTerms):
         proposed = ()
     tried.append((specialist.name, len(proposed)))

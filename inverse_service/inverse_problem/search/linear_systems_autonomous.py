@@ -36,11 +36,11 @@ from inverse_service.inverse_problem.search.linear_systems_coordinates import (
     linear_form,
     separate_coordinates,
 )
-from inverse_service.inverse_problem.search.linear_systems_numbers import holds_numerically
 from inverse_service.inverse_problem.search.linear_systems_reading import linear_system, linear_terms
 from inverse_service.inverse_problem.search.linear_systems_roots import even_root
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import MotionTerms
+from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 
 

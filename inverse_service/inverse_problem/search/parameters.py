@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import random
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -33,6 +33,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.search.choice import inertia
+from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.sampling import make_sampler
@@ -48,7 +49,6 @@ _SECONDS = 12.0
 _BOUND = 10_000
 
 Values = Mapping[str, int]
-Ladder = Callable[[Analysis, bool, int, float], Sequence[Expression]]
 
 
 def applies(material: Material) -> bool:
@@ -59,13 +59,13 @@ def applies(material: Material) -> bool:
 
 
 def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:
-    """Lagrangians with symbolic coefficients; `ladder` gives the parts of one without parameters."""
+    """Lagrangians with symbolic coefficients from the parts of one without parameters."""
     deadline = time.monotonic() + _SECONDS
     generator = random.Random(f"parameters {seed}")
     special = _specialised(material.analysis, _draw(material, generator))
-    parts = ladder(special, material.motion.with_time, seed, deadline)
+    outcome = ladder(special, material.motion.with_time, seed, _SECONDS)
     found = []
-    for part in parts:
+    for part in outcome.parts if outcome is not None else ():
         tree = _generalised(material, part, generator, seed, deadline)
         if tree is None:
             return []

@@ -7,10 +7,12 @@ relations among letters: an identity found here holds, one not found may hold al
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from math import gcd, lcm
+
+from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
@@ -84,7 +86,10 @@ def _bounded(terms: Terms) -> Terms:
 
 
 def terms_of(expression: Expression) -> Terms:
-    """The tree expanded; TooManyTerms where that is large. Sums under fractional powers are letters."""
+    """The tree expanded; TooManyTerms where that is large.
+
+    Sums under negative or fractional powers are letters, 1/(x^2 + 2 x y + y^2) by its letter x + y.
+    """
     match expression:
         case Number(value):
             return {EMPTY: value} if value else {}
@@ -121,9 +126,42 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
     content, common, rest = split_content(base)
     factor, root = _numeric_power(content, exponent)
     whole = times(root, common, exponent)
-    if rest != ONE:
+    if rest != ONE and exponent.denominator == 1:
+        unit, parts = _without_squares(rest)
+        factor *= unit ** int(exponent)
+        for part, e in parts:
+            whole = times(whole, monomial(part), e * exponent)
+    elif rest != ONE:
         whole = times(whole, monomial(rest), exponent)
     return {whole: factor}
+
+
+@lru_cache(maxsize=1024)
+def _without_squares(tree: Expression) -> tuple[Fraction, tuple[tuple[Expression, int], ...]]:
+    """(c, ((p_k, e_k), …)) with tree = c prod p_k^e_k, a sum of products of letters; ((tree, 1),) as a rule."""
+    terms = terms_of(tree)
+    letters = list(dict.fromkeys(letter for key in terms for letter, _ in key))
+    if any(e < 0 or e.denominator > 1 for key in terms for _, e in key):
+        return Fraction(1), ((tree, 1),)
+    context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(letters))))
+    polynomial = context.from_dict({
+        tuple(int(dict(key).get(letter, 0)) for letter in letters): fmpq(value.numerator, value.denominator)
+        for key, value in terms.items()
+    })  # fmt: skip
+    unit, factors = polynomial.factor_squarefree()
+    if all(int(e) == 1 for _, e in factors):
+        return Fraction(1), ((tree, 1),)
+    parts = tuple((tree_of(_terms_of_polynomial(factor, letters)), int(e)) for factor, e in factors)
+    return Fraction(int(unit.p), int(unit.q)), parts
+
+
+def _terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[Expression]) -> Terms:
+    return {
+        frozenset((letter, Fraction(int(e))) for letter, e in zip(letters, exponents, strict=True) if e): Fraction(
+            int(value.p), int(value.q)
+        )
+        for exponents, value in polynomial.to_dict().items()
+    }
 
 
 def _is_small_power(count: int, exponent: Fraction) -> bool:

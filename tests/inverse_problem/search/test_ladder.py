@@ -11,7 +11,8 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search import ladder
 from inverse_service.inverse_problem.search.families import FAMILIES
-from inverse_service.inverse_problem.search.ladder import SearchOutcome, search
+from inverse_service.inverse_problem.search.found import Ladder, SearchOutcome
+from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.own_terms import NAME, monomials_of, own_family
 from inverse_service.inverse_problem.search.specialists import Specialist
@@ -122,3 +123,17 @@ def test_of_equal_lagrangians_a_positive_one_comes_first() -> None:
     outcome = searched({"x": "-x", "y": "-y"})
     assert outcome.found is not None
     assert same_value(outcome.found.lagrangians[0], tree("x'^2/2 + y'^2/2 - x^2/2 - y^2/2"))
+
+
+def test_a_family_whose_lagrangians_do_not_hold_is_passed_over() -> None:
+    analysis = material({"x": "-x"}).analysis
+    refused: list[Expression] = []
+
+    def holds(tree: Expression) -> bool:
+        refused.append(tree)
+        return len(refused) > 1
+
+    outcome = search(analysis, False, 1, time.monotonic() + 20, lambda _: None, (), holds)
+    assert outcome.found is not None
+    assert outcome.found.lagrangians[0] == refused[1]
+    assert search(analysis, False, 1, time.monotonic() + 20, lambda _: None, (), lambda _: False).found is None

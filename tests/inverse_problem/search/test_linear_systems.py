@@ -16,14 +16,15 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.analysis import analyse, variables_of
+from inverse_service.inverse_problem.search.ladder import search_smaller
 from inverse_service.inverse_problem.search.linear_systems import is_linear, linear_lagrangians
 from inverse_service.inverse_problem.search.linear_systems_autonomous import separate_lagrangians
 from inverse_service.inverse_problem.search.linear_systems_modes import invariant_multipliers
-from inverse_service.inverse_problem.search.linear_systems_numbers import holds_numerically
 from inverse_service.inverse_problem.search.linear_systems_reading import linear_system
 from inverse_service.inverse_problem.search.linear_systems_roots import even_root
-from inverse_service.inverse_problem.search.linear_systems_uniform_damping import damped_lagrangians, is_damped
 from inverse_service.inverse_problem.search.material import gather
+from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
+from inverse_service.inverse_problem.search.uniform_damping import damped_lagrangians, is_damped
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -159,7 +160,7 @@ def test_uniform_damping_multiplies_the_lagrangian_by_an_exponential(name: str) 
     system = read_system(list(equations), equations, tuple(parameters))
     material = gather(analyse(system), True)
     assert is_damped(material)
-    found = damped_lagrangians(material, 1)
+    found = damped_lagrangians(material, 1, search_smaller)
     assert found
     for tree in found:
         assert_is_lagrangian(system, tree)
@@ -167,7 +168,7 @@ def test_uniform_damping_multiplies_the_lagrangian_by_an_exponential(name: str) 
 
 def test_a_magnetic_term_forbids_uniform_damping() -> None:
     equations = {"x": "2*y'-x^3-x'", "y": "-2*x'-y^3-y'"}
-    assert not damped_lagrangians(gather(analyse(read_system(list(equations), equations)), True), 1)
+    assert not damped_lagrangians(gather(analyse(read_system(list(equations), equations)), True), 1, search_smaller)
 
 
 @pytest.mark.parametrize("name", WITHOUT)

@@ -17,6 +17,7 @@ from inverse_service.expressions.tree import TIME, Apply, Expression, Velocity, 
 from inverse_service.inverse_problem.analysis import analyse
 from inverse_service.inverse_problem.decision import Limits, decide
 from inverse_service.inverse_problem.search.divergence import divergence_factor
+from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.integrating import integrating_factor
 from inverse_service.inverse_problem.search.linear_systems_lagrangian import holds
 from inverse_service.inverse_problem.search.material import Material, coefficient
@@ -32,11 +33,8 @@ def is_damped(material: Material) -> bool:
     return material.motion.with_time and all(any(node == v for node in walk(f)) for v, f in pairs)
 
 
-def damped_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
+def damped_lagrangians(material: Material, seed: int, ladder: Ladder) -> Sequence[Expression]:
     """e^(int c dt) L_0, verified to 40 digits; none where no c gives a system with such an L_0."""
-    # The ladder holds this method; it is asked here for the system without damping.
-    from inverse_service.inverse_problem.search.ladder import search
-
     table = material.analysis.real_point
     for rate, factor in _rates(material, seed) if table is not None else ():
         analysis = analyse(_undamped(material, rate))
@@ -44,8 +42,8 @@ def damped_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
         limits = Limits(deadline=deadline)
         if decide(analysis.system, with_time, seed, limits, _ignore, analysis=analysis).verdict != "variational":
             continue
-        outcome = search(analysis, with_time, seed, deadline, _ignore)
-        trees = outcome.found.lagrangians if outcome.found is not None else ()
+        undamped = ladder(analysis, with_time, seed, deadline - time.monotonic())
+        trees = undamped.lagrangians if undamped is not None else ()
         damped = [multiply(factor, tree) for tree in trees]
         found = [tree for tree in damped if table and holds(material.analysis.system, tree, table, seed)]
         if found:

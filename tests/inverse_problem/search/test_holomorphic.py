@@ -11,11 +11,12 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.analysis import analyse, variables_of
-from inverse_service.inverse_problem.search.linear_systems_complex import ComplexTree, NotAnalytic, continued
-from inverse_service.inverse_problem.search.linear_systems_holomorphic import (
+from inverse_service.inverse_problem.search.complex_trees import ComplexTree, NotAnalytic, continued
+from inverse_service.inverse_problem.search.holomorphic import (
     complex_logarithm_lagrangians,
     holomorphic_lagrangians,
 )
+from inverse_service.inverse_problem.search.ladder import search_smaller
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system
@@ -51,7 +52,7 @@ def assert_is_lagrangian(system: SecondOrderSystem, tree: Expression) -> None:
 @pytest.mark.parametrize("name", HOLOMORPHIC)
 def test_both_parts_of_a_complex_lagrangian_are_lagrangians(name: str) -> None:
     material = material_of(HOLOMORPHIC[name])
-    found = holomorphic_lagrangians(material, 1)
+    found = holomorphic_lagrangians(material, 1, search_smaller)
     assert len(found) == 2
     for tree in found:
         assert_is_lagrangian(material.analysis.system, tree)
@@ -68,7 +69,7 @@ def test_drag_in_a_magnetic_field_has_a_complex_logarithm(name: str) -> None:
 
 @pytest.mark.parametrize("equations", [{"x": "x*y", "y": "x"}, {"x": "x^2+y^2", "y": "0"}])
 def test_nothing_is_proposed_for_systems_that_are_not_complex(equations: dict[str, str]) -> None:
-    assert not holomorphic_lagrangians(material_of(equations), 1)
+    assert not holomorphic_lagrangians(material_of(equations), 1, search_smaller)
     assert not complex_logarithm_lagrangians(material_of(equations), 1)
 
 

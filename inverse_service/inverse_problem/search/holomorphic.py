@@ -9,7 +9,6 @@ z'' = -(U_y + i U_x) z' comes from L = Im(z' log z') - U(x, y), whether the forc
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -36,14 +35,15 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.analysis import analyse, variables_of
 from inverse_service.inverse_problem.search.choice import as_tree, regular_members
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
-from inverse_service.inverse_problem.search.linear_ansatz import Combination, solve_ansatz
-from inverse_service.inverse_problem.search.linear_systems_complex import (
+from inverse_service.inverse_problem.search.complex_trees import (
     ComplexTree,
     NotAnalytic,
     continued,
 )
-from inverse_service.inverse_problem.search.linear_systems_numbers import holds_numerically
+from inverse_service.inverse_problem.search.found import Ladder
+from inverse_service.inverse_problem.search.linear_ansatz import Combination, solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, distinct
+from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
 from inverse_service.inverse_problem.search.sampling import make_sampler
 from inverse_service.inverse_problem.search.shapes import pairs
 from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial
@@ -69,19 +69,15 @@ def is_even(material: Material) -> bool:
     return material.motion.size in range(2, _LARGEST + 1, 2)
 
 
-def holomorphic_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
+def holomorphic_lagrangians(material: Material, seed: int, ladder: Ladder) -> Sequence[Expression]:
     """Re L(z, z') and Im L(z, z') for the Lagrangians of the real system, verified to 40 digits."""
-    # The ladder holds this method; it is asked here for half as many coordinates.
-    from inverse_service.inverse_problem.search.ladder import search
-
     system, table = material.analysis.system, material.analysis.real_point
     for structure in _structures(system.coordinates) if table is not None else ():
         reduced = _real_system(system, structure)
         if reduced is None or table is None or not _is_continuation(system, reduced, structure, table):
             continue
-        deadline = time.monotonic() + _SECONDS
-        outcome = search(analyse(reduced), material.motion.with_time, seed, deadline, lambda _: None)
-        trees = outcome.found.lagrangians if outcome.found is not None else ()
+        real = ladder(analyse(reduced), material.motion.with_time, seed, _SECONDS)
+        trees = real.lagrangians if real is not None else ()
         parts = [part for tree in trees for part in _parts(tree, structure)]
         found = tuple(tree for tree in parts if _is_lagrangian(system, tree, seed))
         if found:

@@ -1,0 +1,44 @@
+"""A Lagrangian of ours that the checker refuses is logged, and the search goes on without it."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import pytest
+
+from inverse_service.certificate.checker import CheckResult, check_certificate
+from inverse_service.inverse_problem import solving
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.mechanics.reading import read_system
+
+
+def test_a_refused_lagrangian_is_logged_and_the_next_one_taken(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    seen: list[Any] = []
+
+    def first_refused(certificate: Any, **options: Any) -> CheckResult:
+        seen.append(certificate)
+        return CheckResult("invalid", ("made up",)) if len(seen) == 1 else check_certificate(certificate, **options)
+
+    monkeypatch.setattr(solving, "check_certificate", first_refused)
+    with caplog.at_level(logging.WARNING):
+        answer = solve(read_system(["x"], {"x": "-x"}), SolveOptions(time_dependent=False)).autonomous
+    assert answer is not None
+    assert answer.checked == "valid"
+    assert answer.lagrangian is not None
+    assert "refused" in caplog.text
+    assert "made up" in caplog.text
+
+
+def test_a_square_in_a_denominator_is_seen_as_one() -> None:
+    """The potential of 1/(x + y)^2 is 1/(x + y), not a root of the square with a sign of its own."""
+    force = "1/(x^2 + 2*x*y + y^2)"
+    for seed in range(3):
+        options = SolveOptions(time_dependent=False, seed=seed)
+        answer = solve(read_system(["x", "y"], {"x": force, "y": force}), options).autonomous
+        assert answer is not None
+        assert answer.lagrangian is not None
+        assert not answer.lagrangian.positive
