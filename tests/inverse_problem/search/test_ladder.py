@@ -90,7 +90,7 @@ def test_own_terms_are_split_into_monomials_and_long_ones_kept_whole() -> None:
 def specialist(name: str, cost: float, applies: bool, proposed: Sequence[Expression] | None) -> Specialist:
     """One that proposes these, or (None) finds that atoms cannot be reduced."""
 
-    def propose(_: Material, seed: int) -> Sequence[Expression]:
+    def propose(_: Material, seed: int, __: Ladder) -> Sequence[Expression]:
         if proposed is None:
             raise IrreducibleAtoms("no")
         return proposed
