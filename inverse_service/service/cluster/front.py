@@ -18,6 +18,10 @@ from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from typing import Any
 
+import dask
+import distributed
+from distributed.scheduler import KilledWorker
+
 from inverse_service.errors import InputError
 from inverse_service.service.cluster import remote
 from inverse_service.service.cluster.fingerprint import Fingerprint, difference, fingerprint
@@ -27,18 +31,10 @@ from inverse_service.service.outcome import Call, Outcome
 from inverse_service.service.worker_process import Report
 from inverse_service.service.workers import Running
 
-try:
-    import dask
-    import distributed
-    from distributed.scheduler import KilledWorker
-except ImportError:  # the extra is not installed
-    dask = distributed = KilledWorker = None  # type: ignore[assignment,misc]
-
 log = logging.getLogger(__name__)
 LOOK = 0.5
 CONNECT = 10.0
 FAILURES = 20
-SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
 @dataclass(slots=True, eq=False)
@@ -61,10 +57,6 @@ class Cluster:
     """An Executor (see `workers`) on the workers of a Dask scheduler; safe to use from any thread."""
 
     def __init__(self, address: str, memory_limit: int) -> None:
-        if distributed is None:
-            raise InputError("A cluster needs the extra 'dask'; install inverse-service[dask].")
-        if not address.startswith(SCHEMES):
-            raise InputError("The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786.")
         self._address = address
         self._terms = Terms(fingerprint(), memory_limit, f"inverse-service-{uuid.uuid4().hex}")
         self._lock = threading.Lock()
