@@ -6,15 +6,17 @@ from fractions import Fraction
 
 from flint import fmpq
 
+from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.exact_trees import quotient_tree
-from inverse_service.algebra.rational_functions import Quotient
+from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.tree import (
     Apply,
     Expression,
     Number,
     Power,
     Product,
+    Symbol,
     Velocity,
     add,
     multiply,
@@ -23,6 +25,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 
+_TIDIED_TERMS = 2_000
 _QUOTIENTS = {("sin", "cos"): "tan", ("cos", "sin"): "cot", ("sinh", "cosh"): "tanh", ("cosh", "sinh"): "coth"}
 
 
@@ -87,3 +90,14 @@ def _place(factor: Expression) -> int:
     """Numbers and symbols, then functions, then velocities."""
     base, _ = _power_of(factor)
     return 2 if isinstance(base, Velocity) else 1 if isinstance(base, Apply) else 0
+
+
+def tidied(tree: Expression) -> Expression:
+    """The tree as one exact quotient, roots and circular functions reduced; as it is where that is too large."""
+    variables = list(dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity)))
+    try:
+        # One order more than the tree holds: roots of arbitrary functions ask for a derivative.
+        ring = exact_ring([tree], variables, 1, Budget(_TIDIED_TERMS))
+        return readable(ring, ring.value(tree))
+    except (TooLarge, ZeroDivisionError):
+        return tree
