@@ -34,6 +34,7 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
+from inverse_service.mechanics.euler_lagrange import Matrix, hessian
 from inverse_service.simulation.array_values import NoValue, array_value
 
 Array = NDArray[np.float64]
@@ -48,12 +49,13 @@ RANK_LOST = "the constraints lose rank on the way, so the exact motion is not de
 
 @dataclass(frozen=True, slots=True)
 class ExactMotion:
-    """Coefficients omega (m, n) as trees in the one coordinate `turning`, mass matrix (n, n), dimensionless.
+    """Coefficients omega (m, n) as trees in the one coordinate `turning`, mass matrix (n, n) as trees and numbers.
 
     `turning` is None where the motion is straight.
     """
 
     coordinates: tuple[str, ...]
+    inertia: Matrix
     mass: Array
     constraints: tuple[tuple[Expression, ...], ...]
     turning: int | None
@@ -75,7 +77,8 @@ def exact_motion(
 ) -> ExactMotion | NoExactMotion:
     """The exact motion of a system of the class above, or why it is not of it."""
     names = tuple(coordinates)
-    mass = _mass(lagrangian, names, values)
+    inertia = hessian(lagrangian, names)
+    mass = _mass(lagrangian, inertia, names, values)
     if mass is None:
         return NoExactMotion("The kinetic energy has coefficients that are not constant, or there is a potential.")
     rows = [_coefficients(constraint, names) for constraint in constraints]
@@ -86,7 +89,7 @@ def exact_motion(
     turning = [k for k, name in enumerate(names) if name in used]
     if TIME.name in used or len(turning) > 1:
         return NoExactMotion("The constraints depend on more than one coordinate.")
-    found = ExactMotion(names, mass, tuple(linear), turning[0] if turning else None, dict(values))
+    found = ExactMotion(names, inertia, mass, tuple(linear), turning[0] if turning else None, dict(values))
     return found if not turning else _with_one_direction(found)
 
 
@@ -101,17 +104,18 @@ def _with_one_direction(found: ExactMotion) -> ExactMotion | NoExactMotion:
     return found
 
 
-def _mass(lagrangian: Expression, names: tuple[str, ...], values: Mapping[str, float]) -> Array | None:
+def _mass(
+    lagrangian: Expression, inertia: Matrix, names: tuple[str, ...], values: Mapping[str, float]
+) -> Array | None:
     rates = [Velocity(name) for name in names]
     table: dict[Expression, float] = {Symbol(name): value for name, value in values.items()}
-    entries = [[collect(differentiate(differentiate(lagrangian, a), b)) for b in rates] for a in rates]
     kinetic = add(
-        *(multiply(HALF, entry, rates[i], rates[j]) for i, row in enumerate(entries) for j, entry in enumerate(row))
+        *(multiply(HALF, entry, rates[i], rates[j]) for i, row in enumerate(inertia) for j, entry in enumerate(row))
     )
     rest = collect(subtract(lagrangian, kinetic))
     try:
         array_value(rest, table)
-        return np.array([[float(array_value(entry, table)[0]) for entry in row] for row in entries])
+        return np.array([[float(array_value(entry, table)[0]) for entry in row] for row in inertia])
     except NoValue:
         return None
 

@@ -145,8 +145,9 @@ def turned(points: Array) -> Array:
     places = np.maximum.accumulate(np.where(moving, np.arange(len(chords)), -1))
     places[places < 0] = int(np.argmax(moving))
     directions = np.arctan2(chords[:, 1], chords[:, 0])[places]
-    angles: Array = np.unwrap(directions)
-    return angles - angles[0]
+    angles = np.unwrap(directions)
+    turning: Array = angles - angles[0]
+    return turning
 
 
 def radial_distance(points: Array, circle: Circle) -> Array:
@@ -164,4 +165,5 @@ def phase_error(points: Array, circle: Circle, exact: Array, exact_circle: Circl
     ]
     difference: Array = angles[0] - angles[1]
     # Angles are known up to whole turns only: the paths start together.
-    return difference - 2 * np.pi * np.round(difference[0] / (2 * np.pi))
+    together: Array = difference - 2 * np.pi * np.round(difference[0] / (2 * np.pi))
+    return together

@@ -1,0 +1,169 @@
+"""The Scene document: a system, its initial data, the methods to run and the quantities to observe."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
+
+from api_schemas.base import Document
+from api_schemas.sizes import (
+    MAX_COORDINATES,
+    MAX_FORMULA_CHARACTERS,
+    MAX_FUNCTIONS,
+    MAX_NAME_CHARACTERS,
+    MAX_PARAMETERS,
+    MAX_TITLE_CHARACTERS,
+)
+from api_schemas.system import Formula, Name, Value
+
+MAX_STEPS = 100_000_000
+MAX_METHODS = 24
+MAX_EFFECTS = 32
+MAX_STEP_SIZES = 40
+
+MethodName = Literal["variational", "nonholonomic", "modified", "exact", "reference", "runge-kutta", "heyoka"]
+Observed = Literal[
+    "trajectory", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "velocities"
+]
+Beginning = Literal["momenta", "discrete_constraint"]
+Word = Annotated[str, StringConstraints(min_length=1, max_length=MAX_NAME_CHARACTERS)]
+FreeLagrangian = Annotated[str, StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS)]
+Numbers = Annotated[dict[Name, Value], Field(max_length=MAX_PARAMETERS)]
+SYSTEM_TAGS = ("catalogue", "document", "result", "inline")
+
+
+def _trajectory() -> list[Observed]:
+    return ["trajectory"]
+
+
+def _method_name(value: Any) -> Any:
+    return value.replace("_", "-") if isinstance(value, str) else value
+
+
+def _method_entry(value: Any) -> Any:
+    return {"method": value} if isinstance(value, str) else value
+
+
+def _whole(value: Any) -> Any:
+    """A whole number written as text, as YAML gives it, or as 2000.0."""
+    if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) < 12:
+        return int(value)
+    return int(value) if isinstance(value, float | Decimal) and value == int(value) else value
+
+
+def _kind_of_system(value: Any) -> str:
+    keys = value if isinstance(value, dict) else {}
+    return next((tag for tag in SYSTEM_TAGS[:3] if tag in keys), "inline")
+
+
+class CatalogueSystem(Document):
+    """A system by its name in the catalogue."""
+
+    catalogue: Annotated[str, StringConstraints(min_length=1, max_length=MAX_TITLE_CHARACTERS)]
+
+
+class DocumentSystem(Document):
+    """A system as a document: a nonholonomic system, a Lagrangian, or second-order equations."""
+
+    document: dict[str, Any]
+
+
+class ResultSystem(Document):
+    """A system with the Lagrangian that `solve` found for it."""
+
+    result: dict[str, Any]
+
+
+SceneSystem = Annotated[
+    Annotated[CatalogueSystem, Tag("catalogue")]
+    | Annotated[DocumentSystem, Tag("document")]
+    | Annotated[ResultSystem, Tag("result")]
+    | Annotated[dict[str, Any], Tag("inline")],
+    Discriminator(_kind_of_system),
+]
+
+
+class LagrangianDocument(Document):
+    """A system by its Lagrangian, with or without constraints on the velocities."""
+
+    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)]
+    lagrangian: Formula
+    constraints: Annotated[list[Formula], Field(max_length=MAX_COORDINATES)] = Field(default_factory=list)
+    parameters: (
+        Annotated[dict[Name, Value | None], Field(max_length=MAX_PARAMETERS)]
+        | Annotated[list[Name], Field(max_length=MAX_PARAMETERS)]
+    ) = Field(default_factory=list)
+    functions: Annotated[dict[Name, list[Name]], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
+    associated: Any = None
+    time_dependent_lagrangian: bool | None = None
+
+
+class SceneInitial(Document):
+    """Initial data. Velocities that the constraints determine may be left out.
+
+    `project`: put velocities that violate the constraints on them (orthogonally in the kinetic energy).
+    """
+
+    positions: Annotated[dict[Name, Value], Field(max_length=MAX_COORDINATES)]
+    velocities: Annotated[dict[Name, Value], Field(max_length=MAX_COORDINATES)] | None = None
+    momenta: Annotated[dict[Name, Value], Field(max_length=MAX_COORDINATES)] | None = None
+    project: bool = False
+
+
+class SceneMethod(Document):
+    """A method with its settings; those left out have the defaults of the method.
+
+    `alpha` in [0, 1], default 1/2; `order` 2, or 4, 6, 8 by composition (runge-kutta: 4, 5 or 8); `form` of the
+    variational method; `start`: from momenta, or with q_1 on the discrete constraint.
+    """
+
+    method: Annotated[MethodName, BeforeValidator(_method_name)]
+    alpha: Value | None = None
+    symmetrised: bool = False
+    order: Annotated[Literal[2, 4, 5, 6, 8], BeforeValidator(_whole)] | None = None
+    form: Literal["hamiltonian", "raw"] = "hamiltonian"
+    start: Beginning | None = None
+    free_lagrangian: FreeLagrangian | None = None
+    constants: Numbers | None = None
+    label: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
+
+
+Methods = Annotated[
+    list[Annotated[SceneMethod, BeforeValidator(_method_entry)]], Field(min_length=1, max_length=MAX_METHODS)
+]
+
+
+class SceneDocument(Document):
+    """What to simulate. What a scene does not name is neither derived, compiled nor computed.
+
+    `effects`: the parts of the Lagrangian that act, of "constraints", "potential", "magnetic" and the names of
+    `terms`; left out, all of them. `terms`: further terms of L by name. `functions`: formulas for the arbitrary
+    functions of the system. `step` and `steps`, or `step` and `time` (the length of time). `free_lagrangian`: L~ as a
+    formula, or "first", "second" or "third" for that associated system; `constants`: its free constants.
+    `circle`: the two coordinates whose path is matched by circles. `step_sizes`: those of `work-precision`.
+    """
+
+    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
+    system: SceneSystem
+    parameters: Numbers = Field(default_factory=dict)
+    functions: Annotated[dict[Name, Formula], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
+    effects: Annotated[list[Word], Field(max_length=MAX_EFFECTS)] | None = None
+    terms: Annotated[dict[Name, Formula], Field(max_length=MAX_EFFECTS)] = Field(default_factory=dict)
+    initial: SceneInitial
+    step: Value
+    steps: Annotated[int, Field(ge=1, le=MAX_STEPS), BeforeValidator(_whole)] | None = None
+    time: Value | None = None
+    record_every: Annotated[int, Field(ge=1, le=MAX_STEPS), BeforeValidator(_whole)] | None = None
+    methods: Methods
+    observe: Annotated[list[Observed], Field(max_length=16)] = Field(default_factory=_trajectory)
+    start: Beginning = "momenta"
+    free_lagrangian: FreeLagrangian | None = None
+    constants: Numbers = Field(default_factory=dict)
+    circle: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
+    step_sizes: Annotated[list[Value], Field(min_length=1, max_length=MAX_STEP_SIZES)] | None = None
+    repeats: Annotated[int, Field(ge=1, le=50), BeforeValidator(_whole)] = 5
+
+

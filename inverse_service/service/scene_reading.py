@@ -1,0 +1,107 @@
+"""A scene document to the scene: values, effects, initial data, grid and methods, each checked."""
+
+from __future__ import annotations
+
+from api_schemas.scene import SceneDocument
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names, declared_name
+from inverse_service.expressions.tree import TIME, Arbitrary, Expression, walk
+from inverse_service.service.reading import escape
+from inverse_service.service.scene_formulas import Definitions, defined, read_definitions, undefined_functions
+from inverse_service.service.scene_initial import read_initial
+from inverse_service.service.scene_methods import read_circle, read_methods
+from inverse_service.service.scene_numbers import number_of, read_grid
+from inverse_service.service.scene_system import MechanicalSystem, formula, mechanical_system
+from inverse_service.simulation.effects import BUILT_IN, CONSTRAINTS, lagrangian_parts, with_effects
+from inverse_service.simulation.scene import OBSERVED, Scene
+
+
+def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
+    """The scene and its system; InputError with the pointer of what is wrong."""
+    extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
+    system = mechanical_system(schema.system, _own(schema, extra))
+    names = system.names
+    values = _values(schema, system)
+    definitions = read_definitions(schema.functions, names)
+    lagrangian, constraints, effects = _with_effects(schema, system, definitions)
+    accelerations = system.accelerations and tuple(defined(tree, definitions) for tree in system.accelerations)
+    formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
+    _refuse_open(formulas, names)
+    positions, velocities = read_initial(schema, names, lagrangian, constraints, values)
+    grid, notes = read_grid(schema)
+    scene = Scene(
+        name=schema.name or system.name,
+        coordinates=names.coordinates,
+        values=values,
+        lagrangian=lagrangian,
+        constraints=constraints,
+        accelerations=accelerations or None,
+        effects=effects,
+        positions=positions,
+        velocities=velocities,
+        grid=grid,
+        methods=read_methods(schema),
+        observe=tuple(name for name in OBSERVED if name in schema.observe),
+        circle=read_circle(schema, names),
+        notes=notes,
+    )
+    return scene, system
+
+
+def _own(schema: SceneDocument, extra: list[str]) -> list[str]:
+    """Parameters of the scene that its terms, functions or free Lagrangian may use beyond those of the system."""
+    return extra if schema.terms or schema.functions or schema.free_lagrangian or _method_lagrangians(schema) else []
+
+
+def _method_lagrangians(schema: SceneDocument) -> bool:
+    return any(method.free_lagrangian for method in schema.methods)
+
+
+def _values(schema: SceneDocument, system: MechanicalSystem) -> dict[str, float]:
+    names = system.names
+    texts = dict(system.values)
+    for given, text in schema.parameters.items():
+        name = names.spelling(declared_name(given, f"/parameters/{escape(given)}", "parameter"))
+        if name not in names.parameters:
+            known = ", ".join(names.parameters) or "none"
+            detail = f"the system has no parameter '{name}': its parameters are {known}."
+            raise InputError(detail, f"/parameters/{escape(given)}")
+        texts[name] = text
+    missing = [name for name in names.parameters if name not in texts]
+    if missing:
+        raise InputError(f"the parameters {', '.join(missing)} have no value: add them to 'parameters'.", "/parameters")
+    return {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
+
+
+def _with_effects(
+    schema: SceneDocument, system: MechanicalSystem, definitions: Definitions
+) -> tuple[Expression | None, tuple[Expression, ...], tuple[str, ...]]:
+    """L with the effects named, the constraints where they are named, and all names in effect."""
+    texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
+    terms = {name: defined(tree, definitions) for name, tree in texts.items()}
+    known = (*BUILT_IN, *terms)
+    named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
+    for place, name in enumerate(named):
+        if name not in known:
+            detail = f"'{escape(name)}' is no effect of this scene: use {', '.join(known)}."
+            raise InputError(detail, f"/effects/{place}")
+    if system.lagrangian is None:
+        if terms or schema.effects is not None:
+            raise InputError(
+                "effects and terms need a Lagrangian, and this system is given by its equations: leave them out.",
+                "/terms" if terms else "/effects",
+            )
+        return None, (), ()
+    whole = defined(system.lagrangian, definitions)
+    parts = lagrangian_parts(whole, system.names.coordinates)
+    constraints = tuple(defined(w, definitions) for w in system.constraints) if CONSTRAINTS in named else ()
+    return with_effects(parts, terms, named), constraints, named
+
+
+def _refuse_open(formulas: list[Expression], names: Names) -> None:
+    for tree in formulas:
+        if any(node == TIME for node in walk(tree)):
+            raise InputError("the system depends on the time t: only systems without t can be simulated.", "/system")
+    missing = sorted({node.name for tree in formulas for node in walk(tree) if isinstance(node, Arbitrary)})
+    if missing:
+        raise undefined_functions(missing, names)

@@ -1,0 +1,184 @@
+"""The free Lagrangian L~ and Hamiltonian H~ of the second associated system, for motions with known directions.
+
+Where the exact motion is q_i' = c d_i(r)/n(r), n = sqrt(d M d), r'' = 0 (`exact_motion`), the second
+associated system r'' = 0, q_i'' = (d_i/n)' (n/d_i) r' q_i' is variational for every d:
+
+    L~ = r'^2/2 + (n/2r') sum C_i q_i'^2/d_i,        H~ = (p_r + (1/2n) sum d_i p_i^2/C_i)^2/2
+
+and where n is constant, coordinates with constant d_i may have q_i'^2/2 instead (the paper's L~2).
+Constant factors and signs of d_i are left to the free constants C_i; H~ is smooth through d_i = 0.
+Source: Mestdag, Bloch, Fernandez (2009), proposition 1.2, for d = (1, -A_a); the general d by own computation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.tree import (
+    HALF,
+    ONE,
+    ZERO,
+    Expression,
+    Number,
+    Product,
+    Symbol,
+    Velocity,
+    add,
+    divide,
+    multiply,
+    negate,
+    number,
+    power,
+    square_root,
+    walk,
+)
+from inverse_service.simulation.array_values import array_value
+from inverse_service.simulation.exact_motion import ExactMotion
+from inverse_service.simulation.regular_motion import determinant
+
+Array = NDArray[np.float64]
+SAMPLES = 32
+CONSTANT = 1e-13
+
+
+@dataclass(frozen=True, slots=True)
+class ClassLagrangian:
+    """L~, H~ in Symbol("p_x"), and their free constants, one for each coupled coordinate; `directions` d_i without
+    constant factors.
+
+    `kind` is "L~2" where n is constant and "L~1" elsewhere; `decoupled` are the places with q'^2/2.
+    """
+
+    lagrangian: Expression
+    hamiltonian: Expression
+    constants: tuple[str | None, ...]
+    kind: str
+    turning: int
+    decoupled: tuple[int, ...]
+    directions: tuple[Expression, ...]
+    norm: Expression
+
+
+def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLagrangian | None:
+    """L~ of the second associated system; None where the motion is straight or a direction vanishes.
+
+    `taken` are names that the free constants C_x (one for each coordinate x) must not have.
+    """
+    if motion.turning is None:
+        return None
+    k, names = motion.turning, motion.coordinates
+    raw = _directions(motion)
+    steady = _is_constant(_square(motion, raw), motion)
+    decoupled = tuple(i for i in raw if raw[i] == ZERO or (steady and not _turns(raw[i], names[k])))
+    if len(decoupled) == len(raw):
+        return None
+    norm = ONE if steady else square_root(_square(motion, raw))
+    coupled = [i for i in raw if i not in decoupled]
+    directions = tuple(_stripped(raw[i], names[k]) if i in coupled else ONE for i in range(len(names)))
+    constants = {i: _name(names[i], [*taken, *names]) for i in coupled}
+    speed, momentum = Velocity(names[k]), Symbol(f"p_{names[k]}")
+    quadratic = add(*(
+        divide(multiply(Symbol(constants[i]), power(Velocity(names[i]), 2)), directions[i]) for i in coupled
+    ))  # fmt: skip
+    image = add(*(
+        divide(multiply(directions[i], power(Symbol(f"p_{names[i]}"), 2)), Symbol(constants[i])) for i in coupled
+    ))  # fmt: skip
+    free = [i for i in range(len(names)) if i == k or i in decoupled]
+    kinetic = [multiply(HALF, power(Velocity(names[i]), 2)) for i in free]
+    others = [multiply(HALF, power(Symbol(f"p_{names[i]}"), 2)) for i in decoupled]
+    shifted = add(momentum, divide(multiply(HALF, image), norm))
+    return ClassLagrangian(
+        lagrangian=add(*kinetic, divide(multiply(HALF, norm, quadratic), speed)),
+        hamiltonian=add(multiply(HALF, power(shifted, 2)), *others),
+        constants=tuple(constants.get(i) for i in range(len(names))),
+        kind="L~2" if steady else "L~1",
+        turning=k,
+        decoupled=decoupled,
+        directions=directions,
+        norm=norm,
+    )
+
+
+def _directions(motion: ExactMotion) -> dict[int, Expression]:
+    """d_i: the minors of the constraints with alternating signs, for every coordinate but the turning one."""
+    others = [i for i in range(len(motion.coordinates)) if i != motion.turning]
+    found = {}
+    for place, i in enumerate(others):
+        minor = determinant(tuple(tuple(row[j] for j in others if j != i) for row in motion.constraints))
+        found[i] = negate(minor) if place % 2 else minor
+    return found
+
+
+def _square(motion: ExactMotion, directions: dict[int, Expression]) -> Expression:
+    terms = [multiply(motion.inertia[i][j], directions[i], directions[j]) for i in directions for j in directions]
+    return collect(add(*terms))
+
+
+def _is_constant(expression: Expression, motion: ExactMotion) -> bool:
+    """Whether a function of the turning coordinate has one value at random points, to round-off."""
+    points = np.random.default_rng(1).uniform(-3, 3, SAMPLES)
+    table: dict[Expression, Array | float] = {Symbol(name): value for name, value in motion.values.items()}
+    table[Symbol(motion.coordinates[motion.turning or 0])] = points
+    values = array_value(expression, table)
+    values = values[np.isfinite(values)]
+    return len(values) > 1 and bool(np.ptp(values) <= CONSTANT * np.abs(values).max())
+
+
+def _turns(expression: Expression, name: str) -> bool:
+    return any(node == Symbol(name) for node in walk(expression))
+
+
+def _stripped(expression: Expression, name: str) -> Expression:
+    """The factors that hold the turning coordinate; a constant direction becomes 1."""
+    factors = expression.factors if isinstance(expression, Product) else (expression,)
+    kept = [factor for factor in factors if not isinstance(factor, Number) and _turns(factor, name)]
+    return multiply(*kept) if kept else number(1)
+
+
+def _name(coordinate: str, taken: Sequence[str]) -> str:
+    choices = [f"C_{coordinate}", f"free_{coordinate}", *(f"C_{coordinate}_{k}" for k in range(2, len(taken) + 4))]
+    return next(name for name in choices if name not in taken)
+
+
+def start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array) -> Array:
+    """p = dL~/dv at a start on the constraints, (n,), with its limit where a d_i vanishes there.
+
+    p_i = C_i n q_i'/(d_i r') is a constant of the motion; on the constraints q_i' is c d_i/n, so that
+    the quotient stays finite: it is taken from d_i/d_i stripped, a constant.
+    """
+    k, names = found.turning, motion.coordinates
+    rate = float(velocities[k])
+    table: dict[Expression, Array | float] = {Symbol(name): value for name, value in motion.values.items()}
+    table[Symbol(names[k])] = positions[k : k + 1]
+    raw = _directions(motion)
+    mass = motion.mass
+    d = np.array([float(array_value(raw[i], table)[0]) if i in raw else 0.0 for i in range(len(names))])
+    length = float(np.sqrt(d @ mass @ d))
+    speed = float(d @ mass @ velocities) / length
+    norm = float(array_value(found.norm, table)[0])
+    momenta = velocities.astype(float).copy()
+    shift = 0.0
+    for i, name in enumerate(found.constants):
+        if name is None:
+            continue
+        constant = motion.values[name]
+        ratio = _constant_ratio(raw[i], found.directions[i], motion)
+        momenta[i] = constant * (norm / length) * speed * ratio / rate
+        shift += float(array_value(found.directions[i], table)[0]) * momenta[i] ** 2 / (2 * norm * constant)
+    momenta[k] = rate - shift
+    return momenta
+
+
+def _constant_ratio(raw: Expression, stripped: Expression, motion: ExactMotion) -> float:
+    """raw/stripped, which does not depend on the turning coordinate."""
+    points = np.random.default_rng(2).uniform(-3, 3, SAMPLES)
+    table: dict[Expression, Array | float] = {Symbol(name): value for name, value in motion.values.items()}
+    table[Symbol(motion.coordinates[motion.turning or 0])] = points
+    top, bottom = array_value(raw, table), array_value(stripped, table)
+    best = int(np.nanargmax(np.where(np.isfinite(top) & np.isfinite(bottom), np.abs(bottom), np.nan)))
+    return float(top[best] / bottom[best])

@@ -1,0 +1,112 @@
+"""Only what a scene's methods and observables need is derived: accelerations, exact motion, free Lagrangians."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from inverse_service.expressions.tree import Expression
+from inverse_service.mechanics.nonholonomic_motion import equations_of_motion
+from inverse_service.mechanics.nonholonomic_system import NonholonomicSystem
+from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, exact_motion
+from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.regular_motion import regular_accelerations
+from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
+
+USES_FREE = frozenset({"variational", "modified"})
+USES_ACCELERATIONS = frozenset({"reference", "runge_kutta", "heyoka"})
+COMPARED = frozenset({"error", "phase"})
+USES_EXACT = COMPARED | {"matching_circle"}
+
+Find = Callable[[Scene, str | None, ExactMotion | NoExactMotion], FreeLagrangian | Unavailable]
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """What was derived for a scene; None (or no entry) is what nothing asked for. `seconds` says what each took."""
+
+    exact: ExactMotion | NoExactMotion | None
+    accelerations: tuple[Expression, ...] | Unavailable | None
+    free: Mapping[str | None, FreeLagrangian | Unavailable]
+    seconds: Mapping[str, float]
+
+
+def derive(scene: Scene, find: Find) -> Derived:
+    """Derive by need; `find` looks for the free Lagrangian of a name (None: the scene's own)."""
+    seconds: dict[str, float] = {}
+    used = {requested.method for requested in scene.methods}
+    wanted = dict.fromkeys(requested.free for requested in scene.methods if requested.method in USES_FREE)
+    exact: ExactMotion | NoExactMotion | None = None
+    if EXACT in used or USES_EXACT & set(scene.observe) or wanted:
+        with _timed(seconds, "exact motion"):
+            exact = _exact(scene)
+    compares = bool(COMPARED & set(scene.observe)) and not isinstance(exact, ExactMotion)
+    accelerations = None
+    if used & USES_ACCELERATIONS or compares:
+        with _timed(seconds, "accelerations"):
+            accelerations = _accelerations(scene)
+    free: dict[str | None, FreeLagrangian | Unavailable] = {}
+    for name in wanted:
+        with _timed(seconds, "free Lagrangian"):
+            free[name] = find(scene, name, exact or NoExactMotion("No exact motion is known."))
+    return Derived(exact, accelerations, free, seconds)
+
+
+def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem | Unavailable:
+    """The problem as one method needs it, with nothing that it does not use; or the reason why it cannot run."""
+    method = requested.method
+    if method in USES_ACCELERATIONS:
+        return with_accelerations(scene, derived)
+    if scene.lagrangian is None and method in ("nonholonomic", "modified"):
+        return Unavailable(f"The method {method} needs the Lagrangian of the system; the scene gives only equations.")
+    if method == "modified" and not scene.constraints:
+        return Unavailable("The modified method needs constraints; this scene has none.")
+    if method == "nonholonomic":
+        names, values = scene.coordinates, tuple(scene.values)
+        return Problem(names, values, lagrangian=scene.lagrangian, constraints=scene.constraints)
+    free = derived.free[requested.free]
+    if isinstance(free, Unavailable):
+        return free
+    return Problem(
+        scene.coordinates,
+        (*scene.values, *(name for name in free.constants if name not in scene.values)),
+        lagrangian=scene.lagrangian,
+        constraints=scene.constraints,
+        free_lagrangian=free.lagrangian,
+        free_hamiltonian=free.hamiltonian,
+        free_constants=tuple(free.constants),
+    )
+
+
+def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
+    """The problem for methods that integrate q'' = f."""
+    if derived.accelerations is None or isinstance(derived.accelerations, Unavailable):
+        return derived.accelerations or Unavailable("The accelerations were not derived.")
+    return Problem(scene.coordinates, tuple(scene.values), accelerations=derived.accelerations)
+
+
+def _exact(scene: Scene) -> ExactMotion | NoExactMotion:
+    if scene.lagrangian is None:
+        return NoExactMotion("No exact solution is known for a system that is given by its equations.")
+    return exact_motion(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
+
+
+def _accelerations(scene: Scene) -> tuple[Expression, ...] | Unavailable:
+    if scene.accelerations is not None:
+        return scene.accelerations
+    if scene.lagrangian is None:
+        return Unavailable("The scene has neither a Lagrangian nor equations of motion.")
+    found = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints)
+    if found is not None:
+        return found
+    system = NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
+    return equations_of_motion(system).accelerations
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    begun = time.perf_counter()
+    yield
+    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begun

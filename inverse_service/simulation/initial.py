@@ -1,0 +1,151 @@
+"""Initial velocities: filled in where the constraints determine them, projected on request, refused if off them.
+
+Constraints w(q) v + c(q) = 0. The projection is orthogonal in the kinetic energy, g = L_vv:
+
+    v - g^-1 w^T (w g^-1 w^T)^-1 (w v + c)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import Expression, Velocity
+from inverse_service.mechanics.euler_lagrange import hessian, momenta
+from inverse_service.simulation.array_values import array_value, table_of
+
+Array = NDArray[np.float64]
+TOLERANCE = 1e-9
+RANK = 1e-10
+MOST_ITERATIONS = 60
+
+
+def initial_velocities(
+    coordinates: Sequence[str],
+    constraints: Sequence[Expression],
+    lagrangian: Expression | None,
+    values: Mapping[str, float],
+    positions: Array,
+    given: Mapping[str, float],
+    project: bool,
+) -> Array:
+    """The n velocities of a start on the constraints.
+
+    InputError (pointer below /initial) where some are missing that the constraints do not determine, and where
+    the given ones violate the constraints and `project` is not set.
+    """
+    names = tuple(coordinates)
+    rows, offsets = _linear(names, constraints, values, positions)
+    velocities = _filled(names, rows, offsets, given)
+    defects = rows @ velocities + offsets
+    allowed = TOLERANCE * (1 + np.abs(rows) @ np.abs(velocities) + np.abs(offsets))
+    worst = int(np.argmax(np.abs(defects) - allowed)) if len(defects) else 0
+    if not len(defects) or abs(defects[worst]) <= allowed[worst]:
+        return velocities
+    if project:
+        return _projected(names, lagrangian, values, positions, velocities, rows, defects)
+    better = _projected(names, lagrangian, values, positions, velocities, rows, defects)
+    hint = ", ".join(f"{name} {value:.9g}" for name, value in zip(names, better, strict=True))
+    raise InputError(
+        f"the velocities violate constraint {worst + 1} by {defects[worst]:.3g}: leave out those that the constraints "
+        f'determine, or write "project": true in "initial" to use the nearest that fit ({hint}).',
+        "/initial/velocities",
+    )
+
+
+def velocities_from_momenta(
+    coordinates: Sequence[str],
+    lagrangian: Expression,
+    values: Mapping[str, float],
+    positions: Array,
+    target: Array,
+) -> Array:
+    """v with dL/dv(q, v) = p, (n,); one step for a quadratic L, Newton elsewhere. InputError where that fails."""
+    names = tuple(coordinates)
+    functions, matrix = momenta(lagrangian, names), hessian(lagrangian, names)
+    velocities = np.full(len(names), 0.0)
+    for attempt in (0.0, 1.0, 0.1):
+        velocities = np.full(len(names), attempt)
+        for _ in range(MOST_ITERATIONS):
+            table = table_of(names, positions[None], velocities[None], values)
+            left = target - np.array([array_value(f, table)[0] for f in functions])
+            slope = np.array([[array_value(entry, table)[0] for entry in row] for row in matrix])
+            if not np.isfinite(left).all() or not np.isfinite(slope).all():
+                break
+            if np.abs(left).max() <= 1e-13 * (1 + np.abs(target).max()):
+                return velocities
+            step = np.linalg.lstsq(slope, left, rcond=None)[0]
+            velocities = velocities + step
+    raise InputError(
+        "no velocities were found that have these momenta: give the velocities instead.", "/initial/momenta"
+    )
+
+
+def _linear(
+    names: tuple[str, ...], constraints: Sequence[Expression], values: Mapping[str, float], positions: Array
+) -> tuple[Array, Array]:
+    table = table_of(names, positions[None], np.zeros((1, len(names))), values)
+    rows = np.array(
+        [[array_value(differentiate(w, Velocity(name)), table)[0] for name in names] for w in constraints]
+    ).reshape(len(constraints), len(names))
+    offsets = np.array([array_value(w, table)[0] for w in constraints])
+    if not (np.isfinite(rows).all() and np.isfinite(offsets).all()):
+        raise InputError(
+            "a constraint has no finite value at the initial positions: start somewhere else.", "/initial/positions"
+        )
+    return rows, offsets
+
+
+def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Mapping[str, float]) -> Array:
+    velocities = np.array([given.get(name, 0.0) for name in names])
+    missing = [k for k, name in enumerate(names) if name not in given]
+    if not missing:
+        return velocities
+    inner = rows[:, missing]
+    open_ = _undetermined(inner)
+    if open_:
+        shown = ", ".join(f"{names[missing[k]]}" for k in open_)
+        raise InputError(
+            f"the velocity of {shown} is missing and the constraints do not determine it: add it.",
+            "/initial/velocities",
+        )
+    velocities[missing] = np.linalg.lstsq(inner, -(offsets + rows @ velocities), rcond=None)[0]
+    return velocities
+
+
+def _undetermined(matrix: Array) -> list[int]:
+    """The columns along which the null space of the matrix reaches."""
+    if not matrix.shape[0]:
+        return list(range(matrix.shape[1]))
+    _, sizes, right = np.linalg.svd(matrix)
+    largest = sizes[0] if len(sizes) else 0.0
+    rank = int((sizes > RANK * max(largest, 1e-300)).sum())
+    null = right[rank:]
+    return [k for k in range(matrix.shape[1]) if len(null) and np.abs(null[:, k]).max() > 1e-8]
+
+
+def _projected(
+    names: tuple[str, ...],
+    lagrangian: Expression | None,
+    values: Mapping[str, float],
+    positions: Array,
+    velocities: Array,
+    rows: Array,
+    defects: Array,
+) -> Array:
+    mass = np.eye(len(names))
+    if lagrangian is not None:
+        table = table_of(names, positions[None], velocities[None], values)
+        mass = np.array([[array_value(entry, table)[0] for entry in row] for row in hessian(lagrangian, names)])
+    lifted = np.linalg.lstsq(mass, rows.T, rcond=None)[0]
+    corrected: Array = velocities - lifted @ np.linalg.lstsq(rows @ lifted, defects, rcond=None)[0]
+    if not np.isfinite(corrected).all() or np.abs(rows @ (corrected - velocities) + defects).max() > 1e-6:
+        raise InputError(
+            "the velocities cannot be projected onto the constraints at these positions: they contradict each other.",
+            "/initial",
+        )
+    return corrected

@@ -1,0 +1,168 @@
+"""What a scene observes: formulas for the kernel, and numbers made of the recorded points.
+
+    energy        E = v L_v - L of the original system at the point and velocity of the discrete Lagrangian;
+                  max_energy_error = max |E_k/E_0 - 1| over all steps, E_0 the energy of the initial data
+    constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all steps
+    momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k - p_0|
+    matching_circle   circles of the first and last revolution, distance to the exact circle
+    phase         angle ahead of the exact path, each path seen from its own centre
+    error         max |q_k - q(t_k)| against the exact solution or the reference, coordinate by coordinate
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, add, multiply, subtract
+from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.mechanics.euler_lagrange import momenta
+from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.choices import Observable, Observation
+from inverse_service.simulation.matching_circle import (
+    Circle,
+    CircleDrift,
+    circle_drift,
+    circle_through,
+    least_squares_circle,
+    phase_error,
+    radial_distance,
+)
+from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.scene import Scene
+
+Array = NDArray[np.float64]
+ENERGY_START = "energy_of_the_start"
+
+
+def energy(lagrangian: Expression, coordinates: tuple[str, ...]) -> Expression:
+    """v L_v - L."""
+    pairs = zip(coordinates, momenta(lagrangian, coordinates), strict=True)
+    return subtract(add(*(multiply(Velocity(name), p) for name, p in pairs)), lagrangian)
+
+
+def start_energy(scene: Scene) -> float | None:
+    """E_0 of the initial data; None for a system without a Lagrangian."""
+    if scene.lagrangian is None:
+        return None
+    table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
+    return float(array_value(energy(scene.lagrangian, scene.coordinates), table)[0])
+
+
+def observables(scene: Scene) -> tuple[Observable, ...]:
+    """The formulas that the kernel evaluates at every step: those of the observed quantities, no others."""
+    found = []
+    if "energy" in scene.observe and scene.lagrangian is not None:
+        error = subtract(energy(scene.lagrangian, scene.coordinates), Symbol(ENERGY_START))
+        found.append(Observable("energy_error", error))
+    if "constraints" in scene.observe:
+        found += [Observable(f"constraint_{k}", w) for k, w in enumerate(scene.constraints, 1)]
+    return tuple(found)
+
+
+def observation_of(scene: Scene) -> Observation:
+    """What the integrator records for a scene."""
+    return Observation(
+        momenta="momenta" in scene.observe, velocities="velocities" in scene.observe, observables=observables(scene)
+    )
+
+
+def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:
+    """Places of the coordinates that do not occur in the method's Lagrangian: their momenta are constants."""
+    lagrangian = problem.free_lagrangian or problem.lagrangian
+    if lagrangian is None:
+        return {}
+    constrained = problem.constraints if problem.free_lagrangian is None else ()
+    return {
+        k: name
+        for k, name in enumerate(scene.coordinates)
+        if differentiate(lagrangian, Symbol(name)) == ZERO
+        and all(differentiate(w, Velocity(name)) == ZERO for w in constrained)
+    }
+
+
+def energy_numbers(trajectory: Trajectory, start: float) -> dict[str, Any]:
+    """Relative to E_0, or absolute where E_0 is 0."""
+    scale = abs(start) or 1.0
+    last = trajectory.series["energy_error"][-1]
+    numbers: dict[str, Any] = {
+        "energy_start": start,
+        "max_energy_error": trajectory.maxima["energy_error"] / scale,
+        "final_energy_error": abs(float(last)) / scale,
+    }
+    return numbers | ({} if start else {"energy_error_is": "absolute, because the energy of the start is 0"})
+
+
+def constraint_numbers(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
+    """The greatest defect of all constraints over all steps, and each one's."""
+    each = {f"constraint_{k}": trajectory.maxima[f"constraint_{k}"] for k in range(1, len(scene.constraints) + 1)}
+    return {"max_constraint": max(each.values(), default=0.0), "max_constraint_each": list(each.values())}
+
+
+def momentum_numbers(trajectory: Trajectory, conserved: Mapping[int, str]) -> dict[str, Any]:
+    """max |p_k - p_0| for each conserved momentum; empty where the method has no momenta."""
+    if trajectory.momenta is None:
+        return {}
+    drifts = np.abs(trajectory.momenta - trajectory.momenta[0]).max(axis=0)
+    each = {name: float(drifts[k]) for k, name in conserved.items()}
+    return {"max_momentum_drift": max(each.values(), default=None), "momentum_drift": each}
+
+
+def circle_numbers(points: Array, exact: Array | None) -> dict[str, Any]:
+    """The `circle` part of a summary; {"circle": None} where the path is not round (a line, too few points)."""
+    drift = circle_drift(points)
+    if drift is None:
+        return {"circle": None}
+    numbers: dict[str, Any] = {
+        "radius_first": drift.first.radius,
+        "radius_last": drift.last.radius,
+        "radius_change": drift.last.radius / drift.first.radius - 1,
+        "centre_first": list(drift.first.centre),
+        "centre_last": list(drift.last.centre),
+        "centre_drift": drift.centre_drift,
+        "misfit": drift.first.misfit,
+        "revolutions": drift.revolutions,
+        "through_three_points": _three(points, drift),
+    }
+    if drift.revolutions < 1:
+        numbers["note"] = "The path is less than one revolution, so both circles are that of the whole path."
+    reference = None if exact is None else least_squares_circle(exact)
+    if reference is not None and reference.misfit <= 1e-6 * reference.radius:
+        numbers["exact_radius"] = reference.radius
+        numbers["max_radial_distance"] = float(radial_distance(points, reference).max())
+    return {"circle": numbers}
+
+
+def _three(points: Array, drift: CircleDrift) -> dict[str, Any] | None:
+    """The paper's matching circle: through three points a third of a revolution apart (or of the path)."""
+    last = len(points) - 1
+    third = max(1, int(last / max(1.0, drift.revolutions) / 3))
+    circle = circle_through(points[[0, third, 2 * third]])
+    return None if circle is None else {"radius": circle.radius, "centre": list(circle.centre)}
+
+
+def phase_numbers(points: Array, exact: Array) -> tuple[dict[str, Any], Array | None]:
+    """Greatest and final phase error in radians, and the error at each point."""
+    circles: list[Circle | None] = [least_squares_circle(points), least_squares_circle(exact)]
+    own, true = circles
+    if own is None or true is None:
+        return {"max_phase_error": None, "final_phase_error": None}, None
+    error = phase_error(points, own, exact, true)
+    return {"max_phase_error": float(np.abs(error).max()), "final_phase_error": float(error[-1])}, error
+
+
+def error_numbers(scene: Scene, positions: Array, true: Array, against: str) -> tuple[dict[str, Any], Array]:
+    """The greatest and the last distance from the true positions, and the distance at each point."""
+    differences = np.abs(positions - true)
+    distances: Array = differences.max(axis=1)
+    numbers = {
+        "max_error": float(distances.max()),
+        "final_error": float(distances[-1]),
+        "error_each": {name: float(differences[:, k].max()) for k, name in enumerate(scene.coordinates)},
+        "error_against": against,
+    }
+    return numbers, distances

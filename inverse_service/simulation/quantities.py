@@ -1,0 +1,106 @@
+"""The observed quantities of one run: which numbers belong to which name, and what each cost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.simulation.observing import (
+    circle_numbers,
+    conserved_momenta,
+    constraint_numbers,
+    energy_numbers,
+    error_numbers,
+    momentum_numbers,
+    phase_numbers,
+    start_energy,
+)
+from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.scene import Scene, Unavailable
+from inverse_service.simulation.truth import Truth
+
+Array = NDArray[np.float64]
+
+
+def observed_quantities(
+    scene: Scene,
+    trajectory: Trajectory,
+    problem: Problem | None,
+    truth: Truth | Unavailable | None,
+    seconds: dict[str, float],
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Numbers and columns of every observed quantity, none of any other; `seconds` gets what each took."""
+    numbers: dict[str, Any] = {}
+    series: dict[str, Array] = {}
+    true = truth.positions[: len(trajectory.times)] if isinstance(truth, Truth) else None
+    for name in scene.observe:
+        with _timed(seconds, name):
+            found, columns = _quantity(name, scene, trajectory, problem, true, truth)
+            numbers |= found
+            series |= columns
+    return numbers, series
+
+
+def _quantity(
+    name: str,
+    scene: Scene,
+    trajectory: Trajectory,
+    problem: Problem | None,
+    true: Array | None,
+    truth: Truth | Unavailable | None,
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    positions = trajectory.positions
+    if name == "energy":
+        start = start_energy(scene)
+        if start is None:
+            return {"max_energy_error": None, "energy_note": "The system has no Lagrangian, so no energy."}, {}
+        return energy_numbers(trajectory, start), {"energy": trajectory.series["energy_error"] + start}
+    if name == "constraints":
+        columns = {key: column for key, column in trajectory.series.items() if key.startswith("constraint_")}
+        return constraint_numbers(scene, trajectory), columns
+    if name == "momenta" and problem is not None:
+        columns = {} if trajectory.momenta is None else _columns("p_", scene, trajectory.momenta)
+        return momentum_numbers(trajectory, conserved_momenta(scene, problem)), columns
+    if name == "velocities" and trajectory.velocities is not None:
+        return {}, _columns("v_", scene, trajectory.velocities)
+    if name == "matching_circle":
+        if scene.circle is None:
+            return {"circle": None}, {}
+        pair = list(scene.circle)
+        return circle_numbers(positions[:, pair], None if true is None else true[:, pair]), {}
+    if name in ("phase", "error"):
+        return _compared(name, scene, positions, true, truth)
+    return {}, {}
+
+
+def _compared(
+    name: str, scene: Scene, positions: Array, true: Array | None, truth: Truth | Unavailable | None
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    if true is None or not isinstance(truth, Truth):
+        reason = truth.reason if isinstance(truth, Unavailable) else "nothing to compare with"
+        return {f"max_{name}" if name == "error" else "max_phase_error": None, f"{name}_note": reason}, {}
+    if name == "error":
+        numbers, distances = error_numbers(scene, positions, true, truth.against)
+        return numbers | {"error_uncertainty": truth.uncertainty}, {"error": distances}
+    if scene.circle is None:
+        return {"max_phase_error": None}, {}
+    pair = list(scene.circle)
+    found, angles = phase_numbers(positions[:, pair], true[:, pair])
+    return found, {} if angles is None else {"phase_error": angles}
+
+
+def _columns(prefix: str, scene: Scene, table: Array) -> dict[str, Array]:
+    return {f"{prefix}{name}": table[:, k] for k, name in enumerate(scene.coordinates)}
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    begun = time.perf_counter()
+    yield
+    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begun

@@ -1,0 +1,118 @@
+"""Accelerations of a constrained motion in a form that is regular wherever the constraints are independent.
+
+With g = L_vv, F = L_q - L_vq v and constraints w v = 0:
+
+    a = g^-1 (F + w^T lambda),   lambda = -(w g^-1 w^T)^-1 (w' v + w g^-1 F)
+
+Unlike the equations in independent velocities they have no singular points such as cos(phi) = 0.
+Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5; adjugates by Laplace expansion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    ONE,
+    ZERO,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    divide,
+    multiply,
+    negate,
+    subtract,
+)
+from inverse_service.mechanics.euler_lagrange import hessian, momenta
+
+Matrix = tuple[tuple[Expression, ...], ...]
+# Beyond this size the expansion of a full determinant would fill pages.
+MOST_FULL_ROWS = 5
+
+
+def regular_accelerations(
+    coordinates: Sequence[str], lagrangian: Expression, constraints: Sequence[Expression]
+) -> tuple[Expression, ...] | None:
+    """All n accelerations over (q, v); None where the matrices are too large to be inverted symbolically."""
+    names = tuple(coordinates)
+    inertia = inverse(hessian(lagrangian, names))
+    if inertia is None:
+        return None
+    free = _applied(inertia, _forces(names, lagrangian))
+    if not constraints:
+        return free
+    rows = tuple(tuple(collect(differentiate(w, Velocity(name))) for name in names) for w in constraints)
+    lifted = tuple(_applied(inertia, row) for row in rows)
+    gram = inverse(tuple(tuple(_dot(row, lift) for lift in lifted) for row in rows))
+    if gram is None:
+        return None
+    defects = [add(_rate(w, names), _dot(row, free)) for w, row in zip(constraints, rows, strict=True)]
+    reactions = [negate(_dot(line, defects)) for line in gram]
+    return tuple(add(free[i], _dot([lift[i] for lift in lifted], reactions)) for i in range(len(names)))
+
+
+def inverse(matrix: Matrix) -> Matrix | None:
+    """The inverse of a symmetric matrix, block by block; None where a block is larger than MOST_FULL_ROWS."""
+    size = len(matrix)
+    found: list[list[Expression]] = [[ZERO] * size for _ in range(size)]
+    for block in blocks(matrix):
+        if len(block) > MOST_FULL_ROWS:
+            return None
+        inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
+        whole = determinant(inner)
+        for a, i in enumerate(block):
+            for b, j in enumerate(block):
+                found[i][j] = divide(_cofactor(inner, b, a), whole)
+    return tuple(map(tuple, found))
+
+
+def determinant(matrix: Matrix) -> Expression:
+    """The determinant by expansion along the first row; 1 for a matrix without rows."""
+    if not matrix:
+        return ONE
+    terms = [multiply(entry, _cofactor(matrix, 0, j)) for j, entry in enumerate(matrix[0]) if entry != ZERO]
+    return collect(add(*terms))
+
+
+def blocks(matrix: Matrix) -> list[list[int]]:
+    """The places that entries couple, in groups."""
+    left, found = list(range(len(matrix))), []
+    while left:
+        group = [left.pop(0)]
+        for i in group:
+            joined = [j for j in left if matrix[i][j] != ZERO or matrix[j][i] != ZERO]
+            group += joined
+            left = [j for j in left if j not in joined]
+        found.append(sorted(group))
+    return found
+
+
+def _cofactor(matrix: Matrix, row: int, column: int) -> Expression:
+    minor = tuple(
+        tuple(entry for j, entry in enumerate(line) if j != column) for i, line in enumerate(matrix) if i != row
+    )
+    value = determinant(minor)
+    return negate(value) if (row + column) % 2 else value
+
+
+def _forces(names: tuple[str, ...], lagrangian: Expression) -> tuple[Expression, ...]:
+    found = []
+    for name, momentum in zip(names, momenta(lagrangian, names), strict=True):
+        found.append(collect(subtract(differentiate(lagrangian, Symbol(name)), _rate(momentum, names))))
+    return tuple(found)
+
+
+def _rate(expression: Expression, names: tuple[str, ...]) -> Expression:
+    """The part of the derivative in time that holds no acceleration."""
+    return collect(add(*(multiply(differentiate(expression, Symbol(name)), Velocity(name)) for name in names)))
+
+
+def _applied(matrix: Matrix, vector: Sequence[Expression]) -> tuple[Expression, ...]:
+    return tuple(_dot(row, vector) for row in matrix)
+
+
+def _dot(left: Sequence[Expression], right: Sequence[Expression]) -> Expression:
+    return add(*(multiply(a, b) for a, b in zip(left, right, strict=True) if a != ZERO and b != ZERO))

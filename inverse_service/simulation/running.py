@@ -1,0 +1,136 @@
+"""A scene run: every method, with the observed quantities, each with what it cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.errors import InputError
+from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.choices import Start
+from inverse_service.simulation.derivation import COMPARED, USES_EXACT, Derived, problem_of
+from inverse_service.simulation.exact_motion import ExactMotion
+from inverse_service.simulation.methods import run
+from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
+from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.quantities import observed_quantities
+from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
+from inverse_service.simulation.truth import Truth, exact_trajectory, true_motion
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+Stop = Callable[[], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class MethodRun:
+    """One method of a scene. `numbers` are the observed quantities, `series` those at each recorded point.
+
+    `seconds` says what compiling, running and each observed quantity cost; `trajectory` is None where the
+    method could not start, and `outcome` says why.
+    """
+
+    requested: Requested
+    outcome: Outcome
+    trajectory: Trajectory | None
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    series: Mapping[str, Array] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    free: FreeLagrangian | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRun:
+    """All runs of a scene, with the true motion where something observed needed it."""
+
+    scene: Scene
+    derived: Derived
+    truth: Truth | Unavailable | None
+    runs: tuple[MethodRun, ...]
+
+
+def run_scene(scene: Scene, derived: Derived, progress: Progress | None = None, stop: Stop | None = None) -> SceneRun:
+    """Run every method; what ends a method is its outcome and does not touch the others."""
+    tell = progress or (lambda message: None)
+    truth = None
+    if USES_EXACT & set(scene.observe):
+        tell("true motion")
+        truth = _truth(scene, derived)
+    runs = []
+    for place, requested in enumerate(scene.methods, 1):
+        tell(f"{requested.label} ({place} of {len(scene.methods)})")
+        runs.append(run_method(scene, requested, derived, truth, stop))
+    return SceneRun(scene, derived, truth, tuple(runs))
+
+
+def run_method(
+    scene: Scene, requested: Requested, derived: Derived, truth: Truth | Unavailable | None, stop: Stop | None = None
+) -> MethodRun:
+    """One method and its observed quantities."""
+    free = derived.free.get(requested.free) if requested.method in ("variational", "modified") else None
+    known = free if isinstance(free, FreeLagrangian) else None
+    problem: Problem | None = None
+    if requested.method == EXACT:
+        found: Trajectory | Unavailable = exact_trajectory(scene, derived)
+        if isinstance(found, Trajectory):
+            found = with_series(scene, found)
+    else:
+        made = problem_of(scene, requested, derived)
+        if isinstance(made, Unavailable):
+            return MethodRun(requested, Outcome("unavailable", remedy=made.reason), None)
+        problem = made
+        found = _integrated(scene, requested, problem, known, stop)
+    if isinstance(found, Unavailable):
+        return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
+    seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
+    numbers, series = observed_quantities(scene, found, problem, truth, seconds)
+    return MethodRun(requested, found.outcome, found, numbers, series, seconds, known)
+
+
+def _integrated(
+    scene: Scene, requested: Requested, problem: Problem, free: FreeLagrangian | None, stop: Stop | None
+) -> Trajectory | Unavailable:
+    assert requested.choice is not None
+    values = dict(scene.values) | (dict(free.constants) if free else {}) | dict(requested.constants)
+    observation = observation_of(scene)
+    if observation.observables and "energy" in scene.observe:
+        values[ENERGY_START] = start_energy(scene) or 0.0
+        problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
+    try:
+        start = start_of(scene, requested, free, values)
+        return run(problem, requested.choice, start, scene.grid, values, observation, stop)
+    except InputError as error:
+        return Unavailable(error.detail)
+
+
+def start_of(
+    scene: Scene, requested: Requested, free: FreeLagrangian | None, values: Mapping[str, float]
+) -> Start:
+    """The start of a method: momenta where L~ gives them itself (they may be 0/0 in the velocities)."""
+    positions, velocities = tuple(map(float, scene.positions)), tuple(map(float, scene.velocities))
+    momenta = None
+    if free is not None and free.start_momenta is not None and requested.convention == "momenta":
+        found = free.start_momenta(scene.positions, scene.velocities, values)
+        momenta = tuple(map(float, found)) if np.isfinite(found).all() else None
+    return Start(positions, velocities=velocities, momenta=momenta, convention=requested.convention)
+
+
+def with_series(scene: Scene, trajectory: Trajectory) -> Trajectory:
+    """The exact trajectory with the formulas of the observed quantities at its points."""
+    values = dict(scene.values) | {ENERGY_START: start_energy(scene) or 0.0}
+    table = table_of(scene.coordinates, trajectory.positions, trajectory.velocities, values)
+    series = {one.name: array_value(one.expression, table) for one in observables(scene)}
+    maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
+    return replace(trajectory, series=series, maxima=maxima)
+
+
+def _truth(scene: Scene, derived: Derived) -> Truth | Unavailable:
+    """The true motion; circles are compared with the exact solution only, so they cost no reference run."""
+    if COMPARED & set(scene.observe) or isinstance(derived.exact, ExactMotion):
+        return true_motion(scene, derived)
+    return Unavailable("No exact solution is known here.")

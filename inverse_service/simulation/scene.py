@@ -1,0 +1,80 @@
+"""A scene as data: what is to be simulated, with everything that was not named already left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.expressions.tree import Expression
+from inverse_service.simulation.choices import Grid, MethodChoice
+
+Array = NDArray[np.float64]
+
+EXACT = "exact"
+# What each observed quantity is called in the scene, in the order in which a person reads them.
+OBSERVED = ("trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error")
+
+
+@dataclass(frozen=True, slots=True)
+class FreeLagrangian:
+    """L~ (and H~ in Symbol("p_x"), where there is one) of a free system with the motion of the scene.
+
+    `constants` are names of parameters that L~ may choose freely, with the values used; `source` says where
+    L~ comes from. `start_momenta` gives p_0 from q_0 and v_0 where dL~/dv is 0/0 at the start.
+    """
+
+    lagrangian: Expression
+    hamiltonian: Expression | None
+    constants: Mapping[str, float]
+    source: str
+    start_momenta: Callable[[Array, Array, Mapping[str, float]], Array] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unavailable:
+    """Something a method needs does not exist or was not found; `reason` is a sentence."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Requested:
+    """A method of a scene: `choice` is None for the exact solution; `alpha` as a person writes it.
+
+    `free` names the L~ of this method (None: that of the scene), `constants` overrule those of the scene.
+    """
+
+    label: str
+    method: str
+    alpha: str | None
+    choice: MethodChoice | None
+    convention: str = "momenta"
+    free: str | None = None
+    constants: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """`lagrangian` holds the effects named and no other; None for a system given by `accelerations`.
+
+    `values` gives every parameter a number. `positions` and `velocities` (n,) are on the constraints.
+    `circle` are the places of the two coordinates whose path is matched by circles.
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    values: Mapping[str, float]
+    lagrangian: Expression | None
+    constraints: tuple[Expression, ...]
+    accelerations: tuple[Expression, ...] | None
+    effects: tuple[str, ...]
+    positions: Array
+    velocities: Array
+    grid: Grid
+    methods: tuple[Requested, ...]
+    observe: tuple[str, ...]
+    circle: tuple[int, int] | None
+    notes: tuple[str, ...] = ()
