@@ -2,28 +2,47 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from inverse_service.errors import InputError
 
 PREFIX = "INVERSE_SERVICE_"
+LOG_LEVELS = ("debug", "info", "warning", "error")
+_KEY_NAME = re.compile(r"[A-Za-z0-9._-]{1,40}")
+_DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """`time_limit` and `wait` in seconds, `memory_limit` in MiB a worker, `max_body` in bytes.
+    """`time_limit` in seconds, `memory_limit` in MiB a worker, `max_body` in bytes.
 
-    `workers` processes solve; `queue` requests may wait for them, one more is told to come back.
+    `database`: a path or an address, None for the file of this user. `queue` and `client_queue` jobs
+    may be open, `client_running` of one client run at a time (None: no bound); `waiting` requests may
+    wait for a process without being jobs. `retention_days` and `store_size` (MiB) say how long answers
+    are kept. `api_keys`: SHA-256 of each key by the name of its client; empty: no keys are asked for.
+    `cluster`: the address of a Dask scheduler.
     """
 
     workers: int = 2
     time_limit: float = 60.0
     memory_limit: int = 4096
     max_body: int = 1_000_000
-    queue: int = 64
+    queue: int = 100_000
+    client_queue: int = 50_000
+    client_running: int | None = None
+    waiting: int = 256
+    max_lines: int = 10_000
+    database: str | None = None
+    retention_days: float = 365.0
+    store_size: int = 10_240
+    api_keys: tuple[tuple[str, str], ...] = ()
     cors_origins: tuple[str, ...] = ()
+    cluster: str | None = None
+    log_level: str = "info"
 
 
 def default_workers() -> int:
@@ -42,9 +61,24 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         time_limit=_seconds(environment, "TIME_LIMIT", 60.0, 0.1, 86_400.0),
         memory_limit=_whole(environment, "MEMORY_LIMIT", 4096, 1024, 1_048_576),
         max_body=_whole(environment, "MAX_BODY", 1_000_000, 1_000, 1_000_000_000),
-        queue=_whole(environment, "QUEUE", 64, 1, 100_000),
+        queue=_whole(environment, "QUEUE", 100_000, 1, 10_000_000),
+        client_queue=_whole(environment, "CLIENT_QUEUE", 50_000, 1, 10_000_000),
+        client_running=_whole(environment, "CLIENT_RUNNING", 0, 0, 100_000) or None,
+        waiting=_whole(environment, "WAITING", 256, 1, 100_000),
+        max_lines=_whole(environment, "MAX_LINES", 10_000, 1, 1_000_000),
+        database=environment.get(PREFIX + "DATABASE", "").strip() or None,
+        retention_days=_seconds(environment, "RETENTION_DAYS", 365.0, 0.001, 100_000.0, "days"),
+        store_size=_whole(environment, "STORE_SIZE", 10_240, 1, 100_000_000),
+        api_keys=_api_keys(environment),
         cors_origins=_origins(environment),
+        cluster=environment.get(PREFIX + "CLUSTER", "").strip() or None,
+        log_level=_log_level(environment),
     )
+
+
+def hash_of_key(key: str) -> str:
+    """What is kept of an API key: 64 hexadecimal digits."""
+    return hashlib.sha256(key.encode()).hexdigest()
 
 
 def _whole(environment: Mapping[str, str], name: str, default: int, low: int, high: int) -> int:
@@ -56,7 +90,9 @@ def _whole(environment: Mapping[str, str], name: str, default: int, low: int, hi
     return int(text)
 
 
-def _seconds(environment: Mapping[str, str], name: str, default: float, low: float, high: float) -> float:
+def _seconds(
+    environment: Mapping[str, str], name: str, default: float, low: float, high: float, unit: str = "seconds"
+) -> float:
     text = environment.get(PREFIX + name, "").strip()
     if not text:
         return default
@@ -65,7 +101,7 @@ def _seconds(environment: Mapping[str, str], name: str, default: float, low: flo
     except ValueError:
         value = float("nan")
     if not low <= value <= high:
-        raise InputError(f"The setting {PREFIX}{name} must be a number of seconds from {low:g} to {high:g}.")
+        raise InputError(f"The setting {PREFIX}{name} must be a number of {unit} from {low:g} to {high:g}.")
     return value
 
 
@@ -78,3 +114,26 @@ def _origins(environment: Mapping[str, str]) -> tuple[str, ...]:
                 f"The setting {PREFIX}CORS_ORIGINS must be a list such as https://a.example, https://b.example, or *."
             )
     return origins
+
+
+def _api_keys(environment: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+    """`name:HASH, ...`; HASH is the SHA-256 of the key in hexadecimal digits, and names the client where no name is."""
+    text = environment.get(PREFIX + "API_KEYS", "")
+    found = []
+    for part in (part.strip() for part in text.split(",") if part.strip()):
+        name, _, digest = part.lower().rpartition(":")
+        name = name or digest[:8]
+        if not _KEY_NAME.fullmatch(name) or not _DIGEST.fullmatch(digest):
+            raise InputError(
+                f"The setting {PREFIX}API_KEYS must be a list such as alice:HASH, bob:HASH with the SHA-256 of each "
+                "key in hexadecimal digits (printf %s KEY | sha256sum)."
+            )
+        found.append((name, digest))
+    return tuple(found)
+
+
+def _log_level(environment: Mapping[str, str]) -> str:
+    text = environment.get(PREFIX + "LOG_LEVEL", "").strip().lower() or "info"
+    if text not in LOG_LEVELS:
+        raise InputError(f"The setting {PREFIX}LOG_LEVEL must be one of {', '.join(LOG_LEVELS)}.")
+    return text

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Callable
+from typing import Any
 
 from inverse_service.cli.exits import ExitCode
 from inverse_service.errors import InputError
 from inverse_service.settings import read_settings
 
+LARGEST_HEADER = 32_768
 EXAMPLE = '{"coordinates": ["x"], "equations": {"x": "-x"}}'
 
 
@@ -17,15 +20,39 @@ def serve_http(host: str, port: int) -> ExitCode:
     listener = _listen(host, port)
     import uvicorn
 
+    from inverse_service.web import journal
     from inverse_service.web.application import create_application
 
+    journal.begin(settings.log_level)
+    application = create_application(settings)
+    # Opened here so that a database that cannot be used is one sentence, and before the address is told.
+    application.state.engine.open()
     address = _address(host, listener.getsockname()[1])
     print(f"{address}\ncurl -s {address}/v1/solve -H 'Content-Type: application/json' -d '{EXAMPLE}'", flush=True)
     configuration = uvicorn.Config(
-        create_application(settings), log_level="warning", server_header=False, timeout_graceful_shutdown=5
+        application,
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=5,
+        timeout_keep_alive=30,
+        h11_max_incomplete_event_size=LARGEST_HEADER,
     )
-    uvicorn.Server(configuration).run(sockets=[listener])
+    server = uvicorn.Server(configuration)
+    _tell_of_the_end(server, application.state.engine.close_streams)
+    server.run(sockets=[listener])
     return ExitCode.DONE
+
+
+def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
+    """Streams that are open end when the first signal comes; uvicorn waits for them."""
+    handle = server.handle_exit
+
+    def handle_exit(number: int, frame: Any) -> None:
+        close_streams()
+        handle(number, frame)
+
+    server.handle_exit = handle_exit
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-import faulthandler
 import multiprocessing
-import os
 import signal
 import warnings
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
-from inverse_service.service.isolation import isolate
+from inverse_service.service.isolation import isolate, silence_standard_error
 from inverse_service.service.outcome import Outcome, outcome_of_exit
 
 
@@ -44,25 +41,18 @@ def _receive(receiver: Connection, process: Any, deadline: float) -> Outcome:
         outcome: Outcome = receiver.recv()
     except EOFError:
         process.join()
-        return outcome_of_exit(process.exitcode)
+        ended = outcome_of_exit(process.exitcode)
+        # Nobody else knows of this process: whoever killed it was the kernel, short of memory.
+        return Outcome("memory", detail=ended.detail) if ended.status == "killed" else ended
     return outcome
 
 
 def _child(sender: Connection, task: Callable[..., Outcome], arguments: tuple[Any, ...], memory_limit: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _silence_standard_error()
+    silence_standard_error()
     isolate(memory_limit)
     try:
         outcome = task(*arguments)
     except MemoryError:
         outcome = Outcome("memory")
     sender.send(outcome)
-
-
-def _silence_standard_error() -> None:
-    """C libraries print as they abort; the parent says what happened in one sentence."""
-    faulthandler.disable()
-    with contextlib.suppress(OSError):
-        silence = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(silence, 2)
-        os.close(silence)

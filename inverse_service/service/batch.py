@@ -1,35 +1,45 @@
-"""Many systems: every line of a file answered exactly once, in parallel, also after a kill."""
+"""Many systems: every line of a file answered exactly once, in parallel, also after a kill.
+
+The output file is the truth of what is done. The jobs run on the same supervisor as those of the
+service, over a store in the temporary folder that lives as long as the run.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import queue
+import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
-from inverse_service.errors import InputError, WorkerFailed
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.answers import result_document
+from inverse_service.errors import InputError
 from inverse_service.service.batch_files import Line, finished_keys, read_lines
-from inverse_service.service.outcome import Outcome
-from inverse_service.service.refusals import DocumentRefused
-from inverse_service.service.submitting import submit_solve
-from inverse_service.service.workers import Workers
+from inverse_service.service.jobs.asking import request_of
+from inverse_service.service.jobs.line_answers import answer_line, error_line
+from inverse_service.service.jobs.model import BULK, BatchAnswer, Job
+from inverse_service.service.jobs.options import JobOptions, read_options, split_options
+from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.supervisor import Supervisor
+from inverse_service.service.problem_documents import of_input_error
+from inverse_service.service.workers import Executor, Workers
+
+# Jobs that are open at the same time, for each worker: enough that none waits for a line to be read.
+AHEAD = 8
 
 
 @dataclass(frozen=True, slots=True)
 class BatchPlan:
-    """What to do with each line of `source`, and where answers go."""
+    """What to do with each line of `source`, and where answers go; `cluster`: a Dask scheduler."""
 
     source: Path
     output: Path
-    options: SolveOptions
+    options: JobOptions
     workers: int
-    memory_limit: int
+    cluster: str | None = None
 
 
 @dataclass(slots=True)
@@ -40,6 +50,7 @@ class Summary:
     errors: int = 0
     faults: int = 0
     skipped: int = 0
+    duplicates: int = 0
 
 
 def run_batch(plan: BatchPlan, report: Callable[[Line], None] = lambda line: None) -> Summary:
@@ -51,63 +62,103 @@ def run_batch(plan: BatchPlan, report: Callable[[Line], None] = lambda line: Non
     _refuse_same_file(plan)
     summary = Summary()
     with plan.source.open("rb") as source, _locked_output(plan.output) as output:
-        done = finished_keys(plan.output)
-        workers = Workers(plan.workers, plan.memory_limit)
-        try:
-            for line, answer in _answers(_open_lines(read_lines(source), done, summary, report), workers, plan):
-                output.write(json.dumps(answer, ensure_ascii=False, allow_nan=False).encode() + b"\n")
-                _count(summary, answer)
+        lines = _open_lines(read_lines(source), finished_keys(plan.output), summary, report)
+        first = next(lines, None)
+        if first is None:
+            return summary
+        with _engine(plan) as engine:
+            for line, answer in engine.answers(_chained(first, lines)):
+                output.write(answer)
+                _count(summary, json.loads(answer))
                 report(line)
-        finally:
-            workers.stop()
+            summary.duplicates = engine.duplicates
     return summary
 
 
-def _answers(lines: Iterator[Line], workers: Workers, plan: BatchPlan) -> Iterator[tuple[Line, dict[str, Any]]]:
-    """Answers as they come; a bounded number of lines is under way, so memory stays bounded."""
-    under_way: dict[Future[Outcome], Line] = {}
-    for line in lines:
-        if line.fault is not None:
-            yield line, error_line(line, line.fault)
-            continue
-        workers.start()
-        under_way[submit_solve(workers, workers, line.document, plan.options)] = line
-        if len(under_way) >= 2 * plan.workers:
-            yield from _finished(under_way, plan)
-    while under_way:
-        yield from _finished(under_way, plan)
+class BatchEngine:
+    """Hands lines over to the supervisor, a bounded number at a time, and takes the answers."""
+
+    def __init__(self, store: SqliteStore, options: JobOptions, ahead: int) -> None:
+        self._store, self._options, self._ahead = store, options, ahead
+        self._changed: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._open: dict[str, list[Line]] = {}
+        self.duplicates = 0
+        store.on_change(self._changed.put)
+
+    def answers(self, lines: Iterator[Line]) -> Iterator[tuple[Line, bytes]]:
+        """Each line with its answer, as they come."""
+        for line in lines:
+            yield from self._submit(line)
+            while len(self._open) >= self._ahead:
+                yield from self._finished()
+        while self._open:
+            yield from self._finished()
+
+    def _submit(self, line: Line) -> Iterator[tuple[Line, bytes]]:
+        try:
+            if line.fault is not None:
+                raise line.fault
+            document, given = split_options(line.document)
+            request = request_of("solve", document, read_options(given, self._options), priority=BULK)
+        except InputError as error:
+            problem = of_input_error(error)
+            yield line, error_line(line.number, json.dumps(line.identifier), problem, line.duplicate_of)
+            return
+        known = self._store.job(request.id)
+        self.duplicates += known is not None
+        if known is not None and known.is_final:
+            yield line, _answer(line, known)
+            return
+        self._open.setdefault(request.id, []).append(line)
+        if known is None:
+            self._store.submit([request])
+
+    def _finished(self) -> Iterator[tuple[Line, bytes]]:
+        id = self._changed.get()
+        job = self._store.job(id) if id in self._open else None
+        if job is not None and job.is_final:
+            for line in self._open.pop(id):
+                yield line, _answer(line, job)
 
 
-def _finished(under_way: dict[Future[Outcome], Line], plan: BatchPlan) -> Iterator[tuple[Line, dict[str, Any]]]:
-    ready, _ = wait(under_way, return_when=FIRST_COMPLETED)
-    for future in ready:
-        line = under_way.pop(future)
-        yield line, answer_line(line, future.result(), plan)
+@contextlib.contextmanager
+def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
+    """A store, a supervisor and its processes for the time of one run."""
+    with tempfile.TemporaryDirectory(prefix="inverse-service-") as folder:
+        store = SqliteStore(Path(folder) / "jobs.sqlite", durable=False)
+        quick = Workers(1, plan.options.memory_limit)
+        working = _executor(plan)
+        try:
+            working.start()
+            quick.start()
+            supervisor = Supervisor(store, working, quick)
+            engine = BatchEngine(store, plan.options, AHEAD * working.capacity)
+            supervisor.start()
+            try:
+                yield engine
+            finally:
+                supervisor.stop()
+        finally:
+            working.stop()
+            quick.stop()
+            store.close()
 
 
-def answer_line(line: Line, outcome: Outcome, plan: BatchPlan) -> dict[str, Any]:
-    """The result with the id of its line in front, or an error line."""
-    try:
-        result = result_document(outcome, plan.options, plan.memory_limit)
-    except (DocumentRefused, WorkerFailed) as error:
-        return error_line(line, error)
-    return {"id": line.identifier, "line": line.number, **result}
+def _executor(plan: BatchPlan) -> Executor:
+    if plan.cluster is None:
+        return Workers(plan.workers, plan.options.memory_limit)
+    from inverse_service.service.cluster.opening import open_cluster
+
+    return open_cluster(plan.cluster, plan.options.memory_limit)
 
 
-def error_line(line: Line, error: InputError | WorkerFailed) -> dict[str, Any]:
-    """`error` is shaped like a problem document: detail, and the places of the faults."""
-    places: tuple[Any, ...] = getattr(error, "places", ())
-    if isinstance(error, InputError) and not places:
-        places = (error,)
-    answer: dict[str, Any] = {"id": line.identifier, "line": line.number}
-    if line.duplicate_of is not None:
-        answer["duplicate_of"] = line.duplicate_of
-    answer["error"] = {
-        "type": error.code,
-        "detail": f"Line {line.number}: {error.detail}",
-        "errors": [{"pointer": place.pointer, "column": place.column, "detail": place.detail} for place in places],
-    }
-    return answer
+def _chained(first: Line, rest: Iterator[Line]) -> Iterator[Line]:
+    yield first
+    yield from rest
+
+
+def _answer(line: Line, job: Job) -> bytes:
+    return answer_line(BatchAnswer(line.number, json.dumps(line.identifier), job.status, job.body, 0))
 
 
 def _open_lines(
@@ -124,7 +175,7 @@ def _open_lines(
 def _count(summary: Summary, answer: dict[str, Any]) -> None:
     if "error" not in answer:
         summary.verdicts[answer["verdict"]] += 1
-    elif answer["error"]["type"] == WorkerFailed.code:
+    elif answer["error"]["status"] >= 500:
         summary.faults += 1
     else:
         summary.errors += 1

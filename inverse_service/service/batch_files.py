@@ -50,7 +50,7 @@ def read_lines(stream: IO[bytes]) -> Iterator[Line]:
             fault = InputError(f"The line is longer than {MAX_LINE_BYTES} bytes; give this system alone to 'solve'.")
             yield Line(number, None, fault=fault)
         elif data.strip():
-            yield _marked(_read_line(number, data), first_with)
+            yield marked(_read_line(number, data), first_with)
 
 
 def count_lines(path: Path) -> int:
@@ -89,17 +89,25 @@ def _key_in_output(data: bytes, number: int) -> str:
 def _read_line(number: int, data: bytes) -> Line:
     try:
         value = read_json(data)
-        if not isinstance(value, dict):
-            raise InputError("The line must be a JSON object with coordinates and equations.")
     except InputError as error:
         return Line(number, None, fault=error)
-    identifier = value.pop("id", number)
+    return line_of(number, value)
+
+
+def line_of(number: int, value: Any) -> Line:
+    """A line from its JSON value: a document with an `id` of its own or not."""
+    if not isinstance(value, dict):
+        fault = InputError("The line must be a JSON object with coordinates and equations.")
+        return Line(number, None, fault=fault)
+    document = {key: part for key, part in value.items() if key != "id"}
+    identifier = value.get("id", number)
     if isinstance(identifier, bool) or not isinstance(identifier, str | int) or len(str(identifier)) > 200:
         return Line(number, None, fault=InputError("The id must be a text or whole number of at most 200 characters."))
-    return Line(number, identifier, value)
+    return Line(number, identifier, document)
 
 
-def _marked(line: Line, first_with: dict[Identifier, int]) -> Line:
+def marked(line: Line, first_with: dict[Identifier, int]) -> Line:
+    """The line, with a fault where its id was used before; `first_with` remembers the ids."""
     if line.identifier is None:
         return line
     first = first_with.setdefault(line.identifier, line.number)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import signal
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Status = Literal["done", "refused", "deadline", "memory", "crash", "fault"]
-# SIGABRT: FLINT and GMP abort when memory runs out; SIGKILL that is not ours: the kernel's killer.
-MEMORY_SIGNALS = frozenset({signal.SIGABRT, getattr(signal, "SIGKILL", signal.SIGABRT)})
+Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled"]
+KILL = getattr(signal, "SIGKILL", None)
+OVER_CPU = getattr(signal, "SIGXCPU", None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,21 +23,58 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
+class Spent:
+    """What a task took: seconds of wall clock and of processor, peak memory in MiB."""
+
+    wall: float = 0.0
+    cpu: float = 0.0
+    memory: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """`done` has a value, `refused` has places, the others a detail for the log.
 
-    deadline: stopped at its time limit; memory: at its memory limit; crash: the process died;
-    fault: an error of this program.
+    deadline: stopped at its time limit; memory: at its memory limit; killed: by a signal that was
+    not ours, most often the kernel short of memory; crash: the process died of itself; fault: an
+    error of this program; cancelled: stopped because nobody wants it any more.
     """
 
     status: Status
     value: Any = None
     places: tuple[Place, ...] = ()
     detail: str = ""
+    spent: Spent = field(default=Spent(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """What a worker is to do: `task(*arguments)` within `deadline` s and `memory_limit` MiB (None: the pool's).
+
+    `reports`: the task takes a keyword `report` and calls it with what it is doing. `priority`: the
+    smaller one goes first.
+    """
+
+    task: Callable[..., Outcome]
+    arguments: tuple[Any, ...]
+    deadline: float
+    memory_limit: int | None = None
+    reports: bool = False
+    priority: int = 0
 
 
 def outcome_of_exit(exitcode: int | None) -> Outcome:
-    """What the exit code of a dead process says; negative codes are signals."""
-    if exitcode is not None and -exitcode in MEMORY_SIGNALS:
+    """What the exit code of a dead process says; negative codes are signals.
+
+    SIGABRT counts as memory: FLINT and GMP abort when an allocation fails.
+    """
+    signal_number = -exitcode if exitcode is not None and exitcode < 0 else None
+    if signal_number is None:
+        return Outcome("crash", detail=f"worker process ended with exit code {exitcode}")
+    if signal_number == signal.SIGABRT:
         return Outcome("memory")
-    return Outcome("crash", detail=f"worker process ended with exit code {exitcode}")
+    if signal_number == OVER_CPU:
+        return Outcome("deadline", detail="processor time")
+    if signal_number == KILL:
+        return Outcome("killed", detail="worker process was killed by somebody else")
+    return Outcome("crash", detail=f"worker process ended with signal {signal_number}")

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import importlib
+import json
 import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.jobs.options import stored_options
+from inverse_service.service.kinds import KINDS, label_of
 from inverse_service.service.outcome import Outcome, Place
+from inverse_service.service.reading import read_json
 
 ENGINE = ("inverse_service.service.solving",)
 
@@ -18,6 +23,24 @@ def load_engine() -> None:
     """Import everything that a task needs."""
     for module in ENGINE:
         importlib.import_module(module)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A result as it is stored and sent, and what it is counted as."""
+
+    body: bytes
+    label: str
+
+
+def job_task(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Outcome:
+    """A stored job to its Answer; JSON is read and written here, so that the service has its hands free."""
+    return guard(_job, kind, document, options, report)
+
+
+def understand_job_task(document: str) -> Outcome:
+    """The document of a stored solve job to the `system` part of a result."""
+    return guard(lambda: _call("understand_document", read_json(document)))
 
 
 def solve_task(document: Any, options: SolveOptions) -> Outcome:
@@ -43,6 +66,11 @@ def check_task(text: str) -> Outcome:
 def ping_task() -> Outcome:
     """Shows that a worker process answers and has the engine loaded."""
     return guard(load_engine)
+
+
+def _job(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Answer:
+    result = KINDS[kind].work(read_json(document), stored_options(options), report)
+    return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result))
 
 
 def _guarded(name: str, *arguments: Any) -> Outcome:

@@ -1,152 +1,201 @@
-"""Killable worker processes: every task has a deadline that holds even inside C code.
+"""A pool of killable worker processes: every task has a deadline that holds even inside C code.
 
-A process is forked from a small server process that has the engine loaded already, so that the
-replacement of a killed one costs some 10 ms; it never starts from the threads of the service.
+One thread a process: it hands over a task, waits for the answer or the deadline, and replaces the
+process where that died. A process is forked from a small server process that has the engine loaded
+already, so a replacement costs some 20 ms; it never starts from the threads of the service.
 """
 
 from __future__ import annotations
 
+import itertools
 import logging
-import multiprocessing
+import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as DeadlinePassed
-from concurrent.futures.process import BrokenProcessPool
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
-import pebble
-from pebble.common.types import CONSTS
-
-from inverse_service.errors import WorkerFailed
-from inverse_service.service import tasks
-from inverse_service.service.isolation import isolate
-from inverse_service.service.outcome import Outcome, outcome_of_exit
+from inverse_service.service.outcome import Call, Outcome
+from inverse_service.service.worker_process import NotStarted, Report, WorkerProcess, start_server
 
 log = logging.getLogger(__name__)
 TASKS_PER_WORKER = 200
-BOND = "inverse_service.service.bond"
-CONSTS.term_timeout = 0.2
+# A worker that once needed this much is replaced, so that what its libraries keep is given back.
+MEMORY_TO_REPLACE = 700.0
+STARTS = 3
+LAST = 1_000_000
+IDLE_LOOK = 1.0
+
+
+@dataclass(slots=True, eq=False)
+class Running:
+    """A task in the pool: `outcome` always ends with an Outcome, never with an exception."""
+
+    call: Call
+    report: Report | None = None
+    outcome: Future[Outcome] = field(default_factory=Future)
+    on_start: Callable[[], None] | None = None
+    _worker: WorkerProcess | None = None
+    _cancelled: bool = False
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def cancel(self) -> None:
+        """Stop the work: a task that waits is dropped, the process of one that runs is killed."""
+        with self._lock:
+            self._cancelled = True
+            if self._worker is not None:
+                self._worker.kill()
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether `cancel` was called."""
+        return self._cancelled
+
+    def begin(self, worker: WorkerProcess) -> bool:
+        """Mark it as running in this worker; False where it was cancelled before."""
+        with self._lock:
+            if not self._cancelled:
+                self._worker = worker
+            return not self._cancelled
+
+    def end(self, outcome: Outcome) -> None:
+        """Hand the outcome over; what a cancelled task says does not count."""
+        with self._lock:
+            self._worker = None
+        self.outcome.set_result(Outcome("cancelled", spent=outcome.spent) if self._cancelled else outcome)
+
+
+class Executor(Protocol):
+    """Where tasks run: the pool of this machine, or many machines."""
+
+    @property
+    def capacity(self) -> int:
+        """How many tasks run at the same time."""
+
+    def start(self) -> None:
+        """Start the processes; call from a thread that lives as long as they do."""
+
+    def submit(self, call: Call, report: Report | None = None) -> Running:
+        """Run the call; returns at once."""
+
+    def stop(self) -> None:
+        """End everything at once; tasks not done end as cancelled."""
 
 
 class Workers:
-    """A pool of worker processes that heals itself; safe to use from any thread.
-
-    `start` must be called from a thread that lives as long as the pool: Linux ties the death
-    signal of a process to the thread that made it.
-    """
+    """A pool that heals itself; safe to use from any thread."""
 
     def __init__(self, count: int, memory_limit: int) -> None:
         self._count = count
         self._memory_limit = memory_limit
         self._lock = threading.Lock()
-        self._pool: pebble.ProcessPool | None = None
+        self._tasks: queue.PriorityQueue[tuple[int, int, Running | None]] = queue.PriorityQueue()
+        self._numbers = itertools.count()
+        self._threads: list[threading.Thread] = []
+        self._running: set[Running] = set()
+        self._stopped = False
+
+    @property
+    def capacity(self) -> int:
+        """The number of processes."""
+        return self._count
 
     def start(self) -> None:
         """Start the processes; they load the engine while the caller goes on."""
         with self._lock:
-            if self._pool is None:
-                self._pool = self._new_pool()
+            if self._threads or self._stopped:
+                return
+            start_server()
+            self._threads = [
+                threading.Thread(target=self._serve, name=f"worker-{k}", daemon=True) for k in range(self._count)
+            ]
+        for thread in self._threads:
+            thread.start()
 
-    def submit(self, task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float) -> Future[Outcome]:
-        """Run `task(*arguments)`; the process is killed `deadline` s after it took the task.
-
-        The future always ends with an Outcome, never with an exception.
-        """
-        answer: Future[Outcome] = Future()
-        self._schedule(answer, task, arguments, deadline, attempts=2)
-        return answer
+    def submit(self, call: Call, report: Report | None = None) -> Running:
+        """Run the call in one of the processes, in turn."""
+        running = Running(call, report)
+        with self._lock:
+            refused = self._stopped or not self._threads
+            if not refused:
+                self._tasks.put((call.priority, next(self._numbers), running))
+        if refused:
+            running.end(Outcome("crash", detail="The worker processes are stopped."))
+        return running
 
     def run(self, task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float) -> Outcome:
         """`submit` and wait."""
-        return self.submit(task, arguments, deadline).result()
+        return self.submit(Call(task, arguments, deadline)).outcome.result()
 
     def stop(self) -> None:
-        """End all processes at once; tasks not done are lost."""
+        """End all processes at once; tasks not done end as cancelled."""
         with self._lock:
-            if self._pool is not None:
-                end(self._pool)
-                self._pool = None
+            self._stopped = True
+            running = list(self._running)
+        for task in running:
+            task.cancel()
+        for _ in self._threads:
+            self._tasks.put((LAST, next(self._numbers), None))
+        for thread in self._threads:
+            thread.join(10)
 
-    def _schedule(
-        self,
-        answer: Future[Outcome],
-        task: Callable[..., Outcome],
-        arguments: tuple[Any, ...],
-        deadline: float,
-        attempts: int,
-    ) -> None:
-        def finish(done: Future[Outcome]) -> None:
-            # A pool breaks when an idle process dies; the tasks it held are innocent.
-            if isinstance(done.exception(), BrokenProcessPool) and attempts > 1:
-                self._schedule(answer, task, arguments, deadline, attempts - 1)
-            else:
-                answer.set_result(outcome_of(done))
+    def _serve(self) -> None:
+        worker: WorkerProcess | None = None
+        while True:
+            worker = self._healthy(worker)
+            try:
+                _, _, task = self._tasks.get(timeout=IDLE_LOOK)
+            except queue.Empty:
+                continue
+            if task is None:
+                break
+            worker = self._work(task, worker)
+        if worker is not None:
+            worker.close()
 
+    def _work(self, task: Running, worker: WorkerProcess | None) -> WorkerProcess | None:
+        """Run one task; the process to go on with."""
+        with self._lock:
+            self._running.add(task)
+            if self._stopped:
+                task.cancel()
+        outcome = Outcome("crash", detail="no worker process can be started")
+        for _ in range(STARTS):
+            worker = self._healthy(worker)
+            if worker is None or not task.begin(worker):
+                break
+            try:
+                outcome = worker.run(task.call, task.report)
+                break
+            except NotStarted:
+                log.warning("a worker process was found dead")
+                worker.close()
+                worker = None
+        with self._lock:
+            self._running.discard(task)
+        worker = _kept(worker, outcome)
+        task.end(outcome)
+        return worker
+
+    def _healthy(self, worker: WorkerProcess | None) -> WorkerProcess | None:
+        if worker is not None and worker.is_alive():
+            return worker
+        if worker is not None:
+            worker.close()
         try:
-            pool = self._active_pool()
-            future = pool.schedule(task, args=arguments, timeout=deadline)
-        except (WorkerFailed, RuntimeError, OSError) as error:
-            answer.set_result(Outcome("crash", detail=f"no worker process can be started: {error}"))
-            return
-        future.add_done_callback(finish)
-
-    def _active_pool(self) -> pebble.ProcessPool:
-        with self._lock:
-            if self._pool is None:
-                raise WorkerFailed("The worker processes are stopped.")
-            if not self._pool.active:
-                log.warning("worker pool broke; starting a new one")
-                threading.Thread(target=end, args=(self._pool,), daemon=True).start()
-                self._pool = self._new_pool()
-            return self._pool
-
-    def _new_pool(self) -> pebble.ProcessPool:
-        pool = pebble.ProcessPool(
-            max_workers=self._count,
-            max_tasks=TASKS_PER_WORKER,
-            initializer=begin,
-            initargs=(self._memory_limit,),
-            context=process_context(),
-        )
-        assert pool.active  # starts the processes now, from this thread
-        return pool
+            return WorkerProcess(self._memory_limit)
+        except (OSError, EOFError, RuntimeError):
+            log.exception("no worker process can be started")
+            return None
 
 
-def process_context() -> Any:
-    """Processes forked from a server without threads where the system has it, else spawned."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([BOND, *tasks.ENGINE])
-    return context
-
-
-def end(pool: pebble.ProcessPool) -> None:
-    """Kill the processes of a pool and wait for its threads."""
-    pool.stop()  # type: ignore[no-untyped-call]
-    pool.join()
-
-
-def begin(memory_limit: int) -> None:
-    """First act of a worker process.
-
-    A process that fails here would be started again and again; an engine that cannot be loaded
-    shows as a fault of the first task instead.
-    """
-    tasks.guard(tasks.load_engine)
-    isolate(memory_limit)
-
-
-def outcome_of(done: Future[Outcome]) -> Outcome:
-    """What became of a task, read from pebble's future."""
-    error = None if done.cancelled() else done.exception()
-    if error is None and not done.cancelled():
-        return done.result()
-    if isinstance(error, DeadlinePassed):
-        return Outcome("deadline")
-    if isinstance(error, MemoryError):
-        return Outcome("memory")
-    if isinstance(error, pebble.ProcessExpired):
-        return outcome_of_exit(error.exitcode)
-    return Outcome("crash", detail=f"{type(error).__name__}: {error}")
+def _kept(worker: WorkerProcess | None, outcome: Outcome) -> WorkerProcess | None:
+    """The worker, unless it is dead, spent, or holds much memory."""
+    if worker is None:
+        return None
+    is_well = outcome.status in ("done", "refused", "fault")
+    if is_well and worker.tasks < TASKS_PER_WORKER and outcome.spent.memory < MEMORY_TO_REPLACE:
+        return worker
+    worker.close()
+    return None

@@ -14,9 +14,10 @@ from api_schemas.result import ResultDocument
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.settings import Settings
-from inverse_service.web import pages, problems, routes
+from inverse_service.web import pages, problems, routes, routes_batches, routes_jobs, routes_operations
 from inverse_service.web.engine import Engine
 from inverse_service.web.headers import SecurityHeaders
+from inverse_service.web.measuring import Measured
 
 TITLE = "inverse-service"
 SUMMARY = "Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."
@@ -29,14 +30,18 @@ def create_application(settings: Settings) -> FastAPI:
     app.state.engine = Engine(settings)
     problems.install(app)
     app.add_middleware(SecurityHeaders)
+    app.add_middleware(Measured, counters=app.state.engine.counters)
     if settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,
             allow_origins=list(settings.cors_origins),
-            allow_methods=["GET", "POST"],
-            allow_headers=["Content-Type", "Prefer"],
+            allow_methods=["GET", "POST", "DELETE"],
+            allow_headers=["Authorization", "Cache-Control", "Content-Type", "Last-Event-ID", "Prefer", "X-API-Key"],
+            expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After"],
+            max_age=600,
         )
-    app.include_router(routes.router)
+    for part in (routes, routes_jobs, routes_batches, routes_operations):
+        app.include_router(part.router)
     app.include_router(pages.router, include_in_schema=False)
     app.openapi = lambda: _description(app)  # type: ignore[method-assign]
     return app

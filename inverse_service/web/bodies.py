@@ -30,10 +30,19 @@ async def read_body(request: Request, limit: int) -> bytes:
 
 async def read_json_body(request: Request, limit: int) -> Any:
     """The JSON value of the body; refusals: 415 another type, 413 too large, 400 not JSON."""
-    content_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    if content_type != "application/json" and not content_type.endswith("+json"):
+    if not is_json(content_type(request)):
         raise Refusal(415, "content-type", "Send JSON with the header 'Content-Type: application/json'.")
     return as_json(await read_body(request, limit))
+
+
+def content_type(request: Request) -> str:
+    """The media type of the body, without parameters."""
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+
+
+def is_json(media_type: str) -> bool:
+    """Whether a body of this type is one JSON value."""
+    return media_type == "application/json" or media_type.endswith("+json")
 
 
 def as_json(body: bytes) -> Any:

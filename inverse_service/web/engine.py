@@ -1,58 +1,159 @@
-"""The worker processes behind the routes, and a bound on how many requests wait for them."""
+"""What is behind the routes: the store, the supervisor, the worker processes, and who waits for what."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service import tasks
-from inverse_service.service.answers import result_document, value_of
-from inverse_service.service.submitting import submit_solve
-from inverse_service.service.workers import Workers
+from inverse_service.service.answers import value_of
+from inverse_service.service.jobs.cleaning import Cleaner
+from inverse_service.service.jobs.metrics import Counters
+from inverse_service.service.jobs.model import Batch, BatchLine, Bounds, Job, JobRequest
+from inverse_service.service.jobs.opening import open_store
+from inverse_service.service.jobs.options import JobOptions
+from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.supervisor import Supervisor
+from inverse_service.service.outcome import Call, Outcome
+from inverse_service.service.workers import Executor, Workers
 from inverse_service.settings import Settings
+from inverse_service.web.hub import Hub, until_set
 from inverse_service.web.problems import Refusal
 
 QUICK_DEADLINE = 10.0
 PING_DEADLINE = 5.0
+# Another front end over the same store tells this one nothing: look again.
+LOOK_AGAIN = 0.5
+STORE_THREADS = 32
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class Engine:
-    """Two pools: one solves and checks, the other answers what takes milliseconds.
+    """Two pools: one runs jobs, the other answers what takes milliseconds.
 
     A page that echoes what was understood must not wait behind a system of an hour.
     """
 
+    supervisor: Supervisor
+    hub: Hub
+
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self._solving = Workers(settings.workers, settings.memory_limit)
+        self.started = time.time()
+        self.counters = Counters()
+        self._working: Executor = _executor(settings)
         self._quick = Workers(1, settings.memory_limit)
+        self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
+        self._cleaner: Cleaner | None = None
         self._waiting = 0
+        self.is_open = False
+        self._store: JobStore | None = None
+
+    def open(self) -> None:
+        """Open the store; raises InputError where it cannot be used."""
+        if self._store is None:
+            self._store = open_store(self.settings.database)
 
     def start(self) -> None:
-        """Start the processes; call from the thread that lives as long as the service."""
-        self._solving.start()
+        """Start processes and threads; call on the loop and thread that live as long as the service."""
+        self.open()
+        self.hub = Hub()
+        self._working.start()
         self._quick.start()
+        bound = self.settings.client_running
+        self.supervisor = Supervisor(self.store, self._working, self._quick, self.counters, bound)
+        self.store.on_change(self.hub.tell)
+        self.supervisor.start()
+        self._cleaner = Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
+        self.is_open = True
+
+    @property
+    def store(self) -> JobStore:
+        """The store of jobs; open from `open` to `stop`."""
+        assert self._store is not None
+        return self._store
+
+    def close_streams(self) -> None:
+        """The service is about to stop: streams and waiting calls end now."""
+        if self.is_open:
+            self.hub.close()
 
     def stop(self) -> None:
-        """Kill all processes."""
-        self._solving.stop()
+        """Give running jobs back to the store, kill all processes, close the store."""
+        if not self.is_open:
+            return
+        self.is_open = False
+        if self._cleaner is not None:
+            self._cleaner.stop()
+        self.supervisor.stop()
+        self._working.stop()
         self._quick.stop()
+        self._threads.shutdown()
+        self.store.close()
+        self._store = None
 
-    async def solve(self, document: Any, time_limit: float) -> dict[str, Any]:
-        """The result document; undetermined where a limit ended the work."""
-        options = SolveOptions(time_limit=time_limit)
-        with self._place_in_queue():
-            outcome = await asyncio.wrap_future(submit_solve(self._solving, self._quick, document, options))
-        return result_document(outcome, options, self.settings.memory_limit)
+    @property
+    def server_options(self) -> JobOptions:
+        """The bounds of this server, which are what a job gets that says nothing."""
+        return JobOptions(self.settings.time_limit, self.settings.memory_limit)
+
+    @property
+    def bounds(self) -> Bounds:
+        """How many open jobs there may be."""
+        return Bounds(self.settings.queue, self.settings.client_queue)
+
+    async def in_thread(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
+        """Run something that waits for the disk."""
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._threads, lambda: function(*arguments, **named))
+
+    async def submit(self, request: JobRequest) -> Job:
+        """The stored job of a question; an answered one comes with its body, without a look at a worker."""
+        found = self.store.job(request.id) if not request.fresh else None
+        if found is not None and found.status != "dismissed":
+            self.counters.add(
+                "inverse_service_answers_from_store_total", "Questions that were known already.", kind=request.kind
+            )
+            return found
+        return (await self.in_thread(self.store.submit, [request], self.bounds))[0]
+
+    async def wait(self, job: Job, seconds: float) -> Job:
+        """The job when it is final, or as it is after so many seconds."""
+        end = time.monotonic() + seconds
+        with self.hub.waiting(job.id) as changed:
+            while True:
+                changed.clear()
+                job = self.store.job(job.id) or job
+                left = end - time.monotonic()
+                if job.is_final or left <= 0 or self.hub.closing:
+                    return job
+                await until_set(changed, min(left, LOOK_AGAIN))
+
+    async def dismiss(self, id: str) -> Job | None:
+        """Cancel a job: it is dismissed in the store, and its process is killed."""
+        job = await self.in_thread(self.store.dismiss, id)
+        self.supervisor.cancel(id)
+        return job
+
+    async def create_batch(self, id: str, kind: str, client: str, lines: Sequence[BatchLine]) -> Batch:
+        """Store a batch with all its jobs."""
+        return await self.in_thread(self.store.create_batch, id, kind, client, lines, self.bounds)
+
+    async def dismiss_batch(self, id: str) -> int:
+        """Cancel what is still open in a batch; how many jobs that were."""
+        dismissed = await self.in_thread(self.store.dismiss_batch, id)
+        for job in dismissed:
+            self.supervisor.cancel(job)
+        return len(dismissed)
 
     async def check(self, text: str) -> dict[str, Any]:
         """The checker's verdict; incomplete where the check ran into a limit."""
-        limit = self.settings.time_limit
-        with self._place_in_queue():
-            outcome = await asyncio.wrap_future(self._solving.submit(tasks.check_task, (text,), limit))
+        outcome = await self._run(self._working, Call(tasks.check_task, (text,), self.settings.time_limit))
         if outcome.status in ("deadline", "memory"):
             return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
         found: dict[str, Any] = value_of(outcome)
@@ -60,28 +161,63 @@ class Engine:
 
     async def parse(self, document: Any) -> dict[str, Any]:
         """What was understood of a document."""
-        with self._place_in_queue():
-            outcome = await asyncio.wrap_future(self._quick.submit(tasks.parse_task, (document,), QUICK_DEADLINE))
+        outcome = await self._run(self._quick, Call(tasks.parse_task, (document,), QUICK_DEADLINE))
         if outcome.status in ("deadline", "memory"):
             raise Refusal(422, "limit", f"Reading this document ran into the {outcome.status} limit; make it smaller.")
         found: dict[str, Any] = value_of(outcome)
         return found
 
-    async def is_ready(self) -> bool:
-        """Whether a worker process answers."""
-        answer = asyncio.wrap_future(self._quick.submit(tasks.ping_task, (), PING_DEADLINE))
+    async def faults(self) -> list[str]:
+        """Why the service is not ready; empty where it is."""
+        if not self.is_open:
+            return ["The service starts or stops."]
+        found = []
+        if self.hub.closing:
+            found.append("The service stops.")
+        if not self.supervisor.is_working():
+            found.append("The jobs are not looked after.")
+        found += await self._store_faults()
+        call = Call(tasks.ping_task, (), PING_DEADLINE)
+        ping = asyncio.wrap_future(self._quick.submit(call).outcome)
         try:
-            return (await asyncio.wait_for(answer, 2 * PING_DEADLINE)).status == "done"
+            ended = await asyncio.wait_for(ping, 2 * PING_DEADLINE)
         except TimeoutError:
-            return False
+            ended = Outcome("deadline")
+        return found if ended.status == "done" else [*found, "No worker process answers yet."]
+
+    async def _store_faults(self) -> list[str]:
+        try:
+            counts = await self.in_thread(self.store.counts)
+        except Exception:  # whatever the database says: it is not ready
+            return ["The store of jobs does not answer."]
+        waiting = counts.get("accepted", 0) + counts.get("running", 0)
+        return ["The queue of jobs is full."] if waiting >= self.settings.queue else []
+
+    async def _run(self, executor: Executor, call: Call) -> Outcome:
+        with self._place_in_queue():
+            running = executor.submit(call)
+            try:
+                return await asyncio.wrap_future(running.outcome)
+            except asyncio.CancelledError:
+                running.cancel()
+                raise
 
     @contextmanager
     def _place_in_queue(self) -> Iterator[None]:
-        if self._waiting >= self.settings.queue + self.settings.workers:
+        if self._waiting >= self.settings.waiting:
             detail = "Too many requests wait for a worker; try again in some seconds."
-            raise Refusal(503, "busy", detail, headers={"Retry-After": "5"})
+            raise Refusal(429, "busy", detail, headers={"Retry-After": "2"})
         self._waiting += 1
         try:
             yield
         finally:
             self._waiting -= 1
+
+
+def _executor(settings: Settings) -> Executor:
+    """The pool of this machine, or a cluster where the settings name one."""
+    if settings.cluster is None:
+        return Workers(settings.workers, settings.memory_limit)
+    from inverse_service.service.cluster.opening import open_cluster
+
+    return open_cluster(settings.cluster, settings.memory_limit)

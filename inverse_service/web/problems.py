@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Mapping
-from typing import Any
 
 from fastapi import FastAPI
+from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
 from inverse_service.errors import InputError, WorkerFailed
+from inverse_service.service.jobs.model import TooManyJobs
 from inverse_service.service.outcome import Place
+from inverse_service.service.problem_documents import as_bytes, problem_document
 from inverse_service.service.refusals import DocumentRefused
 
 log = logging.getLogger(__name__)
 MEDIA_TYPE = "application/problem+json"
-TITLES = {
-    400: "The document cannot be read",
-    404: "There is nothing at this address",
-    405: "This address does not take this method",
-    413: "The body is too large",
-    415: "The body has another content type",
-    422: "The document cannot be accepted",
-    500: "A fault of the service",
-    503: "The service is busy",
-}
 TYPES = {400: "unreadable", 404: "not-found", 405: "method", 413: "too-large", 415: "content-type", 500: "fault"}
 
 
@@ -43,15 +34,8 @@ class Refusal(Exception):
 
 def problem(refusal: Refusal) -> Response:
     """The response of a refusal; its texts are ours, never the caller's."""
-    content: dict[str, Any] = {
-        "type": f"urn:inverse-service:problem:{refusal.kind}",
-        "title": TITLES.get(refusal.status, "The request cannot be answered"),
-        "status": refusal.status,
-        "detail": refusal.detail,
-        "errors": [{"pointer": p.pointer, "column": p.column, "detail": p.detail} for p in refusal.places],
-    }
-    body = json.dumps(content, ensure_ascii=True, allow_nan=False)
-    return Response(body, refusal.status, headers=refusal.headers, media_type=MEDIA_TYPE)
+    content = problem_document(refusal.status, refusal.kind, refusal.detail, refusal.places)
+    return Response(as_bytes(content), refusal.status, headers=refusal.headers, media_type=MEDIA_TYPE)
 
 
 def install(app: FastAPI) -> None:
@@ -59,6 +43,8 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(Refusal, _on_refusal)
     app.add_exception_handler(InputError, _on_input_error)
     app.add_exception_handler(WorkerFailed, _on_worker_failed)
+    app.add_exception_handler(TooManyJobs, _on_too_many_jobs)
+    app.add_exception_handler(RequestValidationError, _on_bad_request)
     app.add_exception_handler(HTTPException, _on_http_exception)
     app.add_exception_handler(Exception, _on_fault)
 
@@ -78,6 +64,18 @@ async def _on_input_error(request: Request, error: Exception) -> Response:
 async def _on_worker_failed(request: Request, error: Exception) -> Response:
     assert isinstance(error, WorkerFailed)
     return problem(Refusal(500, "fault", error.detail))
+
+
+async def _on_too_many_jobs(request: Request, error: Exception) -> Response:
+    assert isinstance(error, TooManyJobs)
+    return problem(Refusal(429, error.code, error.detail, headers={"Retry-After": "5"}))
+
+
+async def _on_bad_request(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    names = sorted({str(fault["loc"][-1])[:40] for fault in error.errors() if fault.get("loc")})
+    shown = ", ".join("".join(c if c.isalnum() or c in "-_" else "?" for c in name) for name in names)
+    return problem(Refusal(422, "bad-input", f"The address or its query is not as described in /docs: {shown}."))
 
 
 async def _on_http_exception(request: Request, error: Exception) -> Response:

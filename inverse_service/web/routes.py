@@ -1,45 +1,31 @@
-"""The calls under /v1 and the probes."""
+"""The calls under /v1 that make no jobs."""
 
 from __future__ import annotations
 
 import dataclasses
-import re
 from typing import Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from api_schemas import sizes
-from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer, ParseAnswer, ProblemDocument
-from api_schemas.result import ResultDocument
+from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer, ParseAnswer
 from inverse_service import catalogue
 from inverse_service.expressions.limits import LIMITS
+from inverse_service.service.batch_files import MAX_LINE_BYTES
+from inverse_service.service.jobs.options import split_options
 from inverse_service.service.reading import decode
 from inverse_service.web.bodies import as_json, read_body, read_json_body
-from inverse_service.web.engine import Engine
-from inverse_service.web.problems import MEDIA_TYPE, Refusal
+from inverse_service.web.clients import require_client
+from inverse_service.web.describing import BAD_BODY, SYSTEM_BODY, body_of, refusals
+from inverse_service.web.preferences import DEFAULT_WAIT, MAX_WAIT
+from inverse_service.web.problems import Refusal
+from inverse_service.web.routes_batches import BODY_FACTOR
+from inverse_service.web.routes_jobs import engine_of
 
-MAX_WAIT = 20.0
 CHECK_BODY_FACTOR = 20
-WAIT = re.compile(r"(?:^|[,;\s])wait\s*=\s*\"?(\d{1,6})", re.IGNORECASE)
-
-router = APIRouter()
-
-
-def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """The problem documents of a route, for the OpenAPI description."""
-    return {status: {"model": ProblemDocument, "content": {MEDIA_TYPE: {}}} for status in statuses}
-
-
-def body_of(schema: str) -> dict[str, Any]:
-    """The body of a route that reads it itself, for the OpenAPI description."""
-    reference = {"$ref": f"#/components/schemas/{schema}"}
-    return {"requestBody": {"required": True, "content": {"application/json": {"schema": reference}}}}
-
-
-BAD_BODY = refusals(400, 413, 415, 422, 503)
-SYSTEM_BODY = body_of("SystemDocument")
+router = APIRouter(dependencies=[Depends(require_client)])
 
 
 @router.post("/v1/parse", responses={200: {"model": ParseAnswer}, **BAD_BODY}, openapi_extra=SYSTEM_BODY)
@@ -47,22 +33,7 @@ async def parse(request: Request) -> Response:
     """What was understood of a System document: text, LaTeX and MathML of each acceleration."""
     engine = engine_of(request)
     document = await read_json_body(request, engine.settings.max_body)
-    return JSONResponse(await engine.parse(document))
-
-
-@router.post("/v1/solve", responses={200: {"model": ResultDocument}, **BAD_BODY}, openapi_extra=SYSTEM_BODY)
-async def solve(request: Request) -> Response:
-    """One system to its result.
-
-    The answer comes with this call, at the latest at the time limit of the service (GET /v1/limits), and
-    is undetermined then. `?time_limit=S` asks for a shorter limit. `Prefer: wait=S` (at most 20) is
-    accepted; there are no stored jobs yet to point to, so the call waits for the result all the same.
-    """
-    engine = engine_of(request)
-    wait_of(request)
-    limit = time_limit_of(request, engine.settings.time_limit)
-    document = await read_json_body(request, engine.settings.max_body)
-    return JSONResponse(await engine.solve(document, limit))
+    return JSONResponse(await engine.parse(split_options(document)[0]))
 
 
 @router.post("/v1/check", responses={200: {"model": CheckAnswer}, **BAD_BODY}, openapi_extra=body_of("ResultDocument"))
@@ -105,54 +76,19 @@ async def limits(request: Request) -> Response:
         "memory_limit_mib": settings.memory_limit,
         "max_body_bytes": settings.max_body,
         "max_result_bytes": CHECK_BODY_FACTOR * settings.max_body,
+        "max_batch_bytes": BODY_FACTOR * settings.max_body,
+        "max_batch_lines": settings.max_lines,
+        "max_line_bytes": MAX_LINE_BYTES,
+        "default_wait_seconds": DEFAULT_WAIT,
         "max_wait_seconds": MAX_WAIT,
-        "waiting_requests": settings.queue,
+        "open_jobs": settings.queue,
+        "open_jobs_of_a_client": settings.client_queue,
+        "running_jobs_of_a_client": settings.client_running or settings.workers,
+        "waiting_requests": settings.waiting,
+        "retention_days": settings.retention_days,
+        "store_mib": settings.store_size,
     }
     return JSONResponse({"document": document, "formula": dataclasses.asdict(LIMITS), "service": service})
-
-
-@router.get("/livez")
-async def livez() -> dict[str, str]:
-    """The process answers."""
-    return {"status": "alive"}
-
-
-@router.get("/readyz", responses=refusals(503))
-async def readyz(request: Request) -> dict[str, str]:
-    """A worker process answers."""
-    if not await engine_of(request).is_ready():
-        raise Refusal(503, "not-ready", "No worker process answers yet; try again in some seconds.")
-    return {"status": "ready"}
-
-
-def engine_of(request: Request) -> Engine:
-    """The engine of this application."""
-    engine: Engine = request.app.state.engine
-    return engine
-
-
-def wait_of(request: Request) -> float | None:
-    """The S of `Prefer: wait=S`, or None; refuses more than 20 s. An unknown preference is ignored (RFC 7240)."""
-    found = WAIT.search(request.headers.get("prefer", ""))
-    if found is None:
-        return None
-    if float(found.group(1)) > MAX_WAIT:
-        raise Refusal(422, "limit", f"'Prefer: wait=S' takes at most {MAX_WAIT:g} s.")
-    return float(found.group(1))
-
-
-def time_limit_of(request: Request, largest: float) -> float:
-    """The `time_limit` of the query, or the largest one; refuses what is no such number of seconds."""
-    text = request.query_params.get("time_limit")
-    if text is None:
-        return largest
-    try:
-        value = float(text) if len(text) < 30 else float("nan")
-    except ValueError:
-        value = float("nan")
-    if not 0 < value <= largest:
-        raise Refusal(422, "limit", f"time_limit must be a number of seconds above 0 and at most {largest:g}.")
-    return value
 
 
 async def read_json_body_again(request: Request, limit: int) -> Any:

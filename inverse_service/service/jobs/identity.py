@@ -35,9 +35,9 @@ def write_json(value: Any, sort: bool = False) -> str:
     return str(value) if isinstance(value, Decimal) else json.dumps(value, allow_nan=False)
 
 
-def job_id(kind: str, document: Any, options: Mapping[str, Any]) -> str:
-    """The id: 40 hexadecimal digits."""
-    parts = (engine_version(), kind, canonical(document), canonical(_order(document)), canonical(options))
+def job_id(kind: str, document: Any, options: str) -> str:
+    """The id: 40 hexadecimal digits. `options` are canonical JSON already."""
+    parts = (engine_version(), kind, canonical(document), canonical(_order(document)), options)
     return hashlib.sha256("\x00".join(parts).encode()).hexdigest()[:DIGITS]
 
 

@@ -93,9 +93,7 @@ def claim(connection: sqlite3.Connection, owner: str, limit: int, excluded: Sequ
     return [job for job in found if job is not None]
 
 
-def end(
-    connection: sqlite3.Connection, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage
-) -> bool:
+def end(connection: sqlite3.Connection, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage) -> bool:
     """running -> successful or failed, for the current attempt only."""
     changed = connection.execute(
         "UPDATE jobs SET status = ?, finished = ?, revision = revision + 1, wall = ?, cpu = ?, memory = ?, "

@@ -39,6 +39,10 @@ class SqliteStore:
         self._guard = threading.Lock()
         self._listeners: list[Callable[[str], None]] = []
 
+    @property
+    def exclusive(self) -> bool:
+        return True
+
     def submit(self, requests: Sequence[JobRequest], bounds: Bounds = NO_BOUNDS) -> list[Job]:
         jobs, accepted = self._writer.write(lambda c: statements.submit(c, requests, bounds))
         self._tell(accepted)

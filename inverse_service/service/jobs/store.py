@@ -16,6 +16,10 @@ from inverse_service.service.jobs.states import JobStatus
 class JobStore(Protocol):
     """Jobs, their events, and batches of them."""
 
+    @property
+    def exclusive(self) -> bool:
+        """Whether one process alone has the store; else claims need a heartbeat and are looked for by polling."""
+
     def submit(self, requests: Sequence[JobRequest], bounds: Bounds = ...) -> list[Job]:
         """The job of each request, in order; all are stored, or none is (TooManyJobs).
 

@@ -1,0 +1,71 @@
+"""What becomes of a job when its task ended: stored, tried again, or given back."""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import replace
+from typing import Any
+
+from inverse_service.errors import InverseServiceError
+from inverse_service.service import problem_documents, tasks
+from inverse_service.service.answers import UNDERSTAND_DEADLINE, result_document, with_understood
+from inverse_service.service.jobs.model import Job, Usage
+from inverse_service.service.jobs.options import JobOptions, stored_options
+from inverse_service.service.jobs.states import MAX_CRASHES
+from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.kinds import KINDS, label_of, solve_options
+from inverse_service.service.outcome import Call, Outcome
+from inverse_service.service.workers import Executor
+
+log = logging.getLogger(__name__)
+LIMITS = ("deadline", "memory")
+
+
+def finish(store: JobStore, job: Job, outcome: Outcome, quick: Executor) -> str:
+    """Store what came of the job; the label it is counted under ("again": it will run once more)."""
+    usage = Usage(outcome.spent.wall, outcome.spent.cpu, outcome.spent.memory)
+    if outcome.status == "cancelled":
+        # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
+        store.release(job.id, job.attempt, crashed=False)
+        return "cancelled"
+    if outcome.status in ("crash", "killed") and job.crashes + 1 < MAX_CRASHES:
+        log.warning("worker died: %s", outcome.detail, extra={"job": job.id})
+        store.release(job.id, job.attempt, crashed=True)
+        return "again"
+    if outcome.status == "done":
+        return _successful(store, job, outcome.value.body, outcome.value.label, usage)
+    options = stored_options(job.options)
+    if outcome.status in LIMITS and KINDS[job.kind].limit_is_answer:
+        result = undetermined(job, outcome, options, quick)
+        return _successful(store, job, json.dumps(result, ensure_ascii=False).encode(), label_of(result), usage)
+    if outcome.status in ("crash", "fault"):
+        log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
+    problem = problem_documents.of_outcome(outcome, options.time_limit, options.memory_limit)
+    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), usage)
+    return outcome.status
+
+
+def give_up(store: JobStore, job: Job) -> None:
+    """Fail a job that saw the service die again and again while it ran."""
+    detail = f"The service died {job.restarts} times while this job ran; it is not tried again."
+    problem = problem_documents.problem_document(500, "fault", detail)
+    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage())
+
+
+def undetermined(job: Job, outcome: Outcome, options: JobOptions, quick: Executor) -> dict[str, Any]:
+    """The result of a solve job that a limit ended, with how the system was understood."""
+    call = Call(tasks.understand_job_task, (job.document,), UNDERSTAND_DEADLINE)
+    understood = quick.submit(call).outcome.result()
+    if understood.status == "refused":
+        understood = Outcome("crash")
+    try:
+        return result_document(with_understood(outcome, understood), solve_options(options), options.memory_limit)
+    except InverseServiceError:
+        bare = replace(outcome, value=None)
+        return result_document(bare, solve_options(options), options.memory_limit)
+
+
+def _successful(store: JobStore, job: Job, body: bytes, label: str, usage: Usage) -> str:
+    store.finish(job.id, job.attempt, body, usage)
+    return label

@@ -1,0 +1,35 @@
+"""One line of the output of a batch, by HTTP and on the command line: the result, or a problem object."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from inverse_service.service.jobs.model import BatchAnswer
+from inverse_service.service.problem_documents import as_bytes, problem_document
+
+
+def answer_line(answer: BatchAnswer) -> bytes:
+    """JSON with the `id` and the number of the line in front, and a line feed at the end."""
+    head = f'{{"id": {answer.identifier}, "line": {answer.number}'.encode()
+    if answer.status != "successful" or answer.body is None:
+        return error_line(answer.number, answer.identifier, _problem(answer))
+    result = answer.body.strip()
+    inside = result[1:-1].strip() if result[:1] == b"{" else b'"result": ' + result
+    return head + (b", " + inside if inside else b"") + b"}\n"
+
+
+def error_line(number: int, identifier: str, problem: dict[str, Any], duplicate_of: int | None = None) -> bytes:
+    """A problem document with the id of its line; `error` holds it once more for who looks for that key."""
+    told = problem | {"detail": f"Line {number}: {problem['detail']}"}
+    line: dict[str, Any] = {"id": json.loads(identifier), "line": number}
+    if duplicate_of is not None:
+        line["duplicate_of"] = duplicate_of
+    return as_bytes(line | told | {"error": told}) + b"\n"
+
+
+def _problem(answer: BatchAnswer) -> dict[str, Any]:
+    if answer.body is None:
+        return problem_document(410, "dismissed", "The job of this line was dismissed.")
+    found: dict[str, Any] = json.loads(answer.body)
+    return found

@@ -1,0 +1,71 @@
+"""Which store the settings ask for."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import logging
+import os
+import sqlite3
+import tempfile
+from pathlib import Path
+
+from inverse_service.errors import InputError
+from inverse_service.service.jobs.model import DatabaseTaken
+from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.store import JobStore
+
+log = logging.getLogger(__name__)
+POSTGRES = ("postgresql://", "postgres://")
+POSTGRES_MODULE = "inverse_service.service.jobs.postgres_store"
+
+
+def open_store(database: str | None) -> JobStore:
+    """The store at a path or an address; raises InputError where it cannot be used.
+
+    None is the file of this user. Where another service has that one, or it cannot be written, the
+    jobs go to a new file in the temporary folder, and the log says so.
+    """
+    if database is None:
+        return _default_store()
+    if database.startswith(POSTGRES):
+        return _postgres_store(database)
+    try:
+        return _store_at(Path(database))
+    except DatabaseTaken as error:
+        raise InputError(error.detail) from None
+    except (OSError, sqlite3.Error) as error:
+        raise InputError(f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}.") from None
+
+
+def default_path() -> Path:
+    """jobs.sqlite in the state folder of this user."""
+    base = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
+    return Path(base) / "inverse-service" / "jobs.sqlite"
+
+
+def _default_store() -> JobStore:
+    path = default_path()
+    with contextlib.suppress(OSError, sqlite3.Error, DatabaseTaken):
+        return _store_at(path)
+    folder = Path(tempfile.mkdtemp(prefix="inverse-service-"))
+    log.warning("the database of this user cannot be used now; jobs are kept in the temporary folder")
+    return _store_at(folder / "jobs.sqlite")
+
+
+def _postgres_store(address: str) -> JobStore:
+    try:
+        module = importlib.import_module(POSTGRES_MODULE)
+    except ImportError:
+        raise InputError("A PostgreSQL database needs the extra: pip install 'inverse-service[postgres]'.") from None
+    store: JobStore = module.PostgresStore(address)
+    return store
+
+
+def _store_at(path: Path) -> SqliteStore:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return SqliteStore(path)
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or "it is no database of this program"

@@ -1,0 +1,204 @@
+"""Takes accepted jobs from the store, has them run, stores what came of them.
+
+Threads: one claims, a few store answers (so that a worker never waits for the disk), the pool has its
+own. The store is the truth; whatever this process forgets when it dies, is claimed again.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import sqlite3
+import threading
+import time
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from inverse_service.errors import InverseServiceError
+from inverse_service.service import tasks
+from inverse_service.service.jobs import finishing
+from inverse_service.service.jobs.event_log import EventLog
+from inverse_service.service.jobs.metrics import Counters
+from inverse_service.service.jobs.model import Job
+from inverse_service.service.jobs.options import stored_options
+from inverse_service.service.jobs.states import MAX_RESTARTS
+from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.outcome import Call, Outcome
+from inverse_service.service.workers import Executor, Running
+
+log = logging.getLogger(__name__)
+FINISHERS = 4
+TICK = 0.1
+HEARTBEAT = 5.0
+LEASE = 30.0
+POLL = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class _Ended:
+    job: Job
+    outcome: Outcome
+
+
+class Supervisor:
+    """Runs the jobs of one store on one executor; `quick` says how a system was understood."""
+
+    def __init__(
+        self,
+        store: JobStore,
+        executor: Executor,
+        quick: Executor,
+        counters: Counters | None = None,
+        client_running: int | None = None,
+    ) -> None:
+        self.counters = counters or Counters()
+        self.events = EventLog(store)
+        self._store, self._executor, self._quick = store, executor, quick
+        self._client_running = client_running
+        self._owner = uuid.uuid4().hex
+        self._running: dict[str, tuple[Job, Running]] = {}
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._stopping = threading.Event()
+        self._ended: queue.SimpleQueue[_Ended | None] = queue.SimpleQueue()
+        self._threads: list[threading.Thread] = []
+        self._beaten = time.monotonic()
+
+    def start(self) -> None:
+        """Take back what a dead service left behind, then work."""
+        self._take_back(0.0 if self._store.exclusive else LEASE)
+        self._store.on_change(lambda id: self._wake.set())
+        work = [self._claim_loop, self._tick_loop, *[self._finish_loop] * FINISHERS]
+        self._threads = [threading.Thread(target=w, name=f"jobs-{k}", daemon=True) for k, w in enumerate(work)]
+        for thread in self._threads:
+            thread.start()
+        self._wake.set()
+
+    def cancel(self, id: str) -> None:
+        """Stop the work on a job at once, if it runs here; the store is told by the caller."""
+        with self._lock:
+            found = self._running.get(id)
+        if found is not None:
+            found[1].cancel()
+
+    @property
+    def running(self) -> int:
+        """Jobs taken by this process."""
+        return len(self._running)
+
+    def is_working(self) -> bool:
+        """Whether all threads live."""
+        return bool(self._threads) and all(thread.is_alive() for thread in self._threads)
+
+    def stop(self) -> None:
+        """Cancel what runs and give it back to the store; returns when that is stored."""
+        self._stopping.set()
+        self._wake.set()
+        if not self._threads:
+            return
+        self._threads[0].join()
+        with self._lock:
+            running = [found[1] for found in self._running.values()]
+        for task in running:
+            task.cancel()
+        end = time.monotonic() + 5
+        while self._running and time.monotonic() < end:
+            time.sleep(0.005)
+        for _ in range(FINISHERS):
+            self._ended.put(None)
+        for thread in self._threads[1:]:
+            thread.join(5)
+        self.events.flush()
+
+    def _claim_loop(self) -> None:
+        while not self._stopping.is_set():
+            self._wake.wait(None if self._store.exclusive else POLL)
+            self._wake.clear()
+            try:
+                self._claim()
+            except (sqlite3.Error, InverseServiceError, OSError):
+                log.exception("jobs cannot be claimed; trying again")
+                self._stopping.wait(POLL)
+                self._wake.set()
+
+    def _claim(self) -> None:
+        """Claim as many as run, and as many again, so that no worker waits for the disk."""
+        while not self._stopping.is_set():
+            free = 2 * self._executor.capacity - len(self._running)
+            if free <= 0:
+                return
+            jobs = self._store.claim(self._owner, free, self._busy_clients())
+            if not jobs:
+                return
+            for job in jobs:
+                self._start(job)
+
+    def _busy_clients(self) -> Sequence[str]:
+        if self._client_running is None:
+            return ()
+        limit = self._client_running
+        return [client for client, count in self._store.running_by_client().items() if count >= limit]
+
+    def _start(self, job: Job) -> None:
+        if job.restarts >= MAX_RESTARTS:
+            finishing.give_up(self._store, job)
+            return
+        options = stored_options(job.options)
+        arguments = (job.kind, job.document, job.options)
+        call = Call(tasks.job_task, arguments, options.time_limit, options.memory_limit, True, job.priority)
+        self.events.begin(job)
+        began = time.monotonic()
+        with self._lock:
+            task = self._executor.submit(call, lambda value: self.events.report(job, began, value))
+            self._running[job.id] = (job, task)
+        task.outcome.add_done_callback(lambda done: self._ended.put(_Ended(job, done.result())))
+
+    def _finish_loop(self) -> None:
+        while (ended := self._ended.get()) is not None:
+            try:
+                self._finish(ended.job, ended.outcome)
+            except Exception:  # the thread must live; the job is claimed again after a restart
+                log.exception("an answer could not be stored", extra={"job": ended.job.id})
+            finally:
+                with self._lock:
+                    self._running.pop(ended.job.id, None)
+                self._wake.set()
+
+    def _finish(self, job: Job, outcome: Outcome) -> None:
+        self.events.flush()
+        label = finishing.finish(self._store, job, outcome, self._quick)
+        self.events.end(job)
+        spent = outcome.spent
+        about = {"kind": job.kind, "outcome": label}
+        self.counters.add("inverse_service_jobs_total", "Runs of jobs by how they ended.", kind=job.kind, outcome=label)
+        self.counters.observe("inverse_service_job_wall_seconds", "Wall clock of a run.", spent.wall, kind=job.kind)
+        self.counters.add("inverse_service_job_cpu_seconds_total", "Processor time of runs.", spent.cpu, kind=job.kind)
+        self.counters.highest(
+            "inverse_service_job_memory_peak_mebibytes", "Largest memory of a run.", spent.memory, kind=job.kind
+        )
+        figures = {"wall": round(spent.wall, 4), "cpu": round(spent.cpu, 4), "memory": round(spent.memory, 1)}
+        log.info("job ended", extra={"job": job.id, "attempt": job.attempt, **about, **figures})
+
+    def _tick_loop(self) -> None:
+        while not self._stopping.wait(TICK):
+            try:
+                self.events.flush()
+                if time.monotonic() - self._beaten > HEARTBEAT:
+                    self._beat()
+            except (sqlite3.Error, InverseServiceError, OSError):
+                log.exception("the store does not answer")
+
+    def _beat(self) -> None:
+        """Keep the claims; stop what another front end dismissed or took over."""
+        self._beaten = time.monotonic()
+        with self._lock:
+            running = [(job.id, job.attempt) for job, _ in self._running.values()]
+        for id in self._store.heartbeat(self._owner, running):
+            self.cancel(id)
+        if not self._store.exclusive:
+            self._take_back(LEASE)
+
+    def _take_back(self, lease: float) -> None:
+        for job in self._store.recover(None, lease):
+            log.warning("job runs again", extra={"job": job.id, "restarts": job.restarts})

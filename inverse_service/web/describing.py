@@ -1,0 +1,48 @@
+"""Parts of the OpenAPI description that several routes share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from api_schemas.problem import ProblemDocument
+from inverse_service.web.problems import MEDIA_TYPE
+
+
+def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The problem documents of a route."""
+    return {status: {"model": ProblemDocument, "content": {MEDIA_TYPE: {}}} for status in statuses}
+
+
+def body_of(*schemas: str, others: dict[str, Any] | None = None) -> dict[str, Any]:
+    """The body of a route that reads it itself."""
+    references = [{"$ref": f"#/components/schemas/{schema}"} for schema in schemas]
+    schema = references[0] if len(references) == 1 else {"anyOf": references}
+    content = {"application/json": {"schema": schema}} | (others or {})
+    return {"requestBody": {"required": True, "content": content}}
+
+
+KEY_AND_RATE = refusals(401, 429, 503)
+BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
+SYSTEM_BODY = body_of("SystemDocument")
+JOB_HEADERS = {
+    "Location": {"description": "The address of the job.", "schema": {"type": "string"}},
+    "Retry-After": {"description": "Seconds until it is worth to ask.", "schema": {"type": "integer"}},
+}
+TIME_LIMIT_QUERY = {
+    "parameters": [
+        {
+            "name": "time_limit",
+            "in": "query",
+            "required": False,
+            "description": "Seconds; at most the limit of the service.",
+            "schema": {"type": "number", "exclusiveMinimum": 0},
+        },
+        {
+            "name": "Prefer",
+            "in": "header",
+            "required": False,
+            "description": "respond-async, or wait=S with at most 20 s.",
+            "schema": {"type": "string"},
+        },
+    ]
+}

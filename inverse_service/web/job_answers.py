@@ -1,0 +1,100 @@
+"""Jobs and batches as responses; the bodies of results are sent as they are stored."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from inverse_service.service.jobs.model import Batch, Job
+from inverse_service.service.problem_documents import as_bytes, problem_document
+from inverse_service.web.engine import Engine
+from inverse_service.web.problems import MEDIA_TYPE
+
+RETRY_AFTER = "1"
+REVALIDATE = "private, no-cache"
+
+
+def result_response(job: Job, engine: Engine, applied: str) -> Response:
+    """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look."""
+    headers = {"Location": address(job)} | ({"Preference-Applied": applied} if applied else {})
+    if job.is_open:
+        headers["Retry-After"] = RETRY_AFTER
+        return Response(job_json(job, engine), 202, headers, "application/json")
+    if job.status == "successful":
+        headers |= {"ETag": etag(job), "Link": f'</results/{job.id}>; rel="canonical"'}
+        return Response(job.body or b"null", 200, headers, "application/json")
+    body = job.body or as_bytes(problem_document(410, "dismissed", "The job was dismissed while it ran."))
+    return Response(body, json.loads(body)["status"], headers, MEDIA_TYPE)
+
+
+def job_response(request: Request, job: Job, engine: Engine) -> Response:
+    """The job itself: 202 while it is open, then 200 with an ETag, 304 where the caller has it."""
+    if job.is_open:
+        headers = {"Retry-After": RETRY_AFTER}
+        return Response(job_json(job, engine), 202, headers, "application/json")
+    headers = {"ETag": etag(job), "Cache-Control": REVALIDATE}
+    known = {mark.strip().removeprefix("W/") for mark in request.headers.get("if-none-match", "").split(",")}
+    if known & {headers["ETag"], "*"}:
+        return Response(status_code=304, headers=headers)
+    return Response(job_json(job, engine), 200, headers, "application/json")
+
+
+def job_json(job: Job, engine: Engine) -> bytes:
+    """The Job document; its result is not read and written again."""
+    head = json.dumps(job_fields(job, engine))
+    result = job.body if job.status == "successful" and job.body else b"null"
+    problem = job.body if job.status == "failed" and job.body else b"null"
+    return head[:-1].encode() + b', "result": ' + result + b', "problem": ' + problem + b"}"
+
+
+def job_fields(job: Job, engine: Engine) -> dict[str, Any]:
+    """What a list shows of a job."""
+    return {
+        "id": job.id,
+        "kind": job.kind,
+        "status": job.status,
+        "progress": progress_of(job, engine),
+        "created": job.created,
+        "started": job.started,
+        "finished": job.finished,
+        "links": {"self": address(job), "events": f"{address(job)}/events", "page": f"/results/{job.id}"},
+    }
+
+
+def progress_of(job: Job, engine: Engine) -> Mapping[str, Any] | None:
+    """The latest progress of a job that runs, here or behind another front end."""
+    if job.status != "running":
+        return None
+    here = engine.supervisor.events.latest(job.id)
+    if here is not None:
+        return here
+    events = [event for event in engine.store.events(job.id) if event.kind == "progress"]
+    return events[-1].data if events else None
+
+
+def batch_fields(batch: Batch) -> dict[str, Any]:
+    """The Batch document."""
+    place = f"/v1/batches/{batch.id}"
+    return {
+        "id": batch.id,
+        "status": batch.status,
+        "total": batch.total,
+        "counts": dict(batch.counts),
+        "kind": batch.kind,
+        "created": batch.created,
+        "links": {"self": place, "results": f"{place}/results"},
+    }
+
+
+def address(job: Job) -> str:
+    """Where a job is."""
+    return f"/v1/jobs/{job.id}"
+
+
+def etag(job: Job) -> str:
+    """Changes when the question is answered anew."""
+    return f'"{job.id[:20]}-{job.revision}-{job.status[:1]}"'

@@ -1,0 +1,65 @@
+"""What the headers and the query of a request ask for: waiting, freshness, limits."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.requests import Request
+
+from inverse_service.errors import InputError
+from inverse_service.service.jobs.options import JobOptions, read_options, read_time_limit
+from inverse_service.web.problems import Refusal
+
+DEFAULT_WAIT = 2.0
+MAX_WAIT = 20.0
+WAIT = re.compile(r"(?:^|[,;\s])wait\s*=\s*\"?(\d{1,15})", re.IGNORECASE)
+ASYNC = re.compile(r"(?:^|[,;\s])respond-async(?:$|[,;\s])", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Preference:
+    """How long to wait for an answer, in seconds, and what of `Prefer` was applied."""
+
+    wait: float
+    applied: str
+
+
+def preference_of(request: Request) -> Preference:
+    """`Prefer: respond-async` and `wait=S`; refuses more than 20 s. Others are ignored (RFC 7240)."""
+    text = ", ".join(request.headers.getlist("prefer"))
+    found = WAIT.search(text)
+    if found is not None and float(found[1]) > MAX_WAIT:
+        raise Refusal(422, "limit", f"'Prefer: wait=S' takes at most {MAX_WAIT:g} s.")
+    if ASYNC.search(text):
+        # RFC 7240: with both, the answer may come within the time.
+        seconds = float(found[1]) if found else 0.0
+        return Preference(seconds, "respond-async" + (f", wait={found[1]}" if found else ""))
+    return Preference(float(found[1]), f"wait={found[1]}") if found else Preference(DEFAULT_WAIT, "")
+
+
+def wants_fresh(request: Request) -> bool:
+    """`Cache-Control: no-cache`: the question is to be computed anew."""
+    directives = {part.strip().lower() for part in request.headers.get("cache-control", "").split(",")}
+    return bool(directives & {"no-cache", "no-store"})
+
+
+def options_of(request: Request, given: Any, server: JobOptions) -> JobOptions:
+    """The options of the document, of the query `time_limit`, else the server's."""
+    options = read_options(given, server)
+    text = request.query_params.get("time_limit")
+    if text is None:
+        return options
+    try:
+        seconds = read_time_limit(_number(text), server.time_limit)
+    except InputError as error:
+        raise Refusal(422, "limit", error.detail) from None
+    return JobOptions(seconds, options.memory_limit, options.seed)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text) if len(text) < 30 else float("nan")
+    except ValueError:
+        return float("nan")

@@ -1,0 +1,133 @@
+"""Batches: many documents in one call, their answers streamed as they come."""
+
+from __future__ import annotations
+
+import asyncio
+import uuid
+from collections.abc import AsyncIterator
+from typing import Any
+
+from fastapi import APIRouter, Depends, Query
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+
+from api_schemas.job import Batch as BatchDocument
+from inverse_service.errors import InputError
+from inverse_service.service.jobs import batch_lines
+from inverse_service.service.jobs.line_answers import answer_line
+from inverse_service.service.jobs.model import Batch, BatchLine
+from inverse_service.service.kinds import KINDS
+from inverse_service.web.bodies import content_type, is_json, read_body
+from inverse_service.web.clients import client_of, may_see_all, require_client
+from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, KEY_AND_RATE, TIME_LIMIT_QUERY, refusals
+from inverse_service.web.engine import Engine
+from inverse_service.web.hub import ANY, until_set
+from inverse_service.web.job_answers import RETRY_AFTER, batch_fields
+from inverse_service.web.preferences import options_of, wants_fresh
+from inverse_service.web.problems import Refusal
+from inverse_service.web.routes_jobs import engine_of
+
+router = APIRouter(dependencies=[Depends(require_client)])
+NDJSON = "application/x-ndjson"
+NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
+BODY_FACTOR = 64
+AT_ONCE = 200
+# A stream that wakes for every job would read the store more than it writes answers.
+SMALLEST_PAUSE = 0.02
+BATCH_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": {"type": "array", "items": {"type": "object"}}},
+            NDJSON: {"schema": {"type": "string"}},
+        },
+    }
+}
+
+
+@router.post(
+    "/v1/batches",
+    status_code=202,
+    response_model=BatchDocument,
+    responses={202: {"headers": JOB_HEADERS}, **BAD_BODY},
+    openapi_extra=BATCH_BODY | TIME_LIMIT_QUERY,
+)
+async def create(request: Request, kind: str = Query("solve", max_length=40)) -> Response:
+    """Many documents: a JSON array, or NDJSON with one document a line; each may have an `id` of its own.
+
+    All lines are stored before the answer, which is 202 with the address of the batch. A bad line is
+    answered by a problem object. Equal documents are computed once. `?kind=` asks for another kind of job.
+    """
+    engine = engine_of(request)
+    if kind not in KINDS or not KINDS[kind].is_there:
+        raise Refusal(422, "bad-input", f"kind must be one of {', '.join(k for k in KINDS if KINDS[k].is_there)}.")
+    media_type = content_type(request)
+    if media_type not in NDJSON_TYPES and not is_json(media_type):
+        raise Refusal(415, "content-type", f"Send 'Content-Type: {NDJSON}' or 'Content-Type: application/json'.")
+    options = options_of(request, None, engine.server_options)
+    body = await read_body(request, BODY_FACTOR * engine.settings.max_body)
+    read = batch_lines.lines_of_ndjson if media_type in NDJSON_TYPES else batch_lines.lines_of_array
+    client, most, fresh = client_of(request), engine.settings.max_lines, wants_fresh(request)
+
+    def lines() -> list[BatchLine]:
+        return batch_lines.batch_lines(read(body), kind, options, engine.server_options, client, most, fresh)
+
+    try:
+        stored = await engine.create_batch(uuid.uuid4().hex, kind, client, await engine.in_thread(lines))
+    except InputError as error:
+        status = 413 if error.code == "limit" else 422
+        raise Refusal(status, error.code, error.detail) from None
+    headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": RETRY_AFTER}
+    return JSONResponse(batch_fields(stored), 202, headers)
+
+
+@router.get("/v1/batches/{id}", response_model=BatchDocument, responses={**refusals(404), **KEY_AND_RATE})
+async def batch(request: Request, id: str) -> Response:
+    """A batch with the number of its lines in each status."""
+    return JSONResponse(batch_fields(await _known(request, id)))
+
+
+@router.delete("/v1/batches/{id}", response_model=BatchDocument, responses={**refusals(403, 404), **KEY_AND_RATE})
+async def dismiss(request: Request, id: str) -> Response:
+    """Cancel what is still open in a batch, and in no other one."""
+    found = await _known(request, id)
+    if not may_see_all(request) and found.client != client_of(request):
+        raise Refusal(403, "not-yours", "The batch belongs to another client; only that one may cancel it.")
+    await engine_of(request).dismiss_batch(id)
+    return JSONResponse(batch_fields(await _known(request, id)))
+
+
+@router.get(
+    "/v1/batches/{id}/results",
+    response_class=StreamingResponse,
+    responses={200: {"content": {NDJSON: {"schema": {"type": "string"}}}}, **refusals(404), **KEY_AND_RATE},
+)
+async def results(request: Request, id: str) -> Response:
+    """The answers as NDJSON in the order in which they come, each with the `id` of its line.
+
+    The stream begins with the first answer and stays open until every line has its own.
+    """
+    found = await _known(request, id)
+    return StreamingResponse(_stream(engine_of(request), found), media_type=NDJSON)
+
+
+async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
+    sent, after = 0, 0
+    with engine.hub.waiting(ANY) as changed:
+        while sent < batch.total and not engine.hub.closing:
+            changed.clear()
+            answers = await engine.in_thread(engine.store.batch_answers, batch.id, after, AT_ONCE)
+            if answers:
+                after, sent = answers[-1].order, sent + len(answers)
+                yield b"".join(answer_line(answer) for answer in answers)
+            if len(answers) < AT_ONCE and sent < batch.total:
+                await until_set(changed, 0.5)
+                await asyncio.sleep(SMALLEST_PAUSE)
+
+
+async def _known(request: Request, id: str) -> Batch:
+    engine = engine_of(request)
+    found = await engine.in_thread(engine.store.batch, id)
+    if found is None:
+        raise Refusal(404, "not-found", "There is no batch of this id; it may have been forgotten.")
+    return found

@@ -1,0 +1,169 @@
+"""Questions that become jobs, and the jobs themselves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator
+from typing import Literal
+
+from fastapi import APIRouter, Depends, Query
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+
+from api_schemas.job import Job as JobDocument
+from api_schemas.job import JobList
+from api_schemas.result import ResultDocument
+from inverse_service.service.jobs.asking import request_of
+from inverse_service.service.jobs.event_log import last_event
+from inverse_service.service.jobs.model import Event, Job
+from inverse_service.service.jobs.options import split_options
+from inverse_service.web.bodies import read_json_body
+from inverse_service.web.clients import client_of, may_see_all, require_client
+from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, KEY_AND_RATE, SYSTEM_BODY, TIME_LIMIT_QUERY, refusals
+from inverse_service.web.engine import Engine
+from inverse_service.web.hub import until_set
+from inverse_service.web.job_answers import job_fields, job_json, job_response, result_response
+from inverse_service.web.preferences import options_of, preference_of, wants_fresh
+from inverse_service.web.problems import Refusal
+
+router = APIRouter(dependencies=[Depends(require_client)])
+KEEP_ALIVE = 10.0
+BODY_FACTORS = {"simulate": 5, "work-precision": 5}
+
+
+@router.post(
+    "/v1/solve",
+    responses={200: {"model": ResultDocument}, 202: {"model": JobDocument, "headers": JOB_HEADERS}, **BAD_BODY},
+    openapi_extra=SYSTEM_BODY | TIME_LIMIT_QUERY,
+)
+async def solve(request: Request) -> Response:
+    """One system to its result.
+
+    The job is stored before any answer. The call waits 2 s, or as `Prefer: wait=S` says (at most 20);
+    past it, or with `Prefer: respond-async`, the answer is 202 with the job's address. `?time_limit=S`, or
+    `"options": {"time_limit": S, "memory_limit": MiB, "seed": N}` in the document, ask for less than the
+    service's limits. The same question is answered from the store; `Cache-Control: no-cache` asks anew.
+    """
+    return await ask(request, "solve")
+
+
+async def ask(request: Request, kind: str) -> Response:
+    """The common way of all questions: store the job, wait a little, answer."""
+    engine = engine_of(request)
+    preference = preference_of(request)
+    body = await read_json_body(request, engine.settings.max_body * BODY_FACTORS.get(kind, 1))
+    document, given = split_options(body)
+    options = options_of(request, given, engine.server_options)
+    question = request_of(kind, document, options, client_of(request), fresh=wants_fresh(request))
+    job = await engine.submit(question)
+    if job.is_open and preference.wait > 0:
+        job = await engine.wait(job, preference.wait)
+    return result_response(job, engine, preference.applied)
+
+
+@router.get("/v1/jobs", response_model=JobList, responses={**refusals(422), **KEY_AND_RATE})
+async def list_jobs(
+    request: Request,
+    status: Literal["accepted", "running", "successful", "failed", "dismissed"] | None = None,
+    kind: str | None = Query(None, max_length=40),
+    cursor: str | None = Query(None, max_length=40),
+    limit: int = Query(50, ge=1, le=500),
+) -> Response:
+    """Jobs, newest first, without their results; `next` is the cursor of the next page."""
+    engine = engine_of(request)
+    client = None if may_see_all(request) else client_of(request)
+    try:
+        jobs, following = await engine.in_thread(
+            engine.store.jobs, status=status, kind=kind, client=client, cursor=cursor, limit=limit
+        )
+    except ValueError:
+        raise Refusal(422, "bad-input", "The cursor is not one that this list gave.") from None
+    return JSONResponse({"jobs": [job_fields(job, engine) for job in jobs], "next": following})
+
+
+@router.get(
+    "/v1/jobs/{id}",
+    responses={
+        200: {"model": JobDocument, "headers": {"ETag": {"schema": {"type": "string"}}}},
+        202: {"model": JobDocument},
+        304: {"description": "The caller has this answer already."},
+        **refusals(404),
+        **KEY_AND_RATE,
+    },
+)
+async def job(request: Request, id: str) -> Response:
+    """A job: 202 while it is open, 200 with an ETag when it is done, 304 on If-None-Match."""
+    return job_response(request, _known(engine_of(request).store.job(id)), engine_of(request))
+
+
+@router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **refusals(403, 404), **KEY_AND_RATE})
+async def dismiss(request: Request, id: str) -> Response:
+    """Cancel a job: it becomes dismissed and the work stops. A job that is done stays as it is."""
+    engine = engine_of(request)
+    found = _known(engine.store.job(id, with_body=False))
+    if not may_see_all(request) and found.client != client_of(request):
+        raise Refusal(403, "not-yours", "The job belongs to another client; only that one may cancel it.")
+    found = _known(await engine.dismiss(id))
+    return Response(job_json(found, engine), media_type="application/json")
+
+
+@router.get(
+    "/v1/jobs/{id}/events",
+    response_class=StreamingResponse,
+    responses={
+        200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}},
+        **refusals(404),
+        **KEY_AND_RATE,
+    },
+)
+async def events(request: Request, id: str) -> Response:
+    """Server-sent events of a job: status and progress, to the end. Resumable with Last-Event-ID."""
+    engine = engine_of(request)
+    _known(engine.store.job(id, with_body=False))
+    text = request.headers.get("last-event-id", request.query_params.get("last_event_id", "0"))
+    after = int(text) if text.isascii() and text.isdigit() and len(text) < 16 else 0
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(_stream(engine, id, after), headers=headers, media_type="text/event-stream")
+
+
+async def _stream(engine: Engine, id: str, after: int) -> AsyncIterator[bytes]:
+    yield b"retry: 1000\n\n"
+    with engine.hub.waiting(id) as changed:
+        silent = 0.0
+        while not engine.hub.closing:
+            changed.clear()
+            found = engine.store.job(id, with_body=False)
+            new = engine.store.events(id, after)
+            for event in new:
+                yield written(event)
+                after = event.number
+            if found is None or found.is_final:
+                last = None if found is None else last_event(found)
+                if last is not None and last.number > after:
+                    yield written(last)
+                return
+            silent = 0.0 if new else silent
+            if not await until_set(changed, 0.5):
+                silent += 0.5
+            if silent >= KEEP_ALIVE:
+                silent = 0.0
+                yield b": still there\n\n"
+
+
+def written(event: Event) -> bytes:
+    """An event in the WHATWG format."""
+    return f"id: {event.number}\nevent: {event.kind}\ndata: {json.dumps(dict(event.data))}\n\n".encode()
+
+
+def engine_of(request: Request) -> Engine:
+    """The engine of this application; 503 while it starts or stops."""
+    engine: Engine = request.app.state.engine
+    if not engine.is_open:
+        raise Refusal(503, "not-ready", "The service starts or stops; try again.", headers={"Retry-After": "2"})
+    return engine
+
+
+def _known(found: Job | None) -> Job:
+    if found is None:
+        raise Refusal(404, "not-found", "There is no job of this id; it may have been forgotten. Ask again.")
+    return found
