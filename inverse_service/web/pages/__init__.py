@@ -1,0 +1,13 @@
+"""Pages written by the server; they work without scripts, and a small script makes them live."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+
+from inverse_service.web.pages import assets, calls_page, results, solve
+
+router = APIRouter()
+for part in (assets, solve, results, calls_page):
+    router.include_router(part.router)
+
+__all__ = ["router"]

@@ -1,0 +1,72 @@
+"""Files that pages load: our style sheets and scripts, and plotly out of its installed package."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+
+from fastapi import APIRouter
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+
+from inverse_service.web.problems import Refusal
+
+router = APIRouter()
+TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png"}
+NAMES = ("style.css", "page.js", "figures.js", "motion.js", "plotly.css", "icon.svg", "plotly.js")
+# A changed file has another address, so an address never changes its content.
+FOREVER = "public, max-age=31536000, immutable"
+
+
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """A file with its compressed form; `mark` is a hash of its content."""
+
+    data: bytes
+    compressed: bytes
+    mark: str
+
+
+@lru_cache(maxsize=len(NAMES))
+def asset(name: str) -> Asset:
+    """The file of this name; KeyError for any other."""
+    if name not in NAMES:
+        raise KeyError(name)
+    data = _source(name)
+    return Asset(data, gzip.compress(data, 6, mtime=0), hashlib.sha256(data).hexdigest()[:12])
+
+
+def _source(name: str) -> bytes:
+    if name == "plotly.js":
+        return (resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    return (resources.files("inverse_service.web") / "static" / name).read_bytes()
+
+
+@lru_cache(maxsize=len(NAMES))
+def address(name: str) -> str:
+    """Where a page finds the file; the version of plotly marks its file, so that no page waits for its hash."""
+    if name == "plotly.js":
+        from importlib.metadata import version
+
+        return f"/static/{version('plotly')}/{name}"
+    return f"/static/{asset(name).mark}/{name}"
+
+
+@router.get("/static/{mark}/{name}")
+async def static(request: Request, mark: str, name: str) -> Response:
+    """One file; whoever asks with an old mark gets the file of today, without leave to keep it."""
+    if name not in NAMES:
+        raise Refusal(404, "not-found", "There is no such file.")
+    found = await run_in_threadpool(asset, name)
+    keep = FOREVER if address(name).split("/")[2] == mark else "no-cache"
+    headers = {"Cache-Control": keep, "ETag": f'"{found.mark}"', "Vary": "Accept-Encoding"}
+    if request.headers.get("if-none-match") == headers["ETag"]:
+        return Response(status_code=304, headers=headers)
+    media_type = TYPES[name.rpartition(".")[2]]
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        return Response(found.compressed, headers={**headers, "Content-Encoding": "gzip"}, media_type=media_type)
+    return Response(found.data, headers=headers, media_type=media_type)

@@ -1,0 +1,148 @@
+"""From the fields of the form to a document, and back again so that a document can be changed in the form."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from inverse_service.errors import InputError
+from inverse_service.service.reading import read_document, read_json, refuse_surrogates
+from inverse_service.web.pages.forms import Form
+from inverse_service.web.pages.naming import Guess, guess_names
+
+KINDS = ("equations", "nonholonomic")
+ASSOCIATED = ("first", "second", "third", "search")
+FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
+          "associated", "time", "special_cases")  # fmt: skip
+TIME = {"no": False, "yes": True}
+_FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
+
+
+def fields_of(form: Form) -> dict[str, str]:
+    """The fields of the solve form as texts."""
+    found = {name: form.text(name) for name in FIELDS}
+    if found["kind"] not in KINDS:
+        found["kind"] = "nonholonomic" if found["lagrangian"] and not found["equations"] else "equations"
+    return found
+
+
+def document_of(form: Form) -> dict[str, Any]:
+    """The document that a form describes: an uploaded one, a pasted one, or its fields.
+
+    Raises InputError where a document or a list of names cannot be read.
+    """
+    upload = form.files.get("document")
+    if upload is not None:
+        return _as_object(read_document(upload.data, upload.name))
+    fields = fields_of(form)
+    if fields["kind"] == "equations" and fields["equations"].startswith("{") and '"' in fields["equations"]:
+        return _as_object(read_json(fields["equations"]))
+    return document_of_fields(fields)
+
+
+def _as_object(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError("The document is not an object; it must have coordinates and equations.")
+    return value
+
+
+def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
+    """The document, names that were not declared guessed from the text."""
+    refuse_surrogates(dict(fields))
+    nonholonomic = fields["kind"] == "nonholonomic"
+    constraints = [line.strip() for line in re.split(r"[\n;]", fields["constraints"]) if line.strip()]
+    texts = [fields["lagrangian"], *constraints] if nonholonomic else [fields["equations"]]
+    parameters = parameters_of(fields["parameters"])
+    functions = functions_of(fields["functions"])
+    coordinates = _names(fields["coordinates"])
+    guess = guess_names(texts, coordinates, list(parameters), functions, 1 if nonholonomic else 2)
+    document: dict[str, Any] = {"name": fields["name"]} if fields["name"] else {}
+    if guess.coordinates:
+        document["coordinates"] = list(guess.coordinates)
+    if nonholonomic:
+        document |= {"lagrangian": fields["lagrangian"], "constraints": constraints}
+        if fields["associated"] in ASSOCIATED:
+            document["associated"] = fields["associated"]
+    else:
+        document["equations"] = fields["equations"]
+    return document | _declared(guess, parameters, functions) | _questions(fields)
+
+
+def _declared(guess: Guess, parameters: Mapping[str, str | None], functions: Mapping[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    names = [*parameters, *guess.parameters]
+    if any(value is not None for value in parameters.values()):
+        found["parameters"] = dict.fromkeys(names) | dict(parameters)
+    elif names:
+        found["parameters"] = names
+    known = {name: list(arguments) for name, arguments in {**functions, **guess.functions}.items()}
+    return found | ({"functions": known} if known else {})
+
+
+def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    if fields["time"] in TIME:
+        found["time_dependent_lagrangian"] = TIME[fields["time"]]
+    if fields["special_cases"]:
+        found["special_cases"] = True
+    return found
+
+
+def _names(text: str) -> list[str]:
+    return [part.strip() for part in re.split(r"[,\s;]+", text) if part.strip()]
+
+
+def parameters_of(text: str) -> dict[str, str | None]:
+    """ "m, k = 1/2" as names with their values, None for a generic one."""
+    found: dict[str, str | None] = {}
+    for part in re.split(r"[,;\n]", text):
+        name, _, value = part.partition("=")
+        if name.strip():
+            found[name.strip()] = value.strip() or None
+    return found
+
+
+def functions_of(text: str) -> dict[str, tuple[str, ...]]:
+    """ "A(r1), V(x, y)" as names with their arguments; raises InputError for anything else."""
+    found: dict[str, tuple[str, ...]] = {}
+    rest = text
+    while rest.strip(" ,;\n"):
+        match = _FUNCTION.match(rest.lstrip(" ,;\n"))
+        if match is None:
+            detail = "The functions must be written as A(r1), V(x, y): a name and its coordinates."
+            raise InputError(detail, "/functions")
+        found[match.group(1)] = tuple(_names(match.group(2)))
+        rest = rest.lstrip(" ,;\n")[match.end() :]
+    return found
+
+
+def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
+    """The form filled with a document."""
+    fields = dict.fromkeys(FIELDS, "")
+    fields |= {"kind": "equations", "name": str(document.get("name", ""))}
+    fields["coordinates"] = ", ".join(document.get("coordinates") or ())
+    parameters = document.get("parameters") or []
+    pairs = parameters.items() if isinstance(parameters, dict) else ((name, None) for name in parameters)
+    fields["parameters"] = ", ".join(name if value is None else f"{name} = {value}" for name, value in pairs)
+    functions = document.get("functions") or {}
+    fields["functions"] = ", ".join(f"{name}({', '.join(arguments)})" for name, arguments in functions.items())
+    fields["time"] = {False: "no", True: "yes"}.get(document.get("time_dependent_lagrangian"), "")  # type: ignore[arg-type]
+    fields["special_cases"] = "yes" if document.get("special_cases") else ""
+    if "lagrangian" in document:
+        constraints = document.get("constraints", [])
+        fields |= {"kind": "nonholonomic", "lagrangian": str(document["lagrangian"])}
+        fields["constraints"] = constraints if isinstance(constraints, str) else "\n".join(constraints)
+        fields["associated"] = str(document.get("associated") or "")
+    else:
+        fields["equations"] = equations_text(document.get("equations", ""))
+    return fields
+
+
+def equations_text(equations: Any) -> str:
+    """Equations of any form as the lines of the text box."""
+    if isinstance(equations, dict):
+        return "\n".join(f"{coordinate}'' = {f}" for coordinate, f in equations.items())
+    if isinstance(equations, Sequence) and not isinstance(equations, str):
+        return "\n".join(str(line) for line in equations)
+    return str(equations)

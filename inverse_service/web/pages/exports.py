@@ -1,0 +1,91 @@
+"""A result to take along: LaTeX, SymPy, Python call, curl, JSON."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from inverse_service.errors import InputError
+from inverse_service.web.pages.sympy_code import sympy_program
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """A text to copy; `key` names it in addresses."""
+
+    key: str
+    label: str
+    text: str
+
+
+def exports(result: Mapping[str, Any], address: str) -> list[Export]:
+    """Every form that this result has; the JSON is a link of its own, being long."""
+    found = [Export("latex", "LaTeX", latex_of(result))]
+    code = _sympy(result)
+    if code:
+        found.append(Export("sympy", "SymPy", code))
+    if result["system"] is not None:
+        given = result["system"]["given"]
+        found.append(Export("python", "Python", python_call(given, address)))
+        found.append(Export("curl", "curl", curl_of(given, address)))
+    return found
+
+
+def _sympy(result: Mapping[str, Any]) -> str:
+    if result["system"] is None:
+        return ""
+    try:
+        return sympy_program(result)
+    except (InputError, TypeError):
+        return ""
+
+
+def latex_of(result: Mapping[str, Any]) -> str:
+    """Equations, verdict, L and H as aligned formulas."""
+    lines = [rf"% {result['verdict'].replace('_', ' ')}, question {result['question']}"]
+    if result["system"] is not None:
+        lines += _aligned([_at_relation(line) for line in result["system"]["latex"].values()])
+    for answer in (result, result.get("with_time")):
+        if not answer:
+            continue
+        rows = [rf"{letter} &= {part['latex']}" for letter, part in _parts(answer)]
+        lines += _aligned(rows) if rows else []
+    if result["verdict"] == "not_variational":
+        lines += _aligned([_at_relation(step["latex"]) for step in result["explanation"] if step["latex"]])
+    return "\n".join(lines) + "\n"
+
+
+def _parts(answer: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    return [(letter, answer[key]) for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")) if answer[key]]
+
+
+def _aligned(rows: list[str]) -> list[str]:
+    return [r"\begin{align*}", " \\\\\n".join(f"  {row}" for row in rows), r"\end{align*}"]
+
+
+def _at_relation(line: str) -> str:
+    return line.replace(" = ", " &= ", 1)
+
+
+def python_call(document: Mapping[str, Any], address: str) -> str:
+    """The call with the client of this package."""
+    return (
+        "from inverse_service.client import Client\n\n"
+        f"with Client({address!r}) as client:\n"
+        f"    result = client.solve({_python(document)})\n"
+        "print(result.verdict, result.lagrangian)\n"
+    )
+
+
+def _python(document: Mapping[str, Any]) -> str:
+    lines = [f"        {key!r}: {value!r},\n" for key, value in document.items()]
+    return "{\n" + "".join(lines) + "    }"
+
+
+def curl_of(document: Mapping[str, Any], address: str) -> str:
+    """The call from a shell."""
+    body = json.dumps(document, ensure_ascii=False, indent=1)
+    return f"curl -s {shlex.quote(address + '/v1/solve')} -H 'Content-Type: application/json' -d {shlex.quote(body)}\n"

@@ -1,0 +1,164 @@
+"""What the service understood, and its refusals with their places, as a page shows them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from markupsafe import Markup
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions.tree import Acceleration, Symbol
+from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.naming import Guess
+
+FIELD_NAMES = {
+    "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
+    "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
+}  # fmt: skip
+_COLUMN = re.compile(r"(; it stands)? at column \d+")
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A typeset formula and what a screen reader calls it."""
+
+    label: str
+    math: Markup
+
+
+@dataclass(frozen=True, slots=True)
+class Understood:
+    """Groups of formulas under headings, and rows of names with what they stand for."""
+
+    groups: list[tuple[str, list[Line]]]
+    names: list[tuple[str, Markup, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class ShownPlace:
+    """One fault: the line it stands in cut around the marked character, where the place is known."""
+
+    detail: str
+    field: str = ""
+    line: int | None = None
+    column: int | None = None
+    before: str = ""
+    marked: str = ""
+    after: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A refusal with its places."""
+
+    title: str
+    places: list[ShownPlace]
+
+
+def understood(answer: Mapping[str, Any], guess: Guess | None = None) -> Understood:
+    """The answer of /v1/parse, typeset; what was guessed is said."""
+    groups = [("", _equations(answer))] if answer.get("equations") else []
+    for key, heading in (("lagrangian", "Lagrangian"), ("constraints", "Constraints")):
+        lines = _formulas(answer.get(key), heading)
+        if lines:
+            groups.insert(len(groups) - 1 if key == "lagrangian" else len(groups), (heading, lines))
+    return Understood(_ordered(groups), _names(answer, guess))
+
+
+def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]]]:
+    order = {"Lagrangian": 0, "Constraints": 1, "": 2}
+    found = sorted(groups, key=lambda group: order[group[0]])
+    return [("Equations" if not heading and len(found) > 1 else heading, lines) for heading, lines in found]
+
+
+def _equations(answer: Mapping[str, Any]) -> list[Line]:
+    lines = []
+    for coordinate, found in answer["equations"].items():
+        left = to_mathml(Acceleration(coordinate)).partition(">")[2].removesuffix("</math>")
+        right = str(typesetting.parsed(found["mathml"])).partition(">")[2].removesuffix("</math>")
+        math = typesetting.math(f"<mrow>{left}<mo>=</mo>{right}</mrow>")
+        lines.append(Line(f"{coordinate}'' = {found['text']}", math))
+    return lines
+
+
+def _formulas(found: Any, heading: str) -> list[Line]:
+    """A parsed formula or a list of them; constraints are zero."""
+    if not found:
+        return []
+    formulas = found if isinstance(found, list) else [found]
+    zero = "<mo>=</mo><mn>0</mn>" if heading == "Constraints" else ""
+    lines = []
+    for formula in formulas:
+        inner = str(typesetting.parsed(formula["mathml"])).partition(">")[2].removesuffix("</math>")
+        ending = " = 0" if zero else ""
+        lines.append(Line(formula["text"] + ending, typesetting.math(f"<mrow>{inner}{zero}</mrow>")))
+    return lines
+
+
+def _names(answer: Mapping[str, Any], guess: Guess | None) -> list[tuple[str, Markup, str]]:
+    rows = [("Coordinates", _symbols(answer["coordinates"]), "")]
+    if answer["parameters"]:
+        guessed = bool(guess and set(guess.parameters) & set(answer["parameters"]))
+        note = "constants of any value" + (", taken as such because they have no equation" if guessed else "")
+        rows.append(("Parameters", _symbols(answer["parameters"]), note))
+    if answer["functions"]:
+        names = Names(tuple(answer["coordinates"]), (), {k: tuple(v) for k, v in answer["functions"].items()})
+        texts = [f"{name}({', '.join(arguments)})" for name, arguments in answer["functions"].items()]
+        rows.append(("Functions", Markup(", ").join(typesetting.formula(text, names) for text in texts), "arbitrary"))
+    if answer.get("depends_on_time"):
+        rows.append(("Time", _symbols(["t"]), "occurs in the equations"))
+    return rows
+
+
+def _symbols(names: list[str]) -> Markup:
+    return Markup(", ").join(Markup(to_mathml(Symbol(name))) for name in names)
+
+
+def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
+    """A problem document of the service."""
+    places = [_place(p["detail"], p["pointer"], p["column"], fields) for p in body.get("errors", [])]
+    return Problem("Please change this:", places or [ShownPlace(body["detail"])])
+
+
+def problem_of_error(error: InputError, fields: Mapping[str, str]) -> Problem:
+    """A fault found while the form was read."""
+    return Problem("Please change this:", [_place(error.detail, error.pointer or "", error.column, fields)])
+
+
+def _place(detail: str, pointer: str, column: int | None, fields: Mapping[str, str]) -> ShownPlace:
+    steps = pointer.split("/")[1:]
+    field = steps[0] if steps else ""
+    name = FIELD_NAMES.get(field, field)
+    text = _text_at(steps, fields)
+    if detail.startswith(("the ", "a ", "an ", "this ")):
+        detail = detail[:1].upper() + detail[1:]
+    if column is None or text is None or column > len(text) + 1:
+        return ShownPlace(detail, name)
+    start = text.rfind("\n", 0, column - 1) + 1
+    end = text.find("\n", start)
+    line = text[start : end if end >= 0 else len(text)]
+    place = column - 1 - start
+    marked = line[place : place + 1] or " "
+    number = text.count("\n", 0, start) + 1 + _lines_before(steps)
+    # The column in the sentence counts from the start of the whole text; the place is shown by its line.
+    detail = _COLUMN.sub("", detail, count=1)
+    return ShownPlace(detail, name, number, place + 1, line[:place], marked, line[place + 1 :])
+
+
+def _text_at(steps: list[str], fields: Mapping[str, str]) -> str | None:
+    """The typed text that a pointer means, None where it was not typed as such."""
+    if steps == ["equations"] or steps == ["lagrangian"]:
+        return fields.get(steps[0])
+    if len(steps) == 2 and steps[0] == "constraints" and steps[1].isdigit():
+        lines = [line.strip() for line in fields.get("constraints", "").replace(";", "\n").split("\n") if line.strip()]
+        return lines[int(steps[1])] if int(steps[1]) < len(lines) else None
+    return None
+
+
+def _lines_before(steps: list[str]) -> int:
+    return int(steps[1]) if len(steps) == 2 and steps[0] == "constraints" else 0

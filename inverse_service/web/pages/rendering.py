@@ -1,0 +1,63 @@
+"""Templates to responses."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from starlette.responses import HTMLResponse
+
+from inverse_service.web.pages.assets import address
+
+NAVIGATION = (
+    ("/", "Solve"),
+    ("/simulate", "Simulate"),
+    ("/gallery", "Gallery"),
+    ("/batch", "Batch"),
+    ("/learn", "Learn"),
+    ("/docs", "API"),
+)
+# Scripts and styles of our own files only; images of the figures are made on the page (blob:, data:).
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
+    "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+
+
+@lru_cache(maxsize=1)
+def environment() -> Environment:
+    """All templates; every value is escaped unless it is markup of our own."""
+    found = Environment(
+        loader=PackageLoader("inverse_service.web", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.globals |= {"address": address, "navigation": NAVIGATION}
+    found.filters["capitalized"] = lambda text: text[:1].upper() + text[1:]
+    found.filters["progress_text"] = progress_text
+    return found
+
+
+def progress_text(progress: Any) -> str:
+    """What a job says of its progress, in words."""
+    if not isinstance(progress, dict):
+        return str(progress or "")
+    parts = [
+        str(value) if key in ("stage", "message") else f"{key.replace('_', ' ')} {value}"
+        for key, value in progress.items()
+        if isinstance(value, str | int | float)
+    ]
+    return ", ".join(parts)
+
+
+def render(template: str, **values: Any) -> str:
+    """The filled template."""
+    return environment().get_template(template).render(**values)
+
+
+def page(template: str, status: int = 200, **values: Any) -> HTMLResponse:
+    """A whole page under the policy of the pages."""
+    return HTMLResponse(render(template, **values), status, {"Content-Security-Policy": POLICY})

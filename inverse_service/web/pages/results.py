@@ -1,0 +1,122 @@
+"""A job's page: its progress, then its result, under one permanent address."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import time
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from inverse_service.web.pages import answers, exports, typesetting
+from inverse_service.web.pages.calls import Answer, call
+from inverse_service.web.pages.rendering import page
+
+router = APIRouter()
+IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
+# A short job's result comes with its first page; a longer one's page shows its progress.
+PATIENCE = 1.0
+LOOK_EVERY = 0.04
+OPEN = frozenset(("accepted", "running"))
+
+
+@router.get("/results/{identifier}")
+async def result(request: Request, identifier: str) -> Response:
+    """The result, or how far it is."""
+    answer = await finished(request, identifier, PATIENCE)
+    if answer is None:
+        return missing()
+    return shown(request, answer.value)
+
+
+@router.get("/results/{identifier}/result.json")
+async def result_json(request: Request, identifier: str) -> Response:
+    """The result document as a file."""
+    answer = await finished(request, identifier, 0)
+    if answer is None or answer.value["status"] != "successful":
+        return missing()
+    body = json.dumps(answer.value["result"], indent=1, ensure_ascii=False)
+    headers = {"Content-Disposition": f'attachment; filename="result-{identifier[:12]}.json"'}
+    return Response(body, headers=headers, media_type="application/json")
+
+
+@router.post("/results/{identifier}/check")
+async def check(request: Request, identifier: str) -> Response:
+    """The checker run again, its verdict on the page."""
+    answer = await finished(request, identifier, 0)
+    if answer is None or answer.value["status"] != "successful":
+        return missing()
+    found = await call(request, "POST", "/v1/check", answer.value["result"])
+    verdict = found.value if not found.is_problem else {"verdict": "incomplete", "reasons": [found.value["detail"]]}
+    return shown(request, answer.value, verdict)
+
+
+@router.post("/results/{identifier}/cancel")
+async def cancel(request: Request, identifier: str) -> Response:
+    """Stop the work."""
+    if IDENTIFIER.fullmatch(identifier):
+        await call(request, "DELETE", f"/v1/jobs/{identifier}")
+    return RedirectResponse(f"/results/{identifier}", 303)
+
+
+async def finished(request: Request, identifier: str, patience: float) -> Answer | None:
+    """The job, waited for a moment; None where there is none."""
+    if not IDENTIFIER.fullmatch(identifier):
+        return None
+    end = time.monotonic() + patience
+    while True:
+        answer = await call(request, "GET", f"/v1/jobs/{identifier}")
+        if answer.is_problem:
+            return None
+        if answer.value["status"] not in OPEN or time.monotonic() >= end:
+            return answer
+        await asyncio.sleep(LOOK_EVERY)
+
+
+def missing() -> HTMLResponse:
+    """There is no such job."""
+    return page("missing.html", 404, active="", title="Nothing here", detail="There is no result at this address.")
+
+
+def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
+    """The page of a job by its status."""
+    if job["status"] in OPEN:
+        return page("working.html", 200, active="", job=job)
+    if job["status"] != "successful":
+        return page("ended.html", 200, active="", job=job)
+    if job["kind"] == "solve":
+        return solve_result(request, job, check)
+    return other_result(request, job)
+
+
+def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | None) -> HTMLResponse:
+    """The page of a solved system."""
+    found = job["result"]
+    address = str(request.base_url).rstrip("/")
+    system = found["system"]
+    with_time = found["with_time"]
+    return page(
+        "result.html",
+        active="",
+        job=job,
+        result=found,
+        check=check,
+        equations=[] if system is None else [typesetting.latex(line) for line in system["latex"].values()],
+        main=answers.answer_of(found, found["question"], found),
+        other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
+        also=answers.other_question(found),
+        matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
+        exports=exports.exports(found, address),
+        timing=answers.timing(found["provenance"]),
+        can_simulate=False,
+    )
+
+
+def other_result(request: Request, job: dict[str, Any]) -> HTMLResponse:
+    """A job whose result has no page of its own: its JSON."""
+    text = json.dumps(job["result"], indent=1, ensure_ascii=False)
+    return page("plain.html", active="", job=job, text=text)

@@ -1,0 +1,171 @@
+"""The start page: a form for a system, an echo of what was understood, and the way to its result."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from api_schemas import system as system_schema
+from inverse_service import catalogue
+from inverse_service.errors import InputError
+from inverse_service.web.pages import reading_back
+from inverse_service.web.pages.calls import Answer, call
+from inverse_service.web.pages.documents import document_of, fields_from, fields_of
+from inverse_service.web.pages.forms import Form, read_form
+from inverse_service.web.pages.naming import Guess
+from inverse_service.web.pages.rendering import page
+from inverse_service.web.problems import Refusal
+
+router = APIRouter()
+ASSOCIATED = (
+    ("first", "first", "force written with the velocities of the base"),
+    ("second", "second", "force written with the velocities along the constraints"),
+    ("third", "third", "the two swapped for each other like a rotation"),
+    ("search", "search", "decide a family of them and list every verdict"),
+)
+# Entries of the catalogue with the words of the palette.
+EXAMPLES = (
+    ("vertically-rolling-disk-first", "Rolling disk, first", "no Lagrangian"),
+    ("vertically-rolling-disk-second", "Rolling disk, second", "a Lagrangian with ẋ²/φ̇"),
+    ("sho", "Harmonic oscillator", "one coordinate"),
+    ("knife-edge-second", "Knife edge", "second associated system"),
+    ("nonholonomic-particle-second", "Nonholonomic particle", "second associated system"),
+    ("generic-class-one-second", "Arbitrary function A(r₁)", "a whole class at once"),
+    ("modified-emden", "Modified Emden", "an unusual Lagrangian"),
+)
+NONHOLONOMIC_EXAMPLES = (
+    ("vertically-rolling-disk", "Rolling disk", "rolls without slipping"),
+    ("knife-edge", "Knife edge", "slides along its blade"),
+    ("nonholonomic-particle", "Particle", "z\u2032 = \u2212x y\u2032"),
+    ("mobile-robot", "Mobile robot", "with fixed orientation"),
+    ("inclined-knife-edge", "Inclined knife edge", "under gravity"),
+)
+START = "x'' = -x + k*y\ny'' = -y + k*x"
+
+
+@router.get("/")
+async def form(request: Request) -> HTMLResponse:
+    """The form, empty, with an example of the catalogue, or with the document of a result."""
+    query = request.query_params
+    kind = "nonholonomic" if query.get("kind") == "nonholonomic" else "equations"
+    if "example" in query:
+        fields = fields_from(example_document(query["example"]))
+    elif "job" in query:
+        fields = await fields_of_job(request, query["job"])
+    elif kind == "nonholonomic":
+        fields = fields_from(example_document(NONHOLONOMIC_EXAMPLES[0][0]))
+    else:
+        fields = fields_from({"equations": START})
+    echo = await understand(request, fields, document_of_fields_or_none(fields))
+    return solve_page(fields, **echo)
+
+
+@router.post("/")
+async def submit(request: Request) -> Response:
+    """The job of the form; on to its page, or back with what to change."""
+    sent = await read_form(request, request.app.state.engine.settings.max_body)
+    fields = fields_of(sent)
+    try:
+        document = document_of(sent)
+    except InputError as error:
+        return solve_page(fields, problem=reading_back.problem_of_error(error, fields), status=422)
+    answer = await call(request, "POST", "/v1/solve", document, {"Prefer": "respond-async"})
+    if answer.is_problem:
+        shown = fields_from(document) if "document" in sent.files else fields
+        return solve_page(shown, problem=reading_back.problem_of(answer.value, shown), status=answer.status)
+    return RedirectResponse(result_address(answer), 303)
+
+
+@router.post("/understood")
+async def echo(request: Request) -> HTMLResponse:
+    """What was understood of the form: the fragment for the script, the whole page without it."""
+    sent = await read_form(request, request.app.state.engine.settings.max_body)
+    fields = fields_of(sent)
+    try:
+        document = document_of(sent)
+    except InputError as error:
+        found: dict[str, Any] = {"problem": reading_back.problem_of_error(error, fields)}
+    else:
+        found = await understand(request, fields, document)
+    if request.query_params.get("fragment"):
+        return page("understood.html", **({"problem": None, "understood": None} | found))
+    return solve_page(fields, **found)
+
+
+def result_address(answer: Answer) -> str:
+    """The permanent link of a job's result."""
+    location = answer.headers.get("location") or answer.headers.get("content-location") or ""
+    identifier = location.rpartition("/")[2] or answer.value.get("id", "")
+    return f"/results/{identifier}"
+
+
+async def understand(request: Request, fields: dict[str, str], document: dict[str, Any] | None) -> dict[str, Any]:
+    """What /v1/parse says of a document, for the template."""
+    typed = any(fields[name] for name in ("equations", "lagrangian", "constraints"))
+    if document is None or not (typed or document):
+        return {}
+    answer = await call(request, "POST", "/v1/parse", document)
+    if answer.is_problem:
+        return {"problem": reading_back.problem_of(answer.value, fields)} if typed else {}
+    return {"understood": reading_back.understood(answer.value, _guess(fields, document))}
+
+
+def _guess(fields: dict[str, str], document: dict[str, Any]) -> Guess:
+    """The parameters that the writer did not name."""
+    names = document.get("parameters", ())
+    return Guess(parameters=tuple(name for name in names if name not in fields["parameters"]))
+
+
+def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTMLResponse:
+    """The page with the form filled in."""
+    nonholonomic = fields["kind"] == "nonholonomic"
+    shown: dict[str, Any] = {"problem": None, "understood": None} | values
+    return page(
+        "solve.html",
+        status,
+        active="/",
+        fields=fields,
+        associated=ASSOCIATED,
+        examples=examples(NONHOLONOMIC_EXAMPLES if nonholonomic else EXAMPLES),
+        has_special_cases="special_cases" in system_schema.SystemDocument.model_fields,
+        **shown,
+    )
+
+
+@lru_cache(maxsize=4)
+def examples(chosen: tuple[tuple[str, str, str], ...]) -> list[dict[str, Any]]:
+    """The palette, each example with the fields that it fills."""
+    return [
+        {"name": name, "label": label, "hint": hint, "fields": fields_from(catalogue.document(name))}
+        for name, label, hint in chosen
+    ]
+
+
+def example_document(name: str) -> dict[str, Any]:
+    """The document of a catalogue entry; 404 where there is none."""
+    try:
+        return catalogue.document(name)
+    except KeyError:
+        raise Refusal(404, "not-found", "The catalogue has no system of this name; /gallery shows them.") from None
+
+
+async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
+    """The form filled with the document of a result."""
+    answer = await call(request, "GET", f"/v1/jobs/{identifier}")
+    if answer.is_problem:
+        raise Refusal(404, "not-found", "There is no result at this address.")
+    result = answer.value.get("result") or {}
+    given = (result.get("system") or {}).get("given")
+    return fields_from(given if isinstance(given, dict) else {"equations": START})
+
+
+def document_of_fields_or_none(fields: dict[str, str]) -> dict[str, Any] | None:
+    """The document of the fields, None where they cannot be read."""
+    try:
+        return document_of(Form({name: (value,) for name, value in fields.items()}))
+    except InputError:
+        return None
