@@ -1,0 +1,105 @@
+"""Trees as symengine expressions with names of our own making.
+
+No name of a user reaches symengine: coordinate i is q{i}, its velocity v{i}, its momentum p{i}, parameter j c{j}.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import symengine
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.tree import (
+    PI,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+)
+
+Formula = Any  # symengine has no types
+
+
+def symbol(name: str) -> Formula:
+    return symengine.Symbol(name)
+
+
+def number(value: int | float) -> Formula:
+    return symengine.Integer(value) if isinstance(value, int) else symengine.RealDouble(value)
+
+
+ZERO, ONE = number(0), number(1)
+HALF = symengine.Rational(1, 2)
+STEP, ALPHA = symbol("h"), symbol("a")
+
+
+def names_of(coordinates: Sequence[str], parameters: Sequence[str]) -> dict[Expression, Formula]:
+    """The table of leaves: Symbol and Velocity of each coordinate, Symbol("p_x"), Symbol of each parameter."""
+    table: dict[Expression, Formula] = {PI: symengine.pi}
+    for place, name in enumerate(parameters):
+        table[Symbol(name)] = symbol(f"c{place}")
+    for place, name in enumerate(coordinates):
+        table[Symbol(f"p_{name}")] = symbol(f"p{place}")
+    for place, name in enumerate(coordinates):
+        table[Symbol(name)] = symbol(f"q{place}")
+        table[Velocity(name)] = symbol(f"v{place}")
+    return table
+
+
+def translate(tree: Expression, table: Mapping[Expression, Formula]) -> Formula:
+    """The tree in symengine; InputError for a name without a value, an arbitrary function, an acceleration."""
+    known = table.get(tree)
+    if known is not None:
+        return known
+    match tree:
+        case Number(value):
+            return symengine.Rational(value.numerator, value.denominator)
+        case Sum(terms):
+            return symengine.Add(*(translate(term, table) for term in terms))
+        case Product(factors):
+            return symengine.Mul(*(translate(factor, table) for factor in factors))
+        case Power(base, exponent):
+            return symengine.Pow(translate(base, table), translate(exponent, table))
+        case Apply(function, argument):
+            return _applied(function, translate(argument, table))
+        case Arbitrary(name, _, _):
+            raise InputError(f"The function {name} has no formula: a simulation needs one, such as {name} = x^2.")
+        case Symbol(name):
+            raise InputError(f"{name} is neither a coordinate nor a parameter with a value of this simulation.")
+        case _:
+            raise InputError("A simulation takes formulas of positions and velocities, without accelerations.")
+
+
+def _applied(function: str, argument: Formula) -> Formula:
+    """tan and its kin by sin and cos, so that a factor cos u cancels."""
+    sine, cosine = symengine.sin(argument), symengine.cos(argument)
+    written = {"tan": (sine, cosine), "cot": (cosine, sine), "sec": (ONE, cosine), "csc": (ONE, sine)}
+    if function in written:
+        above, below = written[function]
+        return above / below
+    return getattr(symengine, function)(argument)
+
+
+def free_names(formula: Formula) -> frozenset[str]:
+    return frozenset(str(leaf) for leaf in formula.free_symbols)
+
+
+def contains(formula: Formula, variable: Formula) -> bool:
+    return variable in formula.free_symbols
+
+
+def real_value(formula: Formula, table: Mapping[str, float]) -> float:
+    """The value at a point, NaN where it has none."""
+    try:
+        value = formula.subs({symbol(name): symengine.RealDouble(x) for name, x in table.items()}).n(real=True)
+        return float(value)
+    except (RuntimeError, ValueError, TypeError, ZeroDivisionError, OverflowError):
+        return math.nan

@@ -1,0 +1,142 @@
+"""Programs compiled once: found by digest in memory, then on disk, else written and compiled."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from inverse_service.codegen import store
+from inverse_service.codegen.digests import digest_of
+from inverse_service.codegen.kernel import Kernel
+from inverse_service.codegen.layout import Layout, changing, layout_of
+from inverse_service.codegen.llvm_writer import LlvmWriter
+from inverse_service.codegen.machine import Machine, load, object_code
+from inverse_service.codegen.program import Program, Solve
+
+_MOST_IN_MEMORY = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """What a run needs to know of a kernel without its formulas."""
+
+    layout: Layout
+    changing: tuple[str, ...]
+    unknowns: tuple[str, ...]
+    solves: tuple[tuple[str, ...], ...]
+    watches: tuple[tuple[str, str, str], ...]
+    observed: tuple[str, ...]
+    displacement: int
+    forces: int
+    lanes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """A kernel ready to run; `seconds` by stage: "write", "compile", "load" (0 where it was found)."""
+
+    card: Card
+    machine: Machine
+    seconds: dict[str, float]
+
+
+_memory: OrderedDict[str, Compiled] = OrderedDict()
+_lock = threading.Lock()
+
+
+def compiled(identity: object, make: Callable[[], Program], lanes: int = 1) -> Compiled:
+    """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
+    digest = digest_of(identity, lanes)
+    with _lock:
+        known = _memory.get(digest)
+        if known is not None:
+            _memory.move_to_end(digest)
+            return Compiled(known.card, known.machine, {})
+    found = _from_disk(digest) or _made(digest, make, lanes)
+    with _lock:
+        _memory[digest] = found
+        while len(_memory) > _MOST_IN_MEMORY:
+            _memory.popitem(last=False)
+    return found
+
+
+def forget_memory() -> None:
+    """Empty the cache in memory; that on disk stays."""
+    with _lock:
+        _memory.clear()
+
+
+def kernel_text(program: Program, lanes: int = 1) -> str:
+    """The LLVM IR of the program, to be looked at."""
+    return Kernel(program, LlvmWriter(lanes)).write()
+
+
+def _from_disk(digest: str) -> Compiled | None:
+    begin = time.perf_counter()
+    entry = store.read(digest)
+    if entry is None:
+        return None
+    try:
+        card = _card_from(entry[0])
+        machine = load(entry[1])
+    except (KeyError, TypeError, ValueError, RuntimeError, OSError):
+        return None
+    return Compiled(card, machine, {"load": time.perf_counter() - begin})
+
+
+def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
+    begin = time.perf_counter()
+    program = make()
+    derived = time.perf_counter()
+    text = kernel_text(program, lanes)
+    written = time.perf_counter()
+    code = object_code(text)
+    optimised = time.perf_counter()
+    card = card_of(program, lanes)
+    store.write(digest, _noted(card), code)
+    stored = time.perf_counter()
+    machine = load(code)
+    stages = {"derive": derived - begin, "write": written - derived, "compile": optimised - written}
+    stages |= {"store": stored - optimised, "load": time.perf_counter() - stored}
+    return Compiled(card, machine, stages)
+
+
+def card_of(program: Program, lanes: int = 1) -> Card:
+    return Card(
+        layout=layout_of(program),
+        changing=changing(program),
+        unknowns=program.unknowns,
+        solves=tuple(block.unknowns for block in program.blocks if isinstance(block, Solve)),
+        watches=tuple((watch.kind, watch.quantity, watch.remedy) for watch in program.watches),
+        observed=tuple(name for name, _ in program.observed),
+        displacement=len(program.displacement),
+        forces=program.forces,
+        lanes=lanes,
+    )
+
+
+def _noted(card: Card) -> dict[str, Any]:
+    return {
+        "persistent": card.layout.persistent, "arguments": card.layout.arguments, "columns": card.layout.columns,
+        "changing": card.changing, "unknowns": card.unknowns, "solves": card.solves, "watches": card.watches,
+        "observed": card.observed, "displacement": card.displacement, "forces": card.forces, "lanes": card.lanes,
+    }  # fmt: skip
+
+
+def _card_from(noted: dict[str, Any]) -> Card:
+    layout = Layout(*(tuple(noted[name]) for name in ("persistent", "arguments", "columns")))
+    return Card(
+        layout=layout,
+        changing=tuple(noted["changing"]),
+        unknowns=tuple(noted["unknowns"]),
+        solves=tuple(tuple(names) for names in noted["solves"]),
+        watches=tuple((kind, quantity, remedy) for kind, quantity, remedy in noted["watches"]),
+        observed=tuple(noted["observed"]),
+        displacement=int(noted["displacement"]),
+        forces=int(noted["forces"]),
+        lanes=int(noted["lanes"]),
+    )

@@ -1,0 +1,205 @@
+"""Implicit blocks of a step as code: Newton with a dense solve, one linear solve, or a fixed-point iteration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import symengine
+
+from inverse_service.codegen.algebra import Formula, symbol
+from inverse_service.codegen.constants import NO_CONVERGENCE, SINGULAR
+from inverse_service.codegen.dense import solve_dense
+from inverse_service.codegen.emission import Emitter
+from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.codegen.program import Iterate, Solve
+from inverse_service.codegen.writers import Writer
+
+MOST_NEWTON_STEPS = 16
+MOST_ITERATIONS = 200
+# Newton's last correction may be this large (relative): quadratic convergence squares it.
+LAST_CORRECTION = 1e-9
+ROUND_OFF = 4.5e-16
+
+
+class Blocks:
+    """Writes implicit blocks and the tests that end a run, and counts them."""
+
+    def __init__(self, writer: Writer, emitter: Emitter) -> None:
+        self.writer, self.emitter = writer, emitter
+        self._solves = self._labels = 0
+
+    def write(self, block: Solve | Iterate) -> None:
+        if isinstance(block, Iterate):
+            self._iterate(block)
+        elif block.affine:
+            self._linear(block)
+        else:
+            self._newton(block)
+
+    def stop_unless(self, condition: str, code: int, value: str) -> None:
+        """Set the status of lanes where the condition fails and that have not stopped before."""
+        w = self.writer
+        status = w.read(STATUS)
+        good, going = w.number(0.0), w.compare("==", status, w.number(0.0))
+        new = w.select(condition, good, w.number(float(code)))
+        status_now = w.select(going, new, status)
+        stops = w.both(going, w.compare("!=", new, good))
+        w.write(STATUS, status_now)
+        w.write(STOPPED_AT, w.select(stops, w.read(CLOCK), w.read(STOPPED_AT)))
+        w.write(STOPPED_VALUE, w.select(stops, value, w.read(STOPPED_VALUE)))
+
+    def keep_sign(self, slot: str, value: str, code: int) -> None:
+        """The value must keep the sign it had first; where the slot is 0 there is no first yet."""
+        w = self.writer
+        sign, zero = w.read(slot), w.number(0.0)
+        first = w.select(w.compare("<", value, zero), w.number(-1.0), w.number(1.0))
+        sign = w.select(w.compare("==", sign, zero), first, sign)
+        w.write(slot, sign)
+        self.stop_unless(w.compare(">", w.binary("*", sign, value), zero), code, value)
+
+    def _declare(self, names: Sequence[str]) -> None:
+        for name in names:
+            self.writer.slot(name)
+
+    def _hoisted(self, formulas: Sequence[Formula], unknowns: Sequence[str]) -> list[Formula]:
+        """Formulas in which parts without unknowns are names, bound to values computed before the loop."""
+        self._labels += 1
+        parts: dict[Formula, Formula] = {}
+        changing = {symbol(name) for name in unknowns}
+        reduced = [_take_out(formula, changing, parts, f"k{self._labels}_") for formula in formulas]
+        for name, value in zip(parts.values(), self.emitter.write(list(parts)) if parts else [], strict=True):
+            self.emitter.bind(str(name), value)
+        return reduced
+
+    def _linear(self, block: Solve) -> None:
+        w, e = self.writer, self.emitter
+        zero = {symbol(name): symengine.Integer(0) for name in block.unknowns}
+        size = len(block.unknowns)
+        entries = [entry for row in block.jacobian for entry in row]
+        values = e.write([*(residual.subs(zero) for residual in block.residuals), *entries])
+        matrix = [values[size * (k + 1) : size * (k + 2)] for k in range(size)]
+        solution, determinant = solve_dense(w, matrix, [w.negate(value) for value in values[:size]])
+        for name, value in zip(block.unknowns, solution, strict=True):
+            e.bind(name, value)
+            w.write(f"{name}_rate", w.binary("/", value, e.value(symbol("h"))))
+        self._count_iteration()
+        self._test_determinant(determinant)
+
+    def _test_determinant(self, determinant: str) -> None:
+        self.keep_sign(f"sign_{self._solves}", determinant, SINGULAR + self._solves)
+        self._solves += 1
+
+    def _count_iteration(self) -> None:
+        w = self.writer
+        w.write_counter("iterations", w.add_counters(w.read_counter("iterations"), "1"))
+
+    def _begin_loop(self, unknowns: Sequence[str], extra: Sequence[str]) -> str:
+        """Slots, first guesses rate * h and the label of the loop."""
+        w, e = self.writer, self.emitter
+        label = f"iterate_{self._labels}"
+        self._declare([*unknowns, *extra])
+        step = e.value(symbol("h"))
+        for name in unknowns:
+            w.write(name, w.binary("*", w.read(f"{name}_rate"), step))
+        w.counter(label)
+        w.write_counter(label, "0")
+        w.label(label)
+        for name in unknowns:
+            e.bind(name, w.read(name))
+        return label
+
+    def _end_loop(self, label: str, settled: str, most: int) -> None:
+        w = self.writer
+        count = w.add_counters(w.read_counter(label), "1")
+        w.write_counter(label, count)
+        self._count_iteration()
+        stopped = w.compare("!=", w.read(STATUS), w.number(0.0))
+        good = w.compare("==", w.select(stopped, w.number(1.0), settled), w.number(1.0))
+        w.branch(w.everywhere(good), f"{label}_done", f"{label}_test")
+        w.open(f"{label}_test")
+        w.branch(w.compare_counters("<", count, str(most)), label, f"{label}_done")
+        w.open(f"{label}_done")
+
+    def _newton(self, block: Solve) -> None:
+        w, e = self.writer, self.emitter
+        size = len(block.unknowns)
+        entries = [entry for row in block.jacobian for entry in row]
+        formulas = self._hoisted([*block.residuals, *entries], block.unknowns)
+        tag = f"b{self._solves}"
+        self._declare([f"{tag}_settled", f"{tag}_determinant"])
+        with e.inner():
+            label = self._begin_loop(block.unknowns, [])
+            values = e.write(formulas)
+            matrix = [values[size * (k + 1) : size * (k + 2)] for k in range(size)]
+            change, determinant = solve_dense(w, matrix, values[:size])
+            settled = self._apply(block.unknowns, change, block.scales, LAST_CORRECTION)
+            w.write(f"{tag}_settled", settled)
+            w.write(f"{tag}_determinant", determinant)
+            self._end_loop(label, settled, MOST_NEWTON_STEPS)
+        good = w.compare("==", w.read(f"{tag}_settled"), w.number(1.0))
+        self.stop_unless(good, NO_CONVERGENCE + self._solves, w.read(f"{tag}_determinant"))
+        self._test_determinant(w.read(f"{tag}_determinant"))
+        self._keep_rates(block.unknowns)
+
+    def _apply(self, names: Sequence[str], change: Sequence[str], scales: Sequence[str], relative: float) -> str:
+        """unknown -= change; 1 where every change is within its tolerance, else 0."""
+        w, e = self.writer, self.emitter
+        settled = w.number(1.0)
+        for name, delta, scale in zip(names, change, scales, strict=True):
+            old = e.value(symbol(name))
+            new = w.binary("-", old, delta)
+            w.write(name, new)
+            allowed = w.binary("*", w.number(relative), w.absolute(new))
+            if scale:
+                size = w.absolute(e.value(symbol(scale)))
+                allowed = w.binary("+", allowed, w.binary("*", w.number(ROUND_OFF), size))
+            within = w.compare("<=", w.absolute(delta), allowed)
+            settled = w.select(within, settled, w.number(0.0))
+        return settled
+
+    def _keep_rates(self, unknowns: Sequence[str]) -> None:
+        w, e = self.writer, self.emitter
+        step = e.value(symbol("h"))
+        for name in unknowns:
+            value = w.read(name)
+            e.bind(name, value)
+            w.write(f"{name}_rate", w.binary("/", value, step))
+
+    def _iterate(self, block: Iterate) -> None:
+        w, e = self.writer, self.emitter
+        formulas = self._hoisted(block.formulas, block.unknowns)
+        tag = f"f{self._labels}"
+        self._declare([f"{tag}_settled"])
+        with e.inner():
+            label = self._begin_loop(block.unknowns, [])
+            values = e.write(formulas)
+            change = [
+                w.binary("-", e.value(symbol(name)), value)
+                for name, value in zip(block.unknowns, values, strict=True)
+            ]
+            settled = self._apply(block.unknowns, change, block.scales, ROUND_OFF)
+            w.write(f"{tag}_settled", settled)
+            self._end_loop(label, settled, MOST_ITERATIONS)
+        good = w.compare("==", w.read(f"{tag}_settled"), w.number(1.0))
+        self.stop_unless(good, NO_CONVERGENCE + 50, w.number(0.0))
+        self._keep_rates(block.unknowns)
+
+
+def _take_out(formula: Formula, changing: set[Formula], parts: dict[Formula, Formula], prefix: str) -> Formula:
+    """The formula with its parts that do not depend on `changing` named; plain names and numbers stay."""
+    if not formula.args:
+        return formula
+    if not (formula.free_symbols & changing):
+        return _named(formula, parts, prefix)
+    if isinstance(formula, symengine.Add | symengine.Mul):
+        fixed = [part for part in formula.args if not (part.free_symbols & changing)]
+        moving = [part for part in formula.args if part.free_symbols & changing]
+        group = [_take_out(type(formula)(*fixed), changing, parts, prefix)] if fixed else []
+        return formula.func(*group, *(_take_out(part, changing, parts, prefix) for part in moving))
+    return formula.func(*(_take_out(part, changing, parts, prefix) for part in formula.args))
+
+
+def _named(formula: Formula, parts: dict[Formula, Formula], prefix: str) -> Formula:
+    if formula.free_symbols:
+        return parts.setdefault(formula, symbol(f"{prefix}{len(parts)}"))
+    return formula

@@ -1,0 +1,188 @@
+"""A program as a whole compiled run: steps, substeps of a composition, Newton, compensated sums, records.
+
+The text is the same for LLVM and C. `memory` holds what `layout.py` lists and is handed in and out, `weights` the
+substeps of the composition, `control` = [steps to do, substeps, record every, steps to the next record, steps done,
+rows written, Newton iterations], `record` one row of `Layout.columns` for each recorded step.
+"""
+
+from __future__ import annotations
+
+from inverse_service.codegen.algebra import STEP
+from inverse_service.codegen.constants import NOT_FINITE, WATCHED
+from inverse_service.codegen.emission import Emitter
+from inverse_service.codegen.implicit import Blocks
+from inverse_service.codegen.layout import CLOCK, STATUS, Layout, changing, layout_of
+from inverse_service.codegen.program import Assign, Program
+from inverse_service.codegen.writers import Writer
+
+CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iterations")
+
+
+class Kernel:
+    """Writes one program with one writer."""
+
+    def __init__(self, program: Program, writer: Writer) -> None:
+        self.program, self.writer = program, writer
+        self.layout: Layout = layout_of(program)
+        self.emitter = Emitter(writer)
+        self.blocks = Blocks(writer, self.emitter)
+
+    def write(self) -> str:
+        """The kernel's text."""
+        self._open()
+        self._step()
+        self._close()
+        return self.writer.text()
+
+    def _open(self) -> None:
+        w = self.writer
+        for place, name in enumerate(self.layout.persistent):
+            w.slot(name)
+            w.write(name, w.load("memory", place))
+        for name in self.layout.arguments:
+            self.emitter.bind(name, w.load("memory", self.layout.argument_place(name)))
+        self._whole_step = self.emitter.value(STEP)
+        for place, name in enumerate(CONTROL):
+            w.counter(name)
+            w.write_counter(name, w.load_counter("control", place))
+        w.counter("stage")
+        for place in range(len(self.program.displacement)):
+            w.slot(f"moved_{place}")
+        for place in range(len(self.program.observed)):
+            w.slot(f"seen_{place}")
+
+    def _step(self) -> None:
+        w = self.writer
+        w.label("next_step")
+        left = w.compare_counters("<", w.read_counter("done"), w.read_counter("steps"))
+        w.branch(left, "begin_step", "finish")
+        w.open("begin_step")
+        w.write_counter("stage", "0")
+        for place in range(len(self.program.displacement)):
+            w.write(f"moved_{place}", w.number(0.0))
+        w.label("next_stage")
+        stage = w.read_counter("stage")
+        with self.emitter.inner():
+            self._stage(stage)
+        after = w.add_counters(stage, "1")
+        w.write_counter("stage", after)
+        more = w.compare_counters("<", after, w.read_counter("stages"))
+        w.branch(more, "next_stage", "end_stages")
+        w.open("end_stages")
+        self._end_step()
+
+    def _stage(self, stage: str) -> None:
+        w, e = self.writer, self.emitter
+        e.bind("h", w.binary("*", self._whole_step, w.load_shared("weights", stage)))
+        self._bind_state()
+        for statement in self.program.statements:
+            if isinstance(statement, Assign):
+                e.bind(statement.name, e.value(statement.formula))
+            else:
+                self.blocks.write(statement)
+        self._watch()
+        self._leave_if_stopped("stopped_early", "go_on")
+        self._observe()
+        self._update()
+
+    def _bind_state(self) -> None:
+        for name in self.program.state:
+            self.emitter.bind(name, self.writer.read(name))
+
+    def _watch(self) -> None:
+        w = self.writer
+        watches = self.program.watches
+        values = self.emitter.write([watch.formula for watch in watches]) if watches else []
+        for place, (watch, value) in enumerate(zip(watches, values, strict=True)):
+            if watch.kind == "sign":
+                self.blocks.keep_sign(f"watch_{place}", value, WATCHED + place)
+            else:
+                within = w.compare("<", w.absolute(value), w.number(watch.limit))
+                self.blocks.stop_unless(within, WATCHED + place, value)
+
+    def _leave_if_stopped(self, stopped: str, onwards: str) -> None:
+        """A single trajectory ends here; lanes go on until all have ended."""
+        w = self.writer
+        w.branch(w.everywhere(w.compare("!=", w.read(STATUS), w.number(0.0))), stopped, onwards)
+        w.open(onwards)
+
+    def _alive(self, value: str) -> str:
+        """The value, 0 in lanes that have stopped."""
+        if self.writer.lanes == 1:
+            return value
+        going = self.writer.compare("==", self.writer.read(STATUS), self.writer.number(0.0))
+        return self.writer.select(going, value, self.writer.number(0.0))
+
+    def _observe(self) -> None:
+        w = self.writer
+        observed = self.program.observed
+        values = self.emitter.write([formula for _, formula in observed]) if observed else []
+        for place, value in enumerate(values):
+            size, greatest = w.absolute(self._alive(value)), w.read(f"maximum_{place}")
+            w.write(f"maximum_{place}", w.select(w.compare(">", size, greatest), size, greatest))
+            w.write(f"seen_{place}", value)
+
+    def _update(self) -> None:
+        w, e = self.writer, self.emitter
+        names = changing(self.program)
+        moves = list(self.program.displacement)
+        values = e.write([*(update for update in self.program.updates if update is not None), *moves])
+        for name, value in zip(names, values, strict=False):
+            self._add_compensated(name, self._alive(value))
+        for place, value in enumerate(values[len(names) :]):
+            w.write(f"moved_{place}", w.binary("+", w.read(f"moved_{place}"), value))
+
+    def _add_compensated(self, name: str, increment: str) -> None:
+        """Kahan (1965): the low part is what the sum lost."""
+        w = self.writer
+        old = w.read(name)
+        step = w.binary("-", increment, w.read(f"{name}_low"), exact=True)
+        new = w.binary("+", old, step, exact=True)
+        w.write(f"{name}_low", w.binary("-", w.binary("-", new, old, exact=True), step, exact=True))
+        w.write(name, new)
+
+    def _end_step(self) -> None:
+        w = self.writer
+        self._test_finite()
+        w.write(CLOCK, w.binary("+", w.read(CLOCK), w.number(1.0)))
+        self._leave_if_stopped("stopped_early", "step_is_good")
+        w.write_counter("done", w.add_counters(w.read_counter("done"), "1"))
+        until = w.add_counters(w.read_counter("until_record"), "-1")
+        w.write_counter("until_record", until)
+        w.branch(w.compare_counters(">", until, "0"), "next_step", "record_row")
+        w.open("record_row")
+        self._record()
+        w.jump("next_step")
+
+    def _test_finite(self) -> None:
+        w = self.writer
+        names = changing(self.program)
+        if not names:
+            return
+        total = w.number(0.0)
+        for name in names:
+            total = w.binary("+", total, w.binary("*", w.read(name), w.number(0.0)))
+        self.blocks.stop_unless(w.compare("==", total, w.number(0.0)), NOT_FINITE, total)
+
+    def _record(self) -> None:
+        w = self.writer
+        row = w.read_counter("rows")
+        first = w.multiply_counters(row, str(len(self.layout.columns)))
+        values = [w.read(name) for name in changing(self.program)]
+        moved = range(len(self.program.displacement))
+        values += [w.binary("/", w.read(f"moved_{k}"), self._whole_step) for k in moved]
+        values += [w.read(f"seen_{k}") for k in range(len(self.program.observed))]
+        for place, value in enumerate(values):
+            w.store("record", w.add_counters(first, str(place)), value)
+        w.write_counter("rows", w.add_counters(row, "1"))
+        w.write_counter("until_record", w.read_counter("every"))
+
+    def _close(self) -> None:
+        w = self.writer
+        w.open("stopped_early")
+        w.label("finish")
+        for place, name in enumerate(self.layout.persistent):
+            w.store("memory", place, w.read(name))
+        for place, name in enumerate(CONTROL):
+            w.store_counter("control", place, w.read_counter(name))
+

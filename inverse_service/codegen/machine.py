@@ -1,0 +1,56 @@
+"""LLVM IR to machine code, and machine code kept: in memory, and on disk between processes."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import llvmlite.binding as llvm
+
+from inverse_service.codegen.digests import processor_features
+
+
+@lru_cache(maxsize=1)
+def _target_machine() -> Any:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_default_triple()
+    return target.create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=processor_features(), opt=3, reloc="pic", codemodel="jitdefault"
+    )
+
+
+def object_code(ir: str) -> bytes:
+    """The IR optimised and compiled for this processor."""
+    machine = _target_machine()
+    module = llvm.parse_assembly(ir)
+    module.triple = machine.triple
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = False
+    options.loop_unrolling = False
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A loaded kernel; `call(memory, weights, control, record)` takes addresses and lets go of Python's lock."""
+
+    engine: Any
+    call: Any
+
+
+def load(code: bytes) -> Machine:
+    """The kernel of an object file, ready to be called."""
+    machine = _target_machine()
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    address = engine.get_function_address("kernel")
+    if not address:
+        raise OSError("the object file has no kernel")
+    function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(address)
+    return Machine(engine, function)

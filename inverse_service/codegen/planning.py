@@ -1,0 +1,129 @@
+"""From equations F(u) = 0 to statements: eliminate, take apart into blocks, solve what is left.
+
+Unknowns whose equation has a constant pivot are eliminated symbolically; the rest is put into block triangular
+form (matching, then strongly connected components, Tarjan 1972), so that only what is truly coupled is iterated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from inverse_service.codegen.algebra import ZERO, Formula, contains, free_names, symbol
+from inverse_service.codegen.program import Assign, Solve, Statement
+
+
+def plan(
+    equations: Sequence[Formula], unknowns: Sequence[str], scales: Mapping[str, str]
+) -> tuple[Statement, ...]:
+    """Statements that compute the unknowns; `scales` names the state variable of which each is the increment."""
+    left, rest, assigned = _eliminate(list(equations), list(unknowns))
+    statements: list[Statement] = []
+    for rows, names in _blocks(left, rest):
+        statements.append(_block([left[row] for row in rows], names, scales))
+    return (*statements, *reversed(assigned))
+
+
+def _eliminate(
+    equations: list[Formula], unknowns: list[str]
+) -> tuple[list[Formula], list[str], list[Assign]]:
+    """Equations with a pivot that is a number are solved for it and put into the others."""
+    assigned: list[Assign] = []
+    while (pivot := _best_pivot(equations, unknowns)) is not None:
+        row, name = pivot
+        variable = symbol(name)
+        equation = equations.pop(row)
+        slope = equation.diff(variable)
+        value = -equation.subs({variable: ZERO}) / slope
+        equations[:] = [e.subs({variable: value}) if contains(e, variable) else e for e in equations]
+        unknowns.remove(name)
+        assigned.append(Assign(name, value))
+    return equations, unknowns, assigned
+
+
+def _best_pivot(equations: Sequence[Formula], unknowns: Sequence[str]) -> tuple[int, str] | None:
+    """The pivot whose elimination spreads least: (equations touched, other unknowns brought in)."""
+    names = set(unknowns)
+    present = [free_names(equation) & names for equation in equations]
+    best: tuple[tuple[int, int, int], tuple[int, str]] | None = None
+    for row, equation in enumerate(equations):
+        for place, name in enumerate(unknowns):
+            if name not in present[row] or not _is_safe(equation.diff(symbol(name))):
+                continue
+            touched = sum(name in other for k, other in enumerate(present) if k != row)
+            others = len(present[row]) - 1
+            rank = (touched * others, others, place)
+            if best is None or rank < best[0]:
+                best = (rank, (row, name))
+    return best[1] if best else None
+
+
+def _is_safe(slope: Formula) -> bool:
+    """A number other than zero: it vanishes nowhere, and no power of h makes a difference of increments large."""
+    return slope != ZERO and not slope.free_symbols
+
+
+def _blocks(equations: Sequence[Formula], unknowns: Sequence[str]) -> list[tuple[list[int], list[str]]]:
+    """Rows and unknowns of the diagonal blocks, in the order in which they can be solved."""
+    if not unknowns:
+        return []
+    present = [free_names(equation) for equation in equations]
+    row_of = _matching(present, unknowns)
+    graph = {
+        name: [other for other in unknowns if other != name and other in present[row_of[name]]] for name in unknowns
+    }
+    return [([row_of[name] for name in names], names) for names in components(graph)]
+
+
+def _matching(present: Sequence[frozenset[str]], unknowns: Sequence[str]) -> dict[str, int]:
+    """A row for each unknown that contains it (augmenting paths)."""
+    owner: dict[int, str] = {}
+
+    def assign(name: str, seen: set[int]) -> bool:
+        for row, names in enumerate(present):
+            if name in names and row not in seen:
+                seen.add(row)
+                if row not in owner or assign(owner[row], seen):
+                    owner[row] = name
+                    return True
+        return False
+
+    for name in unknowns:
+        if not assign(name, set()):
+            raise ArithmeticError("structurally singular")
+    return {name: row for row, name in owner.items()}
+
+
+def components(graph: Mapping[str, Sequence[str]]) -> list[list[str]]:
+    """Strongly connected components, each after all that it depends on (Tarjan)."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(node: str) -> None:
+        index[node] = low[node] = len(index)
+        stack.append(node)
+        for other in graph[node]:
+            if other not in index:
+                visit(other)
+                low[node] = min(low[node], low[other])
+            elif other in stack:
+                low[node] = min(low[node], index[other])
+        if low[node] == index[node]:
+            cut = stack.index(node)
+            found.append(sorted(stack[cut:], key=list(graph).index))
+            del stack[cut:]
+
+    for node in graph:
+        if node not in index:
+            visit(node)
+    return found
+
+
+def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str]) -> Solve:
+    variables = [symbol(name) for name in names]
+    jacobian = tuple(tuple(equation.diff(variable) for variable in variables) for equation in equations)
+    affine = not any(contains(entry, variable) for row in jacobian for entry in row for variable in variables)
+    return Solve(
+        tuple(names), tuple(equations), jacobian, affine, tuple(scales.get(name, "") for name in names)
+    )

@@ -1,0 +1,81 @@
+"""One step of a method as a program: what the kernel writer turns into a compiled loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from inverse_service.codegen.algebra import Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Assign:
+    """name := formula."""
+
+    name: str
+    formula: Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Solve:
+    """residuals(unknowns) = 0 by Newton with the given Jacobian; one linear solve where `affine`.
+
+    `scales` names the state variable of which each unknown is the increment ("" where there is none): convergence
+    is judged against its round-off.
+    """
+
+    unknowns: tuple[str, ...]
+    residuals: tuple[Formula, ...]
+    jacobian: tuple[tuple[Formula, ...], ...]
+    affine: bool
+    scales: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Iterate:
+    """unknowns := formulas(unknowns) until nothing changes any more beyond round-off (a contraction)."""
+
+    unknowns: tuple[str, ...]
+    formulas: tuple[Formula, ...]
+    scales: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """A quantity tested after each step: "sign" must keep its sign, "bound" must stay below `limit` in size."""
+
+    kind: str
+    formula: Formula
+    quantity: str
+    remedy: str
+    limit: float = 1.0
+
+
+Statement = Assign | Solve | Iterate
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """`statements` compute the increments, `updates[k]` is the increment of `state[k]` (None: it never changes).
+
+    `arguments` are read-only and given at run time; "h" is the (sub)step. `displacement` are the position
+    increments where discrete velocities are recorded, `observed` formulas of old state and increments.
+    """
+
+    state: tuple[str, ...]
+    arguments: tuple[str, ...]
+    statements: tuple[Statement, ...]
+    updates: tuple[Formula | None, ...]
+    watches: tuple[Watch, ...] = ()
+    displacement: tuple[Formula, ...] = ()
+    observed: tuple[tuple[str, Formula], ...] = ()
+    forces: int = 0
+    extra: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def blocks(self) -> tuple[Solve | Iterate, ...]:
+        return tuple(statement for statement in self.statements if not isinstance(statement, Assign))
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """All unknowns of implicit blocks; their rates (unknown / h) are kept as the next guess."""
+        return tuple(name for block in self.blocks for name in block.unknowns)

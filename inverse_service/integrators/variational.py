@@ -1,0 +1,83 @@
+"""Variational integrators: discrete Euler-Lagrange equations of L_d(q, q + d) = L((1 - a) q + a (q + d), d/h).
+
+Written for any arithmetic: lists of numbers or of formulas, and callables that give gradients as lists. Unknowns are
+increments; a step carries (q, p), p the discrete momentum D2 L_d of the step before times h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from inverse_service.integrators.card import MethodCard
+
+Number = Any
+Vector = list[Number]
+Gradient = Callable[[Vector, Vector], Vector]
+
+CARD = MethodCard(
+    name="variational",
+    order="2 at alpha = 1/2 or symmetrised, else 1; 4, 6, 8 by composition of alpha = 1/2 or symmetrised",
+    requires="a regular free Lagrangian; its Hamiltonian in closed form for the Hamiltonian form",
+    source="J. E. Marsden, M. West, Discrete mechanics and variational integrators, Acta Numerica 10 (2001) 357",
+)
+
+
+def between(start: Sequence[Number], change: Sequence[Number], part: Number) -> Vector:
+    """start + part change."""
+    return [a + part * b for a, b in zip(start, change, strict=True)]
+
+
+def hamiltonian_step(
+    q: Vector, p: Vector, d: Vector, e: Vector, h: Number, alpha: Number, slope_q: Gradient, slope_p: Gradient
+) -> tuple[Vector, Vector]:
+    """(residuals, momentum increments) for increments d of q and e of p.
+
+    d = h H_p(Q, P), e = -h H_q(Q, P) at Q = q + alpha d, P = p + (1 - alpha) e: symplectic Euler at 0, the implicit
+    midpoint rule at 1/2, the adjoint of symplectic Euler at 1. Equal to the discrete Euler-Lagrange equations of L
+    with p = dL/dv solved for v; smooth where only L is singular.
+    """
+    place, momentum = between(q, d, alpha), between(p, e, 1 - alpha)
+    rates = [d_i - h * rate for d_i, rate in zip(d, slope_p(place, momentum), strict=True)]
+    forces = [e_i + h * force for e_i, force in zip(e, slope_q(place, momentum), strict=True)]
+    return [*rates, *forces], e
+
+
+def symmetrised_hamiltonian_step(
+    q: Vector, p: Vector, d: Vector, e: tuple[Vector, Vector], h: Number, alpha: Number, slope_q: Gradient,
+    slope_p: Gradient,
+) -> tuple[Vector, Vector]:  # fmt: skip
+    """The mean of the alpha and the 1 - alpha discrete Lagrangians, with a momentum p + e of its own for each."""
+    parts = (alpha, 1 - alpha)
+    places = [between(q, d, part) for part in parts]
+    momenta = [between(p, change, 1) for change in e]
+    slopes = [slope_q(*point) for point in zip(places, momenta, strict=True)]
+    residuals: Vector = []
+    for point in zip(places, momenta, strict=True):
+        residuals += [d_i - h * rate for d_i, rate in zip(d, slope_p(*point), strict=True)]
+    for k in range(len(q)):
+        pulls = [e[j][k] + (1 - part) * h * slopes[j][k] for j, part in enumerate(parts)]
+        residuals.append(sum(pulls[1:], pulls[0]))
+    return residuals, [-h * (slopes[0][k] + slopes[1][k]) / 2 for k in range(len(q))]
+
+
+def raw_step(
+    q: Vector, p: Vector, d: Vector, h: Number, parts: Sequence[Number], slope_q: Gradient, slope_v: Gradient
+) -> tuple[Vector, Vector]:
+    """(residuals, momentum increments) of the discrete Euler-Lagrange equations in q and v themselves.
+
+    `parts` is (alpha,), or (alpha, 1 - alpha) for the mean of both forms. Residual:
+    h p - h L_v(Q, d/h) + (1 - alpha) h^2 L_q(Q, d/h), increment of p: h L_q(Q, d/h).
+    """
+    velocity = [d_i / h for d_i in d]
+    places = [between(q, d, part) for part in parts]
+    impulses = [slope_v(place, velocity) for place in places]
+    forces = [slope_q(place, velocity) for place in places]
+    share = len(parts)
+    residuals, changes = [], []
+    for k in range(len(q)):
+        pull = sum((h * impulse[k] for impulse in impulses[1:]), h * impulses[0][k]) / share
+        kicks = [(1 - part) * h * h * force[k] for part, force in zip(parts, forces, strict=True)]
+        residuals.append(h * p[k] - pull + sum(kicks[1:], kicks[0]) / share)
+        changes.append(sum((h * force[k] for force in forces[1:]), h * forces[0][k]) / share)
+    return residuals, changes

@@ -1,0 +1,136 @@
+"""Kernels run piece by piece: bounded memory, a way to stop, and status codes turned into outcomes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.codegen.compiled import Card, Compiled
+from inverse_service.codegen.constants import NO_CONVERGENCE, NOT_FINITE, SINGULAR, WATCHED
+from inverse_service.codegen.kernel import CONTROL
+from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.simulation.choices import Grid
+
+FloatArray = NDArray[np.float64]
+_FIRST_PIECE = 4096
+_SECONDS_PER_PIECE = 0.1
+_REMEDY = "take a smaller step"
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a kernel left: `rows` (recorded, columns, lanes), memory after the last good step, by name."""
+
+    rows: FloatArray
+    steps_at: NDArray[np.int64]
+    memory: FloatArray
+    iterations: int
+    seconds: float
+    cancelled: bool
+    done: int
+
+
+def memory_of(card: Card, lanes: Sequence[tuple[Mapping[str, float], Mapping[str, float]]]) -> FloatArray:
+    """(places, lanes): state, rates and arguments of each lane; `lanes` holds (state and rates, arguments)."""
+    layout = card.layout
+    memory = np.zeros((layout.size, len(lanes)))
+    for lane, (state, arguments) in enumerate(lanes):
+        for name, value in state.items():
+            if name in layout.persistent:
+                memory[layout.place(name), lane] = value
+        for name in layout.arguments:
+            memory[layout.argument_place(name), lane] = arguments[name]
+        memory[layout.place(STOPPED_AT), lane] = -1.0
+    return memory
+
+
+def execute(
+    kernel: Compiled, memory: FloatArray, weights: Sequence[float], grid: Grid, stop: Callable[[], bool] | None = None
+) -> Run:
+    """All steps of the grid; `memory` is changed."""
+    columns = len(kernel.card.layout.columns)
+    every = max(1, min(grid.record_every, grid.steps or 1))
+    substeps = np.array(weights, dtype=np.float64)
+    pieces: list[FloatArray] = []
+    steps_at: list[int] = []
+    done = iterations = 0
+    seconds, piece, cancelled = 0.0, _FIRST_PIECE, False
+    until = every
+    while done < grid.steps and not cancelled:
+        todo, until = _portion(piece, grid.steps - done, until)
+        last = done + todo == grid.steps
+        control = np.array([todo, len(substeps), every, until, 0, 0, 0], dtype=np.int64)
+        record = np.empty((todo // every + 2, columns, memory.shape[1]))
+        begin = time.perf_counter()
+        kernel.machine.call(memory.ctypes.data, substeps.ctypes.data, control.ctypes.data, record.ctypes.data)
+        passed = time.perf_counter() - begin
+        state = dict(zip(CONTROL, (int(x) for x in control), strict=True))
+        pieces.append(record[: state["rows"]].copy() if state["rows"] < len(record) else record)
+        steps_at += [done + until + k * every for k in range(state["rows"])]
+        until, done, iterations = state["until_record"], done + state["done"], iterations + state["iterations"]
+        seconds += passed
+        if state["done"] < todo or last:
+            break
+        piece = max(_FIRST_PIECE, min(4 * piece, int(piece * _SECONDS_PER_PIECE / max(passed, 1e-6))))
+        cancelled = bool(stop and stop())
+    rows = np.concatenate(pieces) if pieces else np.empty((0, columns, memory.shape[1]))
+    return Run(rows, np.array(steps_at, dtype=np.int64), memory, iterations, seconds, cancelled, done)
+
+
+def _portion(piece: int, left: int, until: int) -> tuple[int, int]:
+    """(steps to do now, steps to the next record): the very last step is recorded whatever the rhythm."""
+    if left == 1:
+        return 1, 1
+    return min(piece, left - 1), until
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """Why a lane stopped: kind, quantity, value, remedy; `step` counts from 0."""
+
+    kind: str
+    step: int
+    quantity: str
+    value: float
+    remedy: str
+
+
+def stopped(card: Card, memory: FloatArray, lane: int, unknown_names: Mapping[str, str]) -> Stopped | None:
+    """The meaning of a lane's status, None where it went to the end."""
+    layout = card.layout
+    code = int(memory[layout.place(STATUS), lane])
+    if code == 0:
+        return None
+    step = int(memory[layout.place(STOPPED_AT), lane])
+    value = float(memory[layout.place(STOPPED_VALUE), lane])
+    if code >= WATCHED:
+        kind, quantity, remedy = card.watches[code - WATCHED]
+        return Stopped("guard" if kind == "bound" else "singular", step, quantity, value, remedy)
+    if code >= SINGULAR:
+        return Stopped("singular", step, _determinant(card, code - SINGULAR, unknown_names), value, _REMEDY)
+    if code >= NO_CONVERGENCE:
+        quantity = _determinant(card, code - NO_CONVERGENCE, unknown_names)
+        return Stopped("no_convergence", step, quantity, value, _REMEDY)
+    assert code == NOT_FINITE
+    return Stopped("not_finite", step, "a coordinate or momentum", math.nan, _REMEDY)
+
+
+def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> str:
+    if place >= len(card.solves):
+        return "the stage equations"
+    names = ", ".join(unknown_names.get(name, name) for name in card.solves[place])
+    return f"the determinant of the discrete equations for {names}"
+
+
+def at_last(card: Card, memory: FloatArray, lane: int) -> dict[str, float]:
+    """State variables and rates after the last good step."""
+    layout = card.layout
+    return {name: float(memory[place, lane]) for place, name in enumerate(layout.persistent)}
+
+
+__all__ = ["CLOCK", "Run", "Stopped", "at_last", "execute", "memory_of", "stopped"]

@@ -1,0 +1,149 @@
+"""A problem in the names that kernels use: q0, v0, p0, c0, ... and the callables that the methods take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from inverse_service.codegen.algebra import ZERO, Formula, names_of, symbol, translate
+from inverse_service.errors import InputError
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, walk
+from inverse_service.simulation.problem import Problem
+
+Gradient = Callable[[list[Formula], list[Formula]], list[Formula]]
+
+
+@dataclass(frozen=True, slots=True)
+class Denominator:
+    """A factor by which a formula divides: where it vanishes, the formula has no value."""
+
+    formula: Formula
+    text: str
+    moves: bool  # whether velocities occur in it
+
+
+@dataclass(frozen=True)
+class Formulas:
+    """The problem, translated; each part when it is first asked for."""
+
+    problem: Problem
+
+    @property
+    def size(self) -> int:
+        return len(self.problem.coordinates)
+
+    @cached_property
+    def table(self) -> dict[Expression, Formula]:
+        return names_of(self.problem.coordinates, self.problem.parameters)
+
+    def symbols(self, letter: str) -> list[Formula]:
+        return [symbol(f"{letter}{k}") for k in range(self.size)]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return tuple(f"c{k}" for k in range(len(self.problem.parameters)))
+
+    def of(self, tree: Expression | None, what: str) -> Formula:
+        """The tree, translated; InputError where the problem does not have it."""
+        if tree is None:
+            raise InputError(f"This method needs {what}, which the system of this scene does not have.")
+        return translate(tree, self.table)
+
+    @cached_property
+    def lagrangian(self) -> Formula:
+        return self.of(self.problem.lagrangian, "a Lagrangian")
+
+    @cached_property
+    def free_lagrangian(self) -> Formula:
+        return self.of(self.problem.free_lagrangian, "a free Lagrangian (that of a variational associated system)")
+
+    @cached_property
+    def hamiltonian(self) -> Formula:
+        return self.of(self.problem.free_hamiltonian, "the Hamiltonian of a free Lagrangian in closed form")
+
+    @cached_property
+    def accelerations(self) -> list[Formula]:
+        if self.problem.accelerations is None:
+            raise InputError("This method needs the accelerations of the motion, which this scene does not have.")
+        return [translate(tree, self.table) for tree in self.problem.accelerations]
+
+    @cached_property
+    def forms(self) -> list[list[Formula]]:
+        """omega^a_i(q), one row for each constraint; InputError where one is not linear in the velocities."""
+        rows = []
+        for tree in self.problem.constraints:
+            formula = translate(tree, self.table)
+            row = [formula.diff(v) for v in self.symbols("v")]
+            rest = formula.subs(dict.fromkeys(self.symbols("v"), ZERO))
+            if rest != ZERO or any(entry.free_symbols & set(self.symbols("v")) for entry in row):
+                raise InputError(f"The constraint {to_text(tree)} is not linear in the velocities.")
+            rows.append(row)
+        return rows
+
+    def gradient(self, formula: Formula, letter: str, first: str = "q", second: str = "v") -> Gradient:
+        """The derivatives by the symbols of `letter`, as a callable of (values of first, values of second)."""
+        slopes = [formula.diff(variable) for variable in self.symbols(letter)]
+        names = [*self.symbols(first), *self.symbols(second)]
+
+        def at(left: Sequence[Formula], right: Sequence[Formula]) -> list[Formula]:
+            table = dict(zip(names, [*left, *right], strict=True))
+            return [slope.subs(table) for slope in slopes]
+
+        return at
+
+    def forms_at(self, place: Sequence[Formula]) -> list[list[Formula]]:
+        table = dict(zip(self.symbols("q"), place, strict=True))
+        return [[entry.subs(table) for entry in row] for row in self.forms]
+
+    @cached_property
+    def dependent(self) -> dict[int, Formula]:
+        """Velocities that the constraints give, over q and the other velocities: {place: formula}.
+
+        A velocity with a constant coefficient is taken where there is one, else the last of the constraint.
+        """
+        solved: dict[int, Formula] = {}
+        velocities = self.symbols("v")
+        for row in self.forms:
+            formula = _linear(row, velocities).subs({velocities[k]: value for k, value in solved.items()})
+            entries = [formula.diff(v) for v in velocities]
+            place = _pivot(entries)
+            rest = formula.subs({velocities[place]: ZERO})
+            value = (-rest / entries[place]).expand()
+            solved = {k: old.subs({velocities[place]: value}).expand() for k, old in solved.items()}
+            solved[place] = value
+        return solved
+
+    @cached_property
+    def denominators(self) -> list[Denominator]:
+        """The factors that L~ divides by, parameters alone left out."""
+        tree = self.problem.free_lagrangian
+        return [self._denominator(base) for base in _divisors(tree)] if tree is not None else []
+
+    def _denominator(self, base: Expression) -> Denominator:
+        moves = any(isinstance(node, Velocity) for node in walk(base))
+        return Denominator(translate(base, self.table), to_text(base), moves)
+
+
+def _linear(row: Sequence[Formula], velocities: Sequence[Formula]) -> Formula:
+    return sum((a * v for a, v in zip(row, velocities, strict=True)), ZERO)
+
+
+def _pivot(entries: Sequence[Formula]) -> int:
+    present = [k for k, entry in enumerate(entries) if entry != ZERO]
+    if not present:
+        raise InputError("The constraints are not independent: leave the redundant one out.")
+    constant = [k for k in present if not entries[k].free_symbols]
+    return (constant or present)[-1]
+
+
+def _divisors(tree: Expression) -> list[Expression]:
+    """Bases of negative powers that hold a coordinate or a velocity, each once."""
+    found: dict[Expression, None] = {}
+    for node in walk(tree):
+        if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value < 0:
+            for factor in node.base.factors if isinstance(node.base, Product) else (node.base,):
+                if any(isinstance(leaf, Symbol | Velocity) for leaf in walk(factor)):
+                    found.setdefault(factor)
+    return list(found)

@@ -1,0 +1,120 @@
+"""The Taylor integrator heyoka (an extra) as an independent reference.
+
+F. Biscani, D. Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.tree import (
+    PI,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+)
+from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.simulation.choices import Grid, Observation, Start
+from inverse_service.simulation.problem import Problem
+
+_QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"), "coth": ("cosh", "sinh")}
+
+
+def load_heyoka() -> Any:
+    """The module; InputError where it is not installed."""
+    try:
+        import heyoka
+    except ImportError as error:
+        raise InputError("The method heyoka needs the extra `heyoka`: pip install inverse-service[heyoka].") from error
+    return heyoka
+
+
+def run_heyoka(
+    problem: Problem, start: Start, grid: Grid, values: Mapping[str, float], observation: Observation,
+    tolerance: float = 1e-15,
+) -> Trajectory:  # fmt: skip
+    """The motion at the recorded steps of the grid, to round-off."""
+    if problem.accelerations is None:
+        raise InputError("heyoka needs the accelerations of the motion, which this scene does not have.")
+    if start.velocities is None:
+        raise InputError("heyoka starts from velocities: give velocities instead of momenta.")
+    if observation.observables:
+        raise InputError("heyoka records positions and velocities only.")
+    begin = time.perf_counter()
+    integrator = taylor_integrator(problem, start, values, tolerance)
+    compiled = time.perf_counter()
+    steps = np.unique([*range(0, grid.steps + 1, grid.record_every), grid.steps])
+    times = steps * grid.step
+    code, *_, rows = integrator.propagate_grid(times)
+    passed = time.perf_counter() - compiled
+    size = len(problem.coordinates)
+    rows = np.asarray(rows)
+    good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 1
+    outcome = _outcome(str(code), good, steps, times)
+    rows = rows[:good]
+    return Trajectory(
+        times[:good], rows[:, :size], None, rows[:, size:] if observation.velocities else None, outcome, 0, 0,
+        compiled - begin, passed,
+    )  # fmt: skip
+
+
+def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
+    if "time_limit" in code and good == len(steps):
+        return Outcome("completed", int(steps[-1]), float(times[-1]))
+    place = min(good, len(steps) - 1)
+    return Outcome(
+        "not_finite", int(steps[place]), float(times[place]), "the Taylor series", None,
+        "the accelerations have no finite value there: use a regular form of the motion",
+    )  # fmt: skip
+
+
+def taylor_integrator(problem: Problem, start: Start, values: Mapping[str, float], tolerance: float = 1e-15) -> Any:
+    """heyoka's integrator for q' = v, v' = accelerations, parameters put in as numbers."""
+    heyoka = load_heyoka()
+    names = [f"q{k}" for k in range(len(problem.coordinates))] + [f"v{k}" for k in range(len(problem.coordinates))]
+    variables = heyoka.make_vars(*names)
+    size = len(problem.coordinates)
+    table: dict[Expression, Any] = {PI: heyoka.expression(np.pi)}
+    table |= {Symbol(name): heyoka.expression(float(values[name])) for name in problem.parameters}
+    table |= {Symbol(name): variables[k] for k, name in enumerate(problem.coordinates)}
+    table |= {Velocity(name): variables[size + k] for k, name in enumerate(problem.coordinates)}
+    forces = [_translated(tree, table, heyoka) for tree in problem.accelerations or ()]
+    system = [*zip(variables[:size], variables[size:], strict=True), *zip(variables[size:], forces, strict=True)]
+    state = [*start.positions, *(start.velocities or ())]
+    return heyoka.taylor_adaptive(system, [float(x) for x in state], tol=tolerance, compact_mode=False)
+
+
+def _translated(tree: Expression, table: Mapping[Expression, Any], heyoka: Any) -> Any:
+    known = table.get(tree)
+    if known is not None:
+        return known
+    match tree:
+        case Number(value):
+            return heyoka.expression(value.numerator / value.denominator)
+        case Sum(terms):
+            return heyoka.sum([_translated(term, table, heyoka) for term in terms])
+        case Product(factors):
+            return heyoka.prod([_translated(factor, table, heyoka) for factor in factors])
+        case Power(base, exponent):
+            return _translated(base, table, heyoka) ** _translated(exponent, table, heyoka)
+        case Apply(function, argument):
+            return _applied(function, _translated(argument, table, heyoka), heyoka)
+        case _:
+            raise InputError("heyoka cannot take a formula with functions or names that have no value.")
+
+
+def _applied(function: str, argument: Any, heyoka: Any) -> Any:
+    if function in _QUOTIENTS:
+        above, below = _QUOTIENTS[function]
+        return (getattr(heyoka, above)(argument) if above else 1.0) / getattr(heyoka, below)(argument)
+    return getattr(heyoka, function)(argument)

@@ -1,0 +1,157 @@
+"""What a kernel left, as a trajectory with a typed outcome."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from inverse_service.codegen.algebra import real_value
+from inverse_service.codegen.compiled import Card, Compiled
+from inverse_service.integrators.trajectory import FloatArray, Outcome, Trajectory
+from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.execution import Run, Stopped, at_last, stopped
+from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.starting import Initial
+
+_POINT_METHODS = ("runge_kutta", "reference")
+
+
+def failed_start(f: Formulas, start: Start, missing: tuple[str, float]) -> Trajectory:
+    """A start at which the momenta have no value."""
+    quantity, value = missing
+    remedy = "start where it is not 0, from momenta, or with another associated system or method"
+    outcome = Outcome("off_domain", 0, 0.0, quantity, value, remedy)
+    empty = np.array([list(start.positions)], dtype=np.float64)
+    return Trajectory(np.zeros(1), empty, None, None, outcome, 0, 0, 0.0, 0.0)
+
+
+def trajectory_of(
+    f: Formulas, choice: MethodChoice, kernel: Compiled, run: Run, lane: int, begin: Initial, grid: Grid,
+    observation: Observation,
+) -> Trajectory:  # fmt: skip
+    """The trajectory of one lane."""
+    card = kernel.card
+    halt = stopped(card, run.memory, lane, unknown_names(f))
+    kept = run.steps_at <= (halt.step if halt else run.done)
+    steps = run.steps_at[kept]
+    columns = {name: run.rows[kept, place, lane] for place, name in enumerate(card.layout.columns)}
+    size = f.size
+    letter = "v" if choice.method in _POINT_METHODS else "p"
+    positions = _with_start(columns, begin, [f"q{k}" for k in range(size)])
+    carried = _with_start(columns, begin, [f"{letter}{k}" for k in range(size)])
+    velocities = carried if letter == "v" else _velocities(columns, begin, card, size)
+    series = {name: _headed(columns[f"observed_{k}"]) for k, name in enumerate(card.observed)}
+    maxima = {
+        name: float(run.memory[card.layout.place(f"maximum_{k}"), lane]) for k, name in enumerate(card.observed)
+    }
+    taken = int(run.memory[card.layout.place("clock"), lane]) if halt is None else halt.step
+    return Trajectory(
+        times=np.concatenate([[0.0], steps * grid.step]),
+        positions=positions,
+        momenta=carried if letter == "p" and observation.momenta and not np.isnan(carried).any() else None,
+        velocities=velocities if observation.velocities else None,
+        outcome=_outcome(f, choice, card, run, lane, halt, grid),
+        force_evaluations=card.forces * taken + run.iterations * (6 if choice.method == "reference" else 1),
+        newton_iterations=run.iterations,
+        compile_seconds=sum(kernel.seconds.values()),
+        run_seconds=run.seconds,
+        series=series,
+        maxima=maxima,
+    )
+
+
+def _with_start(columns: dict[str, FloatArray], begin: Initial, names: list[str]) -> FloatArray:
+    """Recorded values with the start in front; what never changes is repeated, what is not carried is NaN."""
+    rows = len(next(iter(columns.values()))) if columns else 0
+    table = np.empty((rows + 1, len(names)))
+    for k, name in enumerate(names):
+        table[0, k] = begin.state.get(name, math.nan)
+        table[1:, k] = columns.get(name, table[0, k])
+    return table
+
+
+def _velocities(columns: dict[str, FloatArray], begin: Initial, card: Card, size: int) -> FloatArray | None:
+    if not card.displacement:
+        return None
+    table = np.stack([_headed(columns[f"velocity_{k}"]) for k in range(size)], axis=1)
+    if len(table) == 1:
+        table[0] = [begin.rates.get(f"d{k}", math.nan) for k in range(size)]
+    return table
+
+
+def _headed(values: FloatArray) -> FloatArray:
+    """The first value repeated in front: the start has no step of its own."""
+    return np.concatenate([values[:1] if len(values) else [math.nan], values])
+
+
+def unknown_names(f: Formulas) -> dict[str, str]:
+    """Unknowns of the kernels in the user's names."""
+    letters = {"d": "the step of {}", "e": "the change of p_{}", "g": "the change of p_{}"}
+    names = {
+        f"{letter}{k}": text.format(name)
+        for letter, text in letters.items()
+        for k, name in enumerate(f.problem.coordinates)
+    }
+    return names | {f"m{k}": f"multiplier {k + 1}" for k in range(len(f.problem.constraints))}
+
+
+def _outcome(
+    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, halt: Stopped | None, grid: Grid
+) -> Outcome:
+    if halt is None:
+        if run.cancelled and run.done < grid.steps:
+            return Outcome("cancelled", run.done, run.done * grid.step)
+        return Outcome("completed", run.done, run.done * grid.step)
+    when = halt.step * grid.step
+    if halt.kind in ("no_convergence", "not_finite", "singular"):
+        cause = _vanished(f, choice, card, run, lane, grid)
+        if cause:
+            return Outcome("singular", halt.step, when, *cause, _remedy(choice))
+    remedy = halt.remedy
+    if halt.kind == "guard" and halt.value:
+        remedy += f"; |step| below {abs(grid.step / halt.value):.3g} passes here"
+    return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, remedy)
+
+
+def _vanished(
+    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, grid: Grid
+) -> tuple[str, float] | None:
+    """The factor of L~'s denominators that passes 0 in the step that failed, with its value before the step."""
+    raw = choice.method == "modified" or choice.form == "raw"
+    if choice.method not in ("variational", "modified"):
+        return None
+    last = at_last(card, run.memory, lane)
+    before, after = _ends(f, card, run, lane, last, grid)
+    for item in f.denominators:
+        if not (raw or item.moves):
+            continue
+        first, second = real_value(item.formula, before), real_value(item.formula, after)
+        if not first * second > 0 or abs(second) < 1e-3 * abs(first):
+            return item.text, first
+    return None
+
+
+def _ends(
+    f: Formulas, card: Card, run: Run, lane: int, last: dict[str, float], grid: Grid
+) -> tuple[dict[str, float], dict[str, float]]:
+    """(q, v) at the last good point, and where the last velocity carries it in a step and a half."""
+    layout = card.layout
+    parameters = {
+        name: float(run.memory[layout.argument_place(name), lane]) for name in layout.arguments if name != "h"
+    }
+    rates = {f"v{k}": last.get(f"d{k}_rate", math.nan) for k in range(f.size)}
+    place = {f"q{k}": last[f"q{k}"] for k in range(f.size)}
+    moved = {
+        f"q{k}": last[f"q{k}"] + 1.5 * grid.step * (rates[f"v{k}"] if math.isfinite(rates[f"v{k}"]) else 0.0)
+        for k in range(f.size)
+    }
+    return {**parameters, **place, **rates}, {**parameters, **moved, **rates}
+
+
+def _remedy(choice: MethodChoice) -> str:
+    if choice.method == "variational" and choice.form == "raw":
+        return "use the Hamiltonian form, which is smooth there"
+    if choice.method == "modified":
+        return "use the variational method in Hamiltonian form, or alpha = 1/2 with a smaller step"
+    return "use an associated system that is regular there, or a smaller step"

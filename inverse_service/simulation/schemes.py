@@ -1,0 +1,283 @@
+"""Methods as programs: the discrete equations of integrators/ with the formulas of a problem in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from inverse_service.codegen.algebra import ALPHA, HALF, ONE, STEP, Formula, contains, number, symbol, translate
+from inverse_service.codegen.planning import plan
+from inverse_service.codegen.program import Assign, Iterate, Program, Statement, Watch
+from inverse_service.errors import InputError
+from inverse_service.integrators.gauss_legendre import collocation
+from inverse_service.integrators.nonholonomic import lagrange_dalembert_step
+from inverse_service.integrators.runge_kutta import TABLEAUX
+from inverse_service.integrators.variational import (
+    between,
+    hamiltonian_step,
+    raw_step,
+    symmetrised_hamiltonian_step,
+)
+from inverse_service.simulation.choices import MethodChoice, Observable, Observation
+from inverse_service.simulation.formulas import Formulas
+
+SMALLER_STEP = "take a smaller step"
+GUARD_REMEDY = "take a smaller step or smaller free constants of the free Lagrangian"
+
+
+def alpha_of(choice: MethodChoice) -> Formula:
+    """alpha as a number where it changes the structure (0, 1/2, 1), else a name that gets its value at run time."""
+    special = {0.0: number(0), 0.5: HALF, 1.0: ONE}
+    return special.get(choice.alpha, ALPHA)
+
+
+def parts_of(choice: MethodChoice) -> tuple[Formula, ...]:
+    alpha = alpha_of(choice)
+    return (alpha, 1 - alpha) if choice.symmetrised and alpha != HALF else (alpha,)
+
+
+def program_of(formulas: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+    """The step of the method; only what is asked is in it."""
+    builders: dict[str, Callable[[Formulas, MethodChoice, Observation], Program]] = {
+        "variational": variational,
+        "nonholonomic": nonholonomic,
+        "modified": modified,
+        "runge_kutta": runge_kutta,
+        "reference": gauss_legendre,
+    }
+    return builders[choice.method](formulas, choice, observation)
+
+
+def variational(formulas: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+    return _raw(formulas, choice, observation) if choice.form == "raw" else _hamiltonian(formulas, choice, observation)
+
+
+def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+    q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
+    slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "q", "p") for letter in "qp")
+    alpha = alpha_of(choice)
+    if len(parts_of(choice)) == 2:
+        e = (f.symbols("e"), f.symbols("g"))
+        equations, pushes = symmetrised_hamiltonian_step(q, p, d, e, STEP, alpha, slope_q, slope_p)
+        unknowns, watched = [*d, *e[0], *e[1]], between(p, e[0], 1)
+    else:
+        equations, pushes = hamiltonian_step(q, p, d, f.symbols("e"), STEP, alpha, slope_q, slope_p)
+        unknowns, watched = [*d, *f.symbols("e")], between(p, f.symbols("e"), 1 - alpha)
+    watches = [*_velocity_watches(f, q, d, alpha), *_guards(f, between(q, d, alpha), watched)]
+    scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
+    statements = plan(equations, [str(name) for name in unknowns], scales)
+    return _program(f, choice, observation, statements, [*d, *pushes], watches)
+
+
+def _velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: Formula) -> list[Watch]:
+    """Velocities that L~ divides by must not pass 0; where L~ divides by positions only, H~ is smooth."""
+    table = _pair(f, q, d, alpha)
+    return [
+        Watch("sign", denominator.formula.subs(table), denominator.text, SMALLER_STEP)
+        for denominator in f.denominators
+        if denominator.moves
+    ]
+
+
+def _pair(f: Formulas, q: Sequence[Formula], d: Sequence[Formula], alpha: Formula) -> dict[Formula, Formula]:
+    """q and v of the discrete Lagrangian."""
+    table = dict(zip(f.symbols("q"), between(q, d, alpha), strict=True))
+    table.update({v: move / STEP for v, move in zip(f.symbols("v"), d, strict=True)})
+    return table
+
+
+def _guards(f: Formulas, place: list[Formula], momentum: list[Formula]) -> list[Watch]:
+    """h |d2H/dq_i dp_i| < 1 where it is not constant: for the class of the paper this is h |G'(r1)| < 1."""
+    table = dict(zip([*f.symbols("q"), *f.symbols("p")], [*place, *momentum], strict=True))
+    names = set(table)
+    watches = []
+    for k, coordinate in enumerate(f.problem.coordinates):
+        mixed = f.hamiltonian.diff(symbol(f"q{k}")).diff(symbol(f"p{k}"))
+        if mixed.free_symbols & names:
+            text = f"h*|d2H/d{coordinate} dp_{coordinate}|"
+            watches.append(Watch("bound", STEP * mixed.subs(table), text, GUARD_REMEDY))
+    return watches
+
+
+def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+    q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
+    slope_q, slope_v = (f.gradient(f.free_lagrangian, letter) for letter in "qv")
+    parts = parts_of(choice)
+    equations, pushes = raw_step(q, p, d, STEP, parts, slope_q, slope_v)
+    watches = [
+        Watch("sign", denominator.formula.subs(_pair(f, q, d, part)), denominator.text, "use the Hamiltonian form")
+        for part in parts
+        for denominator in f.denominators
+    ]
+    scales = {f"d{k}": f"q{k}" for k in range(f.size)}
+    statements = plan(equations, [str(name) for name in d], scales)
+    return _program(f, choice, observation, statements, [*d, *pushes], watches)
+
+
+def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+    q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
+    m = [symbol(f"m{a}") for a in range(len(f.forms))]
+    slope_q, slope_v = (f.gradient(f.lagrangian, letter) for letter in "qv")
+    equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts_of(choice), slope_q, slope_v, f.forms_at)
+    scales = {f"d{k}": f"q{k}" for k in range(f.size)}
+    statements = plan(equations, [str(name) for name in (*d, *m)], scales)
+    return _program(f, choice, observation, statements, [*d, *pushes], [])
+
+
+def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+    """L~ for the base coordinates with the discrete constraints put in, so that factors A_alpha cancel."""
+    if not f.forms:
+        raise InputError("The modified method needs constraints.")
+    q, d, alpha = f.symbols("q"), f.symbols("d"), alpha_of(choice)
+    base = [k for k in range(f.size) if k not in f.dependent]
+    if len(parts_of(choice)) == 2 or any(
+        contains(value, q[k]) for value in f.dependent.values() for k in f.dependent
+    ):
+        return _modified_in_full(f, choice, observation, base)
+    pair = _pair(f, q, d, alpha)
+    slopes = {k: (_on_constraints(f, f.free_lagrangian.diff(q[k])), _momentum(f, k)) for k in base}
+    equations, pushes = [], []
+    for k in base:
+        force, impulse = (slope.subs(pair) for slope in slopes[k])
+        equations.append(STEP * symbol(f"p{k}") - STEP * impulse + (1 - alpha) * STEP**2 * force)
+        pushes.append(STEP * force)
+    equations += [d[k] - STEP * value.subs(pair) for k, value in f.dependent.items()]
+    scales = {f"d{k}": f"q{k}" for k in range(f.size)}
+    statements = plan(equations, [str(name) for name in d], scales)
+    watches = _velocity_watches(f, q, d, alpha)
+    return _program(f, choice, observation, statements, [*d, *pushes], watches, base)
+
+
+def _modified_in_full(f: Formulas, choice: MethodChoice, observation: Observation, base: list[int]) -> Program:
+    """Symmetrised: the constraints hold in the mean only, so nothing cancels."""
+    q, p, d, parts = f.symbols("q"), f.symbols("p"), f.symbols("d"), parts_of(choice)
+    slope_q, slope_v = (f.gradient(f.free_lagrangian, letter) for letter in "qv")
+    free, kicks = raw_step(q, p, d, STEP, parts, slope_q, slope_v)
+    rows = [f.forms_at(between(q, d, part)) for part in parts]
+    held = [
+        sum((row[a][k] * d[k] for row in rows for k in range(f.size)), number(0)) / len(parts)
+        for a in range(len(f.forms))
+    ]
+    scales = {f"d{k}": f"q{k}" for k in range(f.size)}
+    statements = plan([*(free[k] for k in base), *held], [str(name) for name in d], scales)
+    watches = [
+        Watch("sign", denominator.formula.subs(_pair(f, q, d, part)), denominator.text, SMALLER_STEP)
+        for part in parts
+        for denominator in f.denominators
+    ]
+    return _program(f, choice, observation, statements, [*d, *(kicks[k] for k in base)], watches, base)
+
+
+def _on_constraints(f: Formulas, formula: Formula) -> Formula:
+    velocities = f.symbols("v")
+    return formula.subs({velocities[k]: value for k, value in f.dependent.items()})
+
+
+def _momentum(f: Formulas, place: int) -> Formula:
+    return _on_constraints(f, f.free_lagrangian.diff(symbol(f"v{place}")))
+
+
+def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+    if choice.order not in TABLEAUX:
+        raise InputError(f"Explicit Runge-Kutta methods have order 4, 5 or 8, not {choice.order}.")
+    tableau = TABLEAUX[choice.order]
+    q, v = f.symbols("q"), f.symbols("v")
+    statements: list[Statement] = []
+    stages: list[tuple[list[Formula], list[Formula]]] = []
+    for stage, row in enumerate(tableau.rows):
+        place, velocity = (_stage_point(start, stages, which, row) for which, start in enumerate((q, v)))
+        place, velocity = _named(statements, place, f"x{stage}_"), _named(statements, velocity, f"y{stage}_")
+        table = dict(zip([*q, *v], [*place, *velocity], strict=True))
+        forces = _named(statements, [a.subs(table) for a in f.accelerations], f"f{stage}_")
+        stages.append((velocity, forces))
+    origin = [number(0)] * f.size
+    changes = [change for which in (0, 1) for change in _stage_point(origin, stages, which, tableau.weights)]
+    return _point_program(f, observation, tuple(statements), changes, len(tableau.rows))
+
+
+def _stage_point(
+    start: list[Formula], stages: Sequence[tuple[list[Formula], list[Formula]]], which: int, row: Sequence[float]
+) -> list[Formula]:
+    return [
+        x + STEP * sum((number(a) * stage[which][k] for a, stage in zip(row, stages, strict=True) if a), number(0))
+        for k, x in enumerate(start)
+    ]
+
+
+def _named(statements: list[Statement], formulas: Sequence[Formula], prefix: str) -> list[Formula]:
+    """Each formula computed once, under a name."""
+    statements += [Assign(f"{prefix}{k}", formula) for k, formula in enumerate(formulas)]
+    return [symbol(f"{prefix}{k}") for k in range(len(formulas))]
+
+
+def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+    """Unknowns u = h q'' at the stages, by fixed-point iteration."""
+    matrix, squared, weights, position_weights, nodes = collocation()
+    q, v = f.symbols("q"), f.symbols("v")
+    stages = range(len(nodes))
+    u = [[symbol(f"u{j}_{k}") for k in range(f.size)] for j in stages]
+    values: list[Formula] = []
+    for j in stages:
+        place = [
+            q[k] + STEP * (number(nodes[j]) * v[k] + sum((number(squared[j][i]) * u[i][k] for i in stages), number(0)))
+            for k in range(f.size)
+        ]
+        speed = [v[k] + sum((number(matrix[j][i]) * u[i][k] for i in stages), number(0)) for k in range(f.size)]
+        table = dict(zip([*q, *v], [*place, *speed], strict=True))
+        values += [STEP * a.subs(table) for a in f.accelerations]
+    names = tuple(str(name) for row in u for name in row)
+    block = Iterate(names, tuple(values), tuple(f"v{k}" for _ in stages for k in range(f.size)))
+    changes = [
+        STEP * (v[k] + sum((number(position_weights[i]) * u[i][k] for i in stages), number(0))) for k in range(f.size)
+    ] + [sum((number(weights[i]) * u[i][k] for i in stages), number(0)) for k in range(f.size)]
+    return _point_program(f, observation, (block,), changes, 0)
+
+
+def _point_program(
+    f: Formulas, observation: Observation, statements: tuple[Statement, ...], changes: list[Formula], forces: int
+) -> Program:
+    state = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
+    observed = tuple((item.name, translate(item.expression, f.table)) for item in observation.observables)
+    return Program(
+        state=state, arguments=("h", "a", *f.parameters), statements=statements, updates=tuple(changes),
+        observed=observed, forces=forces,
+    )  # fmt: skip
+
+
+def _program(
+    f: Formulas,
+    choice: MethodChoice,
+    observation: Observation,
+    statements: tuple[Statement, ...],
+    changes: Sequence[Formula],
+    watches: Sequence[Watch],
+    momenta: Sequence[int] | None = None,
+) -> Program:
+    """The program of a method on (q, p); `momenta` are the coordinates whose momentum is carried."""
+    known = _assigned(statements)
+    places = range(f.size) if momenta is None else momenta
+    state = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
+    updates = tuple(None if known.get(change) == number(0) else change for change in changes)
+    q, d = f.symbols("q"), f.symbols("d")
+    return Program(
+        state=state,
+        arguments=("h", "a", *f.parameters),
+        statements=statements,
+        updates=tuple(None if update == number(0) else update for update in updates),
+        watches=tuple(watches),
+        displacement=tuple(d) if observation.velocities else (),
+        observed=tuple(_observed(f, item, choice, q, d) for item in observation.observables),
+        forces=0 if any(not isinstance(statement, Assign) for statement in statements) else 1,
+    )
+
+
+def _assigned(statements: Sequence[Statement]) -> dict[Formula, Formula]:
+    return {symbol(s.name): s.formula for s in statements if isinstance(s, Assign)}
+
+
+def _observed(
+    f: Formulas, item: Observable, choice: MethodChoice, q: list[Formula], d: list[Formula]
+) -> tuple[str, Formula]:
+    formula = translate(item.expression, f.table)
+    parts = parts_of(choice)
+    values = [formula.subs(_pair(f, q, d, part)) for part in parts]
+    return item.name, sum(values[1:], values[0]) / len(values)

@@ -1,0 +1,169 @@
+"""Initial states of the methods: from velocities or momenta, at a point or on the discrete constraint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from inverse_service.codegen.algebra import Formula, real_value
+from inverse_service.errors import InputError
+from inverse_service.simulation.choices import MethodChoice, Start
+from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.schemes import parts_of
+
+Numbers = dict[str, float]
+OFF_CONSTRAINTS = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Initial:
+    """Values of state variables, and first guesses of the unknowns' rates; `missing` names what has no value."""
+
+    state: Numbers
+    rates: Numbers = field(default_factory=dict)
+    missing: tuple[str, float] | None = None
+
+
+def initial(
+    f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]
+) -> Initial:
+    """State of the kernel at t = 0."""
+    _require(start, f.size)
+    q = _named("q", start.positions)
+    if choice.method in ("runge_kutta", "reference"):
+        if start.velocities is None:
+            raise InputError("Runge-Kutta methods start from velocities: give velocities instead of momenta.")
+        return Initial({**q, **_named("v", start.velocities)})
+    if start.momenta is not None and choice.method != "modified":
+        rates = _rates_from_momenta(f, q, start.momenta, parameters, choice)
+        return Initial({**q, **_named("p", start.momenta)}, rates)
+    if start.velocities is None:
+        raise InputError("The modified method starts from velocities: give velocities instead of momenta.")
+    if start.convention == "discrete_constraint":
+        return _on_discrete_constraint(f, choice, start, step, parameters)
+    return _at_point(f, choice, q, list(start.velocities), parameters)
+
+
+def _require(start: Start, size: int) -> None:
+    given = [start.positions, start.velocities, start.momenta]
+    if any(values is not None and len(values) != size for values in given):
+        raise InputError(f"Initial data need {size} numbers each, one for every coordinate.")
+    if start.velocities is None and start.momenta is None:
+        raise InputError("Initial data need velocities or momenta.")
+    if not all(math.isfinite(x) for values in given if values is not None for x in values):
+        raise InputError("Initial data must be finite numbers.")
+
+
+def _named(letter: str, values: Sequence[float]) -> Numbers:
+    return {f"{letter}{k}": float(value) for k, value in enumerate(values)}
+
+
+def _rates_from_momenta(
+    f: Formulas, q: Numbers, momenta: Sequence[float], parameters: Mapping[str, float], choice: MethodChoice
+) -> Numbers:
+    """H_p where H is known, else 0."""
+    if choice.method != "variational" or f.problem.free_hamiltonian is None:
+        return {}
+    table = {**parameters, **q, **_named("p", momenta)}
+    rates = [real_value(f.hamiltonian.diff(p), table) for p in f.symbols("p")]
+    return {f"d{k}": rate for k, rate in enumerate(rates) if math.isfinite(rate)}
+
+
+def _at_point(
+    f: Formulas, choice: MethodChoice, q: Numbers, velocities: list[float], parameters: Mapping[str, float]
+) -> Initial:
+    table = {**parameters, **q, **_named("v", velocities)}
+    momenta = [real_value(formula, table) for formula in _momenta(f, choice, table)]
+    return _checked(f, choice, q, momenta, velocities, table)
+
+
+def _momenta(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> list[Formula]:
+    """dL/dv; of L~ with the constraints put in where they hold, so that common factors A_alpha cancel."""
+    if choice.method == "nonholonomic":
+        return [f.lagrangian.diff(v) for v in f.symbols("v")]
+    plain = [f.free_lagrangian.diff(v) for v in f.symbols("v")]
+    if not f.forms or not _holds(f, table):
+        return plain
+    velocities = f.symbols("v")
+    given = {velocities[k]: value for k, value in f.dependent.items()}
+    return [formula.subs(given) for formula in plain]
+
+
+def _holds(f: Formulas, table: Mapping[str, float]) -> bool:
+    """Whether velocities are those that the constraints give, to round-off."""
+    size = max((abs(table[f"v{k}"]) for k in range(f.size)), default=0.0)
+    for row in f.forms:
+        value = sum(real_value(entry, table) * table[f"v{k}"] for k, entry in enumerate(row))
+        if not abs(value) <= OFF_CONSTRAINTS * size:
+            return False
+    return True
+
+
+def _checked(
+    f: Formulas, choice: MethodChoice, q: Numbers, momenta: Sequence[float], velocities: Sequence[float],
+    table: Mapping[str, float],
+) -> Initial:  # fmt: skip
+    kept = [k for k in range(f.size) if choice.method != "modified" or k not in f.dependent]
+    state = {**q, **{f"p{k}": momenta[k] for k in kept}}
+    rates = {f"d{k}": velocity for k, velocity in enumerate(velocities)}
+    if all(math.isfinite(momenta[k]) for k in kept):
+        return Initial(state, rates)
+    return Initial(state, rates, vanishing(f, table))
+
+
+def vanishing(f: Formulas, table: Mapping[str, float]) -> tuple[str, float]:
+    """The factor of a denominator that is nearest to 0, by name, and its value."""
+    values = [(item.text, real_value(item.formula, table)) for item in f.denominators]
+    values = [(text, value) for text, value in values if math.isfinite(value)]
+    return min(values, key=lambda item: abs(item[1])) if values else ("dL/dv", math.nan)
+
+
+def _on_discrete_constraint(
+    f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]
+) -> Initial:
+    """p_0 = -D1 L_d(q_0, q_1) with q_1 = q_0 + h v and v on the discrete constraint."""
+    parts = [float(part.subs({"a": choice.alpha})) for part in parts_of(choice)]
+    q = [float(x) for x in start.positions]
+    v = _discrete_velocities(f, q, list(start.velocities or ()), parts, step, parameters)
+    total = [0.0] * f.size
+    table: Numbers = {}
+    for part in parts:
+        place = _named("q", [x + part * step * y for x, y in zip(q, v, strict=True)])
+        table = {**parameters, **place, **_named("v", v)}
+        for k, (impulse, force) in enumerate(_discrete_slopes(f, choice, table, len(parts) == 1)):
+            total[k] += (impulse - (1 - part) * step * force) / len(parts)
+    return _checked(f, choice, _named("q", q), total, v, table)
+
+
+def _discrete_velocities(
+    f: Formulas, q: list[float], v: list[float], parts: Sequence[float], step: float, parameters: Mapping[str, float]
+) -> list[float]:
+    """Dependent velocities from the mean discrete constraint; a few sweeps where they enter it themselves."""
+    for _ in range(50):
+        old = list(v)
+        for k, formula in f.dependent.items():
+            values = []
+            for part in parts:
+                place = _named("q", [x + part * step * y for x, y in zip(q, v, strict=True)])
+                values.append(real_value(formula, {**parameters, **place, **_named("v", v)}))
+            v[k] = sum(values) / len(values)
+        if all(abs(a - b) <= 1e-15 * abs(a) for a, b in zip(v, old, strict=True)):
+            break
+    return v
+
+
+def _discrete_slopes(
+    f: Formulas, choice: MethodChoice, table: Mapping[str, float], on_constraint: bool
+) -> list[tuple[float, float]]:
+    """(L_v, L_q) for each coordinate at a discrete point; factors cancelled where the point is on the constraint."""
+    lagrangian = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
+    velocities = f.symbols("v")
+    given = {velocities[k]: value for k, value in f.dependent.items()}
+    if choice.method == "nonholonomic" or not on_constraint:
+        given = {}
+    slopes = []
+    for q, v in zip(f.symbols("q"), velocities, strict=True):
+        impulse, force = (lagrangian.diff(name).subs(given) for name in (v, q))
+        slopes.append((real_value(impulse, table), real_value(force, table)))
+    return slopes

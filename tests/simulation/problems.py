@@ -1,0 +1,89 @@
+"""Problems for the tests, written by hand from MATHEMATICS.md section 6."""
+
+from __future__ import annotations
+
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Expression
+from inverse_service.simulation.choices import Observable
+from inverse_service.simulation.problem import Problem
+
+
+def read(text: str, coordinates: tuple[str, ...], parameters: tuple[str, ...] = ()) -> Expression:
+    return read_formula(text, Names(coordinates, parameters))
+
+
+def problem(
+    coordinates: str,
+    lagrangian: str = "",
+    constraints: tuple[str, ...] = (),
+    free: str = "",
+    hamiltonian: str = "",
+    accelerations: tuple[str, ...] = (),
+    parameters: str = "",
+) -> Problem:
+    """A problem from texts; H is over the coordinates and p_x, p_y, ..."""
+    names, constants = tuple(coordinates.split()), tuple(parameters.split())
+    momenta = tuple(f"p_{name}" for name in names)
+
+    def tree(text: str) -> Expression | None:
+        return read(text, names, constants) if text else None
+
+    return Problem(
+        coordinates=names,
+        parameters=constants,
+        lagrangian=tree(lagrangian),
+        constraints=tuple(read(text, names, constants) for text in constraints),
+        free_lagrangian=tree(free),
+        free_hamiltonian=read(hamiltonian, names, (*constants, *momenta)) if hamiltonian else None,
+        accelerations=tuple(read(text, names, constants) for text in accelerations) or None,
+    )
+
+
+DISK = problem(
+    "phi theta x y",
+    lagrangian="1/2*(x'^2 + y'^2) + 1/4*theta'^2 + 1/8*phi'^2",
+    constraints=("x' - cos(phi)*theta'", "y' - sin(phi)*theta'"),
+    free="1/2*(phi'^2 + theta'^2 + c*x'^2/(cos(phi)*phi') + c*y'^2/(sin(phi)*phi'))",
+    hamiltonian="1/2*p_theta^2 + 1/2*(p_phi + 1/2/c*(cos(phi)*p_x^2 + sin(phi)*p_y^2))^2",
+    accelerations=("0", "0", "-sin(phi)*phi'*theta'", "cos(phi)*phi'*theta'"),
+    parameters="c",
+)
+DISK_ENERGY = Observable("energy", read("1/2*(x'^2 + y'^2) + 1/4*theta'^2 + 1/8*phi'^2", DISK.coordinates))
+DISK_CONSTRAINTS = tuple(
+    Observable(f"constraint {k}", constraint) for k, constraint in enumerate(DISK.constraints)
+)
+# With the third associated system: regular everywhere, the constraint is a conserved momentum.
+DISK_THIRD = problem(
+    "phi theta x y",
+    free="1/2*(phi'^2 + theta'^2) + c*(y'^2*cos(phi) - x'^2*cos(phi) - 2*x'*y'*sin(phi))/(2*phi')",
+    hamiltonian="1/2*p_theta^2 + 1/2*(p_phi + (cos(phi)*(p_y^2 - p_x^2) - 2*sin(phi)*p_x*p_y)/(2*c))^2",
+    constraints=("x' - cos(phi)*theta'", "y' - sin(phi)*theta'"),
+    parameters="c",
+)
+PARTICLE = problem(
+    "x y z",
+    lagrangian="1/2*(x'^2 + y'^2 + z'^2)",
+    constraints=("z' + x*y'",),
+    free="1/2*x'^2 + c*sqrt(1 + x^2)/2*(y'^2/x' + z'^2/(x*x'))",
+    hamiltonian="1/2*(p_x + (p_y^2 + x*p_z^2)/(2*c*sqrt(1 + x^2)))^2",
+    accelerations=("0", "-x*x'*y'/(1 + x^2)", "-x'*y'/(1 + x^2)"),
+    parameters="c",
+)
+KNIFE = problem(
+    "phi x y",
+    lagrangian="1/2*(phi'^2 + x'^2 + y'^2)",
+    constraints=("x'*sin(phi) - y'*cos(phi)",),
+    free="1/2*phi'^2 + c*(x'^2/cos(phi) + y'^2/sin(phi))/(2*phi')",
+    hamiltonian="1/2*(p_phi + (cos(phi)*p_x^2 + sin(phi)*p_y^2)/(2*c))^2",
+    accelerations=("0", "-phi'*y'", "phi'*x'"),
+    parameters="c",
+)
+PENDULUM = problem(
+    "u",
+    lagrangian="1/2*u'^2 + k*cos(u)",
+    free="1/2*u'^2 + k*cos(u)",
+    hamiltonian="1/2*p_u^2 - k*cos(u)",
+    accelerations=("-k*sin(u)",),
+    parameters="k",
+)
