@@ -1,0 +1,130 @@
+"""The path in a plane of two coordinates, one panel a method, all at one scale with equal axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, joined, look, new_figure, shown, spread
+
+Array = NDArray[np.float64]
+Tables = Mapping[str, Mapping[str, Array]]
+MOST_POINTS = 6000
+MOST_MARKERS = 45
+PANEL = 3.1
+ALPHA = "\N{GREEK SMALL LETTER ALPHA}"
+# A path that reaches further than this many times the true one leaves the picture, which the title says.
+REACH = 1.6
+
+
+def path_figure(result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None) -> tuple[Figure, str]:
+    """The figure and its caption."""
+    pair = result["circle_coordinates"]
+    drawn = [m for m in result["methods"] if m["label"] in tables and m["method"] not in ("exact", "reference")]
+    drawn = drawn or [m for m in result["methods"] if m["label"] in tables]
+    true = None if truth is None else np.column_stack([truth[name] for name in pair])
+    paths = {m["label"]: np.column_stack([tables[m["label"]][name] for name in pair]) for m in drawn}
+    box = _box(true, list(paths.values()))
+    columns = min(3, max(1, len(drawn)))
+    rows = math.ceil(len(drawn) / columns)
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(max(5.2, PANEL * columns + 0.4), PANEL * rows + 1.1)
+        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        for axes in grid.ravel()[len(drawn) :]:
+            axes.set_visible(False)
+        for place, (axes, method) in enumerate(zip(grid.ravel(), drawn, strict=False)):
+            _panel(axes, place, method, paths[method["label"]], true, box, pair)
+    return figure, path_caption(result, drawn, truth is not None)
+
+
+def _panel(
+    axes: Axes, place: int, method: Mapping[str, Any], path: Array, true: Array | None, box: tuple[Array, float],
+    pair: Sequence[str],
+) -> None:  # fmt: skip
+    style = look(place, method["method"])
+    if true is not None:
+        axes.plot(*_thinned(true).T, color=TRUE_COLOUR, linewidth=1.1, zorder=3, label="true motion")
+    thin = _thinned(path)
+    axes.plot(*thin.T, color=style.colour, linewidth=0.7, linestyle="-", alpha=0.75, zorder=2)
+    axes.plot(
+        *thin.T, color=style.colour, linestyle="none", marker=style.marker, markersize=4, fillstyle="none",
+        markevery=spread(len(thin), MOST_MARKERS), zorder=4,
+    )  # fmt: skip
+    axes.plot(*path[0], marker="o", color="black", markersize=4, zorder=5)
+    centre, half = box
+    axes.set(xlim=(centre[0] - half, centre[0] + half), ylim=(centre[1] - half, centre[1] + half))
+    axes.set_aspect("equal", adjustable="box")
+    axes.set_title(_title(method), fontsize=9.5)
+    axes.set_xlabel(f"{pair[0]}\n{_below(method, path, centre, half)}", fontsize=8.5)
+    axes.set_ylabel(pair[1])
+
+
+def _title(method: Mapping[str, Any]) -> str:
+    parts = [method["method"], *([f"{ALPHA} = {method['alpha']}"] if method["alpha"] is not None else [])]
+    order = method["order"]
+    return ", ".join([*parts, *([f"order {order}"] if order not in (None, 2) else [])])
+
+
+def _below(method: Mapping[str, Any], path: Array, centre: Array, half: float) -> str:
+    """What the panel shows, in words."""
+    notes = []
+    circle = method.get("circle")
+    if circle and circle.get("max_radial_distance") is not None:
+        notes.append(f"off the circle by {shown(100 * circle['max_radial_distance'])} %")
+    elif circle and circle["revolutions"] >= 1:
+        notes.append(f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}")
+    if method["outcome"] != "completed":
+        notes.append(f"ends: {method['outcome']}")
+    far = float(np.abs(path - centre).max())
+    if far > half:
+        notes.append("leaves the picture")
+    return "; ".join(notes)
+
+
+def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], compared: bool) -> str:
+    """The finding: whose circle holds best and worst."""
+    sizes = {
+        m["label"]: abs(m["circle"]["radius_change"])
+        for m in drawn
+        if m.get("circle") and m["circle"]["revolutions"] >= 2 and math.isfinite(m["circle"]["radius_change"])
+    }
+    start = f"{result['name'] or 'Path'}: {result['steps']} steps of {shown(result['step'])}."
+    black = " The black curve is the true motion." if compared else ""
+    if not sizes:
+        return f"{start}{black} Dots mark the start."
+    best, worst = min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__)
+    if len(sizes) == 1:
+        change = _share(sizes[best])
+        return f"{start}{black} From the first revolution to the last, {best} changes the radius by {change}."
+    steady = [label for label, size in sizes.items() if size < 0.01]
+    kept = f"{joined(steady)} keep{'s' if len(steady) == 1 else ''} the radius within 1 %; " if steady else ""
+    return (
+        f"{start}{black} From the first revolution to the last, {kept}{best} changes it least ({_share(sizes[best])}), "
+        f"{worst} most ({_share(sizes[worst])})."
+    )
+
+
+def _share(size: float) -> str:
+    return f"{shown(100 * size)} %" if size < 10 else f"a factor {shown(1 + size)}"
+
+
+def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
+    """Centre and half width of the picture."""
+    base = true if true is not None and len(true) else np.vstack(paths)
+    base = base[np.isfinite(base).all(axis=1)]
+    low, high = base.min(axis=0), base.max(axis=0)
+    half = max(float((high - low).max()) / 2, 1e-12)
+    centre = (low + high) / 2
+    reach = max((float(np.nanmax(np.abs(path - centre))) for path in paths), default=half)
+    return centre, 1.06 * min(max(half, reach), REACH * half)
+
+
+def _thinned(path: Array) -> Array:
+    return path[:: max(1, len(path) // MOST_POINTS)]

@@ -1,0 +1,91 @@
+"""How figures look: colours that everyone can tell apart, and beside them line styles and markers."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.figure import Figure
+
+# Okabe and Ito (2008): eight colours told apart with every kind of colour vision; black is for the true motion.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C00", "#5D3A9B")
+LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1)), (0, (1, 1)), (0, (6, 1, 1, 1)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+TRUE_COLOUR = "#222222"
+SETTINGS: Any = {
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "legend.frameon": False,
+    "svg.hashsalt": "inverse-service",
+    "svg.fonttype": "path",
+}
+RESOLUTION = 160
+CAPTION_SIZE = 9
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Colour, line and marker of one method."""
+
+    colour: str
+    line: Any
+    marker: str
+
+
+def look(place: int, method: str) -> Look:
+    """The look of the method at this place of the scene; true motions are dark and thin."""
+    if method == "exact":
+        return Look(TRUE_COLOUR, "-", "")
+    k = place % len(COLOURS)
+    return Look(COLOURS[k], LINES[k], MARKERS[k])
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, sizes in inches."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
+    """Write NAME.svg and NAME.png with the caption below the picture; the names written."""
+    width = float(figure.get_size_inches()[0])
+    lines = textwrap.wrap(caption, int(width * 16.5)) if caption else []
+    if lines:
+        figure.supxlabel("\n".join(lines), x=0.012, ha="left", fontsize=CAPTION_SIZE, color="#333333")
+    names = [f"{name}.svg", f"{name}.png"]
+    with matplotlib.rc_context(SETTINGS):
+        figure.savefig(folder / names[0], metadata={"Date": None, "Title": name})
+        figure.savefig(folder / names[1], dpi=RESOLUTION, metadata={"Title": name})
+    return names
+
+
+def spread(length: int, count: int, shift: int = 0) -> list[int]:
+    """Places of at most `count` markers on a line of `length` points, shifted so that lines do not hide each other."""
+    every = max(1, length // count)
+    return list(range(shift % every, length, every))
+
+
+def joined(parts: Sequence[str]) -> str:
+    """a, b and c."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""
+
+
+def shown(value: float) -> str:
+    """A number in a caption: two digits, powers of ten where they are shorter."""
+    if value == 0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e4:
+        return f"{value:.3g}"
+    mantissa, exponent = f"{value:.1e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
