@@ -7,6 +7,7 @@ from typing import Any, Final, Literal
 from pydantic import Field
 
 from api_schemas.base import Document
+from api_schemas.special_cases import SpecialCasesPart
 
 FORMAT: Final = "inverse-service/result/1"
 Verdict = Literal["variational", "not_variational", "undetermined"]
@@ -100,4 +101,5 @@ class ResultDocument(OtherAnswer):
     verdict_with_time: Verdict | None = None
     conditions: ConditionsPart | None = None
     with_time: OtherAnswer | None = None
+    special_cases: SpecialCasesPart | None = None
     provenance: dict[str, Any] = Field(default_factory=dict)

@@ -73,6 +73,7 @@ class SystemDocument(Document):
     `time_dependent_lagrangian`: false asks for L(q, q'), true for L(t, q, q'), left out: both.
     `ansatz`: terms such as "y'^2/x'" that a Lagrangian is first looked for in.
     `series_order`: the order of the power series given where no closed form is found.
+    `special_cases`: also find the parameters and functions for which the verdict is another.
     """
 
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
@@ -83,3 +84,4 @@ class SystemDocument(Document):
     time_dependent_lagrangian: bool | None = None
     ansatz: Annotated[list[Text], Field(max_length=MAX_ANSATZ_TERMS)] = Field(default_factory=list)
     series_order: Annotated[int, Field(ge=1, le=MAX_SERIES_ORDER, strict=True)] | None = None
+    special_cases: bool = False

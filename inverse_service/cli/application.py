@@ -57,11 +57,14 @@ def solve(
     time_limit: Seconds = None,
     seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
     explain: Annotated[bool, typer.Option("--explain", help="With text and latex: conditions and every step.")] = False,
+    special_cases: Annotated[
+        bool, typer.Option("--special-cases", help="Also: for which parameters is the verdict another?")
+    ] = False,
 ) -> None:
     """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
     from inverse_service.cli.solving import solve_file
 
-    sys.exit(solve_file(file, format.value, time_limit, seed, explain))
+    sys.exit(solve_file(file, format.value, time_limit, seed, explain, special_cases))
 
 
 @application.command()
@@ -78,11 +81,12 @@ def batch(
     output: Annotated[Path, typer.Option("--output", help="NDJSON of results; appended to, so a run can go on.")],
     workers: Annotated[int | None, typer.Option(help="Processes; default one a core.", min=1, max=256)] = None,
     time_limit: Seconds = None,
+    cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")] = None,
 ) -> None:
     """Many systems; started again after an interruption it goes on where it was."""
     from inverse_service.cli.batching import batch_file
 
-    sys.exit(batch_file(file, output, workers, time_limit))
+    sys.exit(batch_file(file, output, workers, time_limit, cluster))
 
 
 @application.command()

@@ -18,11 +18,15 @@ from inverse_service.settings import read_settings
 MAX_TIME_LIMIT = 86_400.0
 
 
-def solve_file(name: str, form: str, time_limit: float | None, seed: int, explain: bool) -> ExitCode:
+def solve_file(
+    name: str, form: str, time_limit: float | None, seed: int, explain: bool, special_cases: bool = False
+) -> ExitCode:
     """Solve the document in a process of its own and print the result."""
     settings = read_settings()
     limit = time_limit_or(settings.time_limit, time_limit)
     document = read_document(read_bytes(name), name)
+    if special_cases and isinstance(document, dict):
+        document = {**document, "special_cases": True}
     result = _solve(document, SolveOptions(seed=seed, time_limit=limit), settings.memory_limit)
     sys.stdout.write(_written(result, form, explain))
     sys.stdout.flush()

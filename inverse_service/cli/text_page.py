@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from inverse_service.cli.special_cases_pages import special_cases_lines
+
 LONG = 300
 QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
 SENTENCES = {
@@ -21,6 +23,8 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
         lines += ["", *_answer(result["with_time"], True, explain)]
     elif result["verdict_with_time"] is not None and not asks_for_time(result):
         lines += ["", verdict_sentence(result["verdict_with_time"], True)]
+    if result.get("special_cases") is not None:
+        lines += ["", *special_cases_lines(result["special_cases"])]
     if explain:
         lines += ["", *_conditions(result["conditions"])]
     return "\n".join(lines) + "\n"

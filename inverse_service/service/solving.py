@@ -12,10 +12,15 @@ from inverse_service.certificate.checker import check_result, check_text
 from inverse_service.errors import CertificateRefused
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve
+from inverse_service.inverse_problem.special_cases.tree import special_cases
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service import translate
+from inverse_service.service.translate_special_cases import to_special_cases
 
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
 SHARE_OF_SOLVER = 0.8
+# What the solver may take where the special cases are wanted too.
+SHARE_BESIDE_CASES = 0.4
 FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
 
 
@@ -34,12 +39,28 @@ def solve_document(
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
-        time_limit=SHARE_OF_SOLVER * (end - time.monotonic()),
+        time_limit=(SHARE_BESIDE_CASES if schema.special_cases else SHARE_OF_SOLVER) * (end - time.monotonic()),
         ansatz=translate.to_ansatz(schema, system),
         series_order=schema.series_order,
     )
     solution = solve(system, asked, progress)
-    return ordered(checked(translate.to_result(solution, schema), end - time.monotonic()))
+    result = translate.to_result(solution, schema)
+    if schema.special_cases:
+        result = _with_special_cases(result, system, asked, (end, progress))
+    return ordered(checked(result, end - time.monotonic()))
+
+
+def _with_special_cases(
+    result: ResultDocument,
+    system: SecondOrderSystem,
+    asked: SolveOptions,
+    limits: tuple[float, Callable[[str], None] | None],
+) -> ResultDocument:
+    """The result with the tree of special cases, found in the time that is left."""
+    end, progress = limits
+    deadline = time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
+    found = special_cases(system, asked.time_dependent, deadline, progress, asked.seed)
+    return result.model_copy(update={"special_cases": to_special_cases(found)})
 
 
 def parse_document(document: Any) -> dict[str, Any]:

@@ -1,0 +1,234 @@
+"""One case: a set of parameter values, the system there, its verdicts, and where these may change."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.tree import (
+    ZERO,
+    Arbitrary,
+    Expression,
+    Symbol,
+    add,
+    multiply,
+    number,
+    power,
+    rebuild,
+    substitute,
+)
+from inverse_service.inverse_problem.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision import Limits, decide
+from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
+from inverse_service.inverse_problem.outcome import Verdict
+from inverse_service.inverse_problem.search.ladder import search
+from inverse_service.inverse_problem.special_cases.of_lagrangian import regularity
+from inverse_service.inverse_problem.special_cases.side_conditions import Ideal, all_conditions, of_conditions
+from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, Stratum
+from inverse_service.mechanics.conditions import exact_motion
+from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
+
+Progress = Callable[[str], None]
+# Names of the functions that are polynomials: linear ones of one argument, else constants.
+FunctionCase = frozenset[str]
+
+_TERMS, _EXACT_SECONDS, _SEARCH_SECONDS, _DEPTH = 4_000, 3.0, 2.0, 2
+UNDEFINED = "undefined"
+_DIFFERENTIAL = "the {} rests on differential conditions, whose side conditions are not known"
+_WITHOUT_LAGRANGIAN = "variational by existence alone, no closed form shows for which values this may fail"
+
+
+@dataclass(frozen=True)
+class Question:
+    """The system with letters, what is asked, the random numbers, and when to stop (time.monotonic).
+
+    `constants` names the coefficients of each function where it is a polynomial; they are in `space`.
+    """
+
+    system: SecondOrderSystem
+    space: ParameterSpace
+    constants: Mapping[str, tuple[str, ...]]
+    time_dependent: bool | None
+    seed: int
+    deadline: float
+    progress: Progress
+
+
+@dataclass(frozen=True)
+class Case:
+    """The system on a stratum with its verdicts for L(q, v) and L(t, q, v); None where not asked.
+
+    `ideals` say where a verdict may change within the case; where `settled` is empty nowhere else,
+    else it says what is not known.
+    """
+
+    question: Question
+    stratum: Stratum
+    functions: FunctionCase
+    system: SecondOrderSystem
+    autonomous: Verdict | None
+    with_time: Verdict | None
+    statement: str = ""
+    reason: str = ""
+    ideals: tuple[Ideal, ...] = ()
+    unsettled: str = ""
+
+    @property
+    def declared(self) -> tuple[FunctionDeclaration, ...]:
+        """All functions of the system in general."""
+        return self.question.system.functions
+
+    @property
+    def hidden(self) -> frozenset[str]:
+        """Coefficients that are no parameters of the case: of arbitrary functions, and slopes of constants."""
+        constants = self.question.constants
+        unused = {c for name, found in constants.items() if name not in self.functions for c in found}
+        return frozenset(unused | {c for found in constants.values() for c in found[1:]})
+
+    @property
+    def verdicts(self) -> tuple[Verdict | None, Verdict | None]:
+        return self.autonomous, self.with_time
+
+
+def specialised(question: Question, stratum: Stratum, functions: FunctionCase) -> SecondOrderSystem:
+    """The system with the values of the stratum and the polynomials for the functions put in."""
+    table = stratum.trees()
+    polynomials = {name: question.constants[name] for name in functions}
+    accelerations = tuple(
+        collect(substitute(_with_polynomials(f, polynomials), table)) for f in question.system.accelerations
+    )
+    kept = tuple(f for f in question.system.functions if f.name not in functions)
+    return replace(question.system, accelerations=accelerations, parameters=stratum.free, functions=kept)
+
+
+def _with_polynomials(tree: Expression, polynomials: Mapping[str, tuple[str, ...]]) -> Expression:
+    if isinstance(tree, Arbitrary) and tree.name in polynomials:
+        return _polynomial(tree, [Symbol(name) for name in polynomials[tree.name]])
+    return rebuild(tree, lambda part: _with_polynomials(part, polynomials)) if polynomials else tree
+
+
+def _polynomial(node: Arbitrary, constants: Sequence[Symbol]) -> Expression:
+    """A_0 + A_1 u + A_2 u^2 with as many terms as there are constants, or a derivative of it."""
+    order = sum(node.orders)
+    if order and len(node.arguments) > 1:
+        return ZERO
+    terms = []
+    for degree, constant in enumerate(constants):
+        if degree >= order:
+            falling = number(math.perm(degree, order))
+            terms.append(multiply(falling, constant, power(node.arguments[0], degree - order)))
+    return add(*terms)
+
+
+def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Case:
+    """Decide the system on a stratum and find where its verdict may change."""
+    system = specialised(question, stratum, functions)
+    try:
+        exact_motion(system, 0, Budget())  # refuses a division by zero
+        analysis = analyse(system)
+        case = _decided(question, analysis, Case(question, stratum, functions, system, None, None))
+    except IrreducibleAtoms as problem:
+        return Case(question, stratum, functions, system, *_undetermined(question), reason=problem.detail,
+                    unsettled=problem.detail)  # fmt: skip
+    except TooLarge as problem:
+        return Case(question, stratum, functions, system, *_undetermined(question), reason=str(problem),
+                    unsettled=str(problem))  # fmt: skip
+    except ZeroDivisionError:
+        detail = "the equations divide by zero"
+        return Case(question, stratum, functions, system, *_undetermined(question), reason=detail, unsettled=UNDEFINED)
+    if not system.parameters and not system.functions:
+        return case
+    return _with_ideals(question, analysis, case)
+
+
+def _undetermined(question: Question) -> tuple[Verdict | None, Verdict | None]:
+    return (
+        None if question.time_dependent is True else "undetermined",
+        None if question.time_dependent is False else "undetermined",
+    )
+
+
+def _decided(question: Question, analysis: Analysis, case: Case) -> Case:
+    """Both verdicts as far as asked; an L(q, v) is an L(t, q, v)."""
+    limits = Limits(deadline=question.deadline)
+    depends = analysis.system.depends_on_time
+    wants_time = question.time_dependent is not False or depends
+    autonomous: Verdict | None = None
+    with_time: Verdict | None = None
+    statement = reason = ""
+    if question.time_dependent is not True and not depends:
+        decision = decide(analysis.system, False, question.seed, limits, analysis=analysis)
+        autonomous = decision.verdict
+        statement, reason = "" if decision.space is None else decision.space.statement, decision.reason
+        if decision.verdict == "variational" and wants_time:
+            with_time = "variational"
+    if wants_time and with_time is None:
+        decision = decide(analysis.system, True, question.seed, limits, analysis=analysis)
+        with_time = decision.verdict
+        statement = statement or ("" if decision.space is None else decision.space.statement)
+        reason = reason or decision.reason
+    return replace(case, autonomous=autonomous, with_time=with_time, statement=statement, reason=reason)
+
+
+def _with_ideals(question: Question, analysis: Analysis, case: Case) -> Case:
+    asked = [verdict for verdict in case.verdicts if verdict is not None]
+    if "undetermined" in asked:
+        return replace(case, ideals=_of_rank(question, analysis), unsettled=case.reason or "undetermined")
+    if set(asked) == {"not_variational"}:
+        return _negative(question, analysis, case)
+    ideals = list(_of_rank(question, analysis))
+    proved = True
+    for with_time, verdict in ((False, case.autonomous), (True, case.with_time)):
+        if verdict != "variational" or (with_time and case.autonomous == "variational"):
+            continue
+        more, sure = _positive(question, analysis, with_time)
+        ideals += more
+        proved = proved and sure
+    if "not_variational" in asked:
+        return replace(case, ideals=tuple(ideals), unsettled=_DIFFERENTIAL.format("verdict on L(q, q')"))
+    return replace(case, ideals=tuple(ideals), unsettled="" if proved else _WITHOUT_LAGRANGIAN)
+
+
+def _budget(question: Question) -> Budget:
+    return Budget(_TERMS, min(question.deadline, time.monotonic() + _EXACT_SECONDS))
+
+
+def _negative(question: Question, analysis: Analysis, case: Case) -> Case:
+    """The divisors of the elimination that proves it; without one, those of all algebraic conditions."""
+    try:
+        chosen = smallest_sufficient_set(analysis, question.seed)
+        if chosen is not None:
+            found = of_conditions(analysis, question.space, chosen.equations, _budget(question), question.seed)
+            return replace(case, ideals=found.ideals)
+    except (TooLarge, IrreducibleAtoms) as problem:
+        detail = f"the side conditions could not be computed: {problem}"
+        return replace(case, ideals=_of_rank(question, analysis), unsettled=detail)
+    return replace(case, ideals=_of_rank(question, analysis), unsettled=_DIFFERENTIAL.format("negative verdict"))
+
+
+def _of_rank(question: Question, analysis: Analysis) -> tuple[Ideal, ...]:
+    """Where the algebraic conditions leave more multipliers than at generic values."""
+    try:
+        names = all_conditions(analysis, _DEPTH, question.seed)
+        return of_conditions(analysis, question.space, names, _budget(question), question.seed).ideals
+    except (TooLarge, ZeroDivisionError, IrreducibleAtoms):
+        return ()
+
+
+def _positive(question: Question, analysis: Analysis, with_time: bool) -> tuple[Sequence[Ideal], bool]:
+    """The ideals of a Lagrangian with letters, and whether they are all; (), False where none is found."""
+    deadline = min(question.deadline, time.monotonic() + _SEARCH_SECONDS)
+    outcome = search(analysis, with_time, question.seed, deadline, lambda _: None)
+    if outcome.found is None:
+        return (), False
+    try:
+        found = regularity(analysis.system, outcome.found.lagrangians[0], question.space, _budget(question))
+    except (TooLarge, ZeroDivisionError, KeyError):
+        return (), False
+    return found.ideals, found.proved
+

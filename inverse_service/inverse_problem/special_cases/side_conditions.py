@@ -1,0 +1,147 @@
+"""Where an algebraic elimination may go another way: the factors that it divides by.
+
+Conditions of the hierarchy are solved for the entries of g one after the other, with the parameters
+as letters. A divisor is a polynomial in t, q, v, the functions and the parameters; for given values of
+the parameters it vanishes identically exactly when all its coefficients with respect to the others do.
+These coefficients generate an ideal. Off the zero sets of all ideals of an elimination it goes through
+as it stands, so its outcome holds there. Jets of arbitrary functions, and the coordinates that these
+depend on, count as parameters; `functional` says that they occur.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from flint import fmpq, fmpq_mpoly
+
+from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.exact_trees import polynomial_tree
+from inverse_service.algebra.rational_functions import Budget, Quotient
+from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, walk
+from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.elimination import Elimination, Linear, eliminate
+from inverse_service.inverse_problem.explanation import collected
+from inverse_service.inverse_problem.hierarchy import EquationName, equation_terms, hierarchy, tensors_at
+from inverse_service.inverse_problem.pointwise import local_motion
+from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, factors
+from inverse_service.mechanics.conditions import exact_motion
+
+
+@dataclass(frozen=True)
+class Ideal:
+    """What vanishes together in a special case: polynomials in the parameters, or trees that hold functions."""
+
+    polynomials: tuple[fmpq_mpoly, ...]
+    functional: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True)
+class SideConditions:
+    """The ideals of an elimination, and polynomials in the parameters by which f itself divides."""
+
+    ideals: tuple[Ideal, ...]
+    domain: tuple[fmpq_mpoly, ...]
+
+
+def of_conditions(
+    analysis: Analysis, space: ParameterSpace, names: Sequence[EquationName], budget: Budget, seed: int = 1
+) -> SideConditions:
+    """Those of solving the named equations of the hierarchy; raises TooLarge, ZeroDivisionError."""
+    depth = max((name.condition.order for name in names), default=2) - 2
+    exact = exact_motion(analysis.system, depth + 2, budget)
+    table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
+    tensors = hierarchy(exact.motion, depth)
+    equations: dict[EquationName, Linear] = {}
+    for condition in dict.fromkeys(name.condition for name in names):
+        for name, terms in equation_terms(condition, tensors[condition], exact.motion.size).items():
+            equations[name] = collected(exact.motion.zero, terms)
+    reader = Reader.of(exact.ring, space)
+    domain = reader.domain()  # before the elimination adds denominators of its own
+    result = eliminate({name: equations[name] for name in names if equations[name]}, table)
+    return SideConditions(tuple(_ideals(result, reader)), domain)
+
+
+def _ideals(result: Elimination, reader: Reader) -> list[Ideal]:
+    divisors = [part for step in result.solved for part in (step.content, step.divisor)]
+    return [ideal for part in divisors for ideal in reader.ideals(part)]
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Reads polynomials of a ring by their coefficients in what is not a parameter.
+
+    `kept` maps generators to parameters by index; `jets` are generators of arbitrary functions and of
+    the coordinates these depend on.
+    """
+
+    ring: ExactRing
+    space: ParameterSpace
+    kept: Mapping[int, int]
+    jets: frozenset[int]
+
+    @classmethod
+    def of(cls, ring: ExactRing, space: ParameterSpace) -> Reader:
+        kept, jets = {}, set[int]()
+        arguments: set[Expression] = set()
+        for index, tree in ring.trees.items():
+            if isinstance(tree, Symbol) and tree.name in space.names:
+                kept[index] = space.names.index(tree.name)
+            if isinstance(tree, Arbitrary):
+                jets.add(index)
+                arguments |= {node for node in walk(tree) if isinstance(node, Symbol | Velocity)}
+        jets |= {index for index, tree in ring.trees.items() if tree in arguments} if jets else set()
+        return cls(ring, space, kept, frozenset(jets - kept.keys()))
+
+    def domain(self) -> tuple[fmpq_mpoly, ...]:
+        """Denominators of f that hold parameters alone."""
+        read = [self.coefficients(d) for d in self.ring.field.denominators]
+        return tuple(next(iter(parts)) for parts in read if len(parts) == 1 and self._plain(parts[0]))
+
+    def _plain(self, polynomial: fmpq_mpoly) -> bool:
+        return polynomial.context() is self.space.context and not polynomial.is_constant()
+
+    def ideals(self, quotient: Quotient) -> list[Ideal]:
+        """Their zero sets together are where the numerator vanishes identically."""
+        numerator = quotient.numerator
+        if any(e and index in self.jets for index, e in enumerate(numerator.degrees())):
+            return self._functional(numerator)
+        parts = self.coefficients(numerator)
+        return [] if any(part.is_constant() for part in parts) else [Ideal(tuple(parts))]
+
+    def coefficients(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
+        """The coefficients in the generators that are no parameters, as polynomials in the parameters."""
+        tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
+        for exponents, value in polynomial.terms():
+            key = [0] * max(len(self.space.names), 1)
+            rest = [int(e) for e in exponents]
+            for index, place in self.kept.items():
+                key[place], rest[index] = rest[index], 0
+            tables.setdefault(tuple(rest), {})[tuple(key)] = value
+        return [self.space.context.from_dict(table) for table in tables.values()]
+
+    def _functional(self, polynomial: fmpq_mpoly) -> list[Ideal]:
+        """One for each common factor of the coefficients, and one for all that is left of them."""
+        kept = [index in self.jets or index in self.kept for index in range(len(polynomial.degrees()))]
+        tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
+        for exponents, value in polynomial.terms():
+            rest = tuple(0 if own else int(e) for own, e in zip(kept, exponents, strict=True))
+            own = tuple(int(e) if own else 0 for own, e in zip(kept, exponents, strict=True))
+            tables.setdefault(rest, {})[own] = value
+        parts = [self.ring.field.context.from_dict(table) for table in tables.values()]
+        common = functools.reduce(lambda a, b: a.gcd(b), parts)
+        found = [self._of_parts([factor]) for factor in factors(common)]
+        left = [part / common for part in parts]
+        return found if any(part.is_constant() for part in left) else [*found, self._of_parts(left)]
+
+    def _of_parts(self, parts: Sequence[fmpq_mpoly]) -> Ideal:
+        if any(e and index in self.jets for part in parts for index, e in enumerate(part.degrees())):
+            return Ideal((), tuple(polynomial_tree(self.ring, part) for part in parts))
+        return Ideal(tuple(self.coefficients(part)[0] for part in parts))
+
+
+def all_conditions(analysis: Analysis, depth: int, seed: int = 1) -> list[EquationName]:
+    """The names of the equations of the hierarchy to `depth` that are not zero at a generic point."""
+    table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
+    return [name for name, row in table.rows.items() if any(row)]

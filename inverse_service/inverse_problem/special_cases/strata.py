@@ -1,0 +1,354 @@
+"""Sets of parameter values cut out by polynomial equations, split into pieces that are solved.
+
+A stratum gives some parameters as functions of the others, which are free on it: rational functions,
+or one root of a quadratic equation. Equations are split by factors over Q; A a + B = 0 is solved for a
+where A is not zero, and A = B = 0 is a piece of its own, so that no value is lost. Equations of higher
+degree in every parameter stay unsolved, and the stratum says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+
+from inverse_service.algebra.rational_functions import as_fraction
+from inverse_service.expressions.tree import (
+    Expression,
+    Symbol,
+    add,
+    divide,
+    multiply,
+    number,
+    power,
+    square_root,
+    substitute,
+    subtract,
+)
+
+# A piece that would need more splits than this is left as it is, unsolved.
+MOST_SPLITS = 200
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """The polynomial ring over Q in the parameters."""
+
+    names: tuple[str, ...]
+
+    @cached_property
+    def context(self) -> fmpq_mpoly_ctx:
+        return fmpq_mpoly_ctx.get(self.names or ("none",), Ordering.lex)
+
+    def tree(self, polynomial: fmpq_mpoly) -> Expression:
+        """The polynomial as a sum of monomials."""
+        symbols = [Symbol(name) for name in self.names]
+        return add(
+            *(
+                multiply(number(as_fraction(c)), *(power(s, int(e)) for s, e in zip(symbols, exponents, strict=False)))
+                for exponents, c in polynomial.terms()
+            )
+        )
+
+
+@dataclass(frozen=True)
+class Fraction:
+    """numerator / denominator in the free parameters."""
+
+    numerator: fmpq_mpoly
+    denominator: fmpq_mpoly
+
+
+# (index, A, B, C): the parameter of this index is a root of A a^2 + B a + C.
+Root = tuple[int, fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]
+
+
+@dataclass(frozen=True)
+class Stratum:
+    """Where all `equations` vanish and none of `excluded` does; `values` gives parameters by index.
+
+    `roots` are parameters that solve quadratic equations; `unsolved` are equations for which no
+    parametrisation was found.
+    """
+
+    space: ParameterSpace
+    equations: tuple[fmpq_mpoly, ...] = ()
+    excluded: tuple[fmpq_mpoly, ...] = ()
+    values: Mapping[int, Fraction] = field(default_factory=dict)
+    roots: tuple[Root, ...] = ()
+    unsolved: tuple[fmpq_mpoly, ...] = ()
+
+    @property
+    def dimension(self) -> int:
+        """The number of free parameters."""
+        return len(self.free) - len(self.unsolved)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        gone = {*self.values, *(root[0] for root in self.roots)}
+        return tuple(name for index, name in enumerate(self.space.names) if index not in gone)
+
+    def trees(self) -> dict[Expression, Expression]:
+        """Each solved parameter as a tree in the free ones."""
+        table: dict[Expression, Expression] = {}
+        for index, high, middle, low in self.roots:
+            root = subtract(self._root(middle * middle - high * low * 4), self.space.tree(middle))
+            table[Symbol(self.space.names[index])] = divide(root, multiply(number(2), self.space.tree(high)))
+        values = {Symbol(self.space.names[index]): self._fraction(value) for index, value in self.values.items()}
+        return table | {name: substitute(tree, table) for name, tree in values.items()}
+
+    def _root(self, radicand: fmpq_mpoly) -> Expression:
+        """The square root, squares taken out (the other sign is the conjugate, with the same verdict)."""
+        content, parts = radicand.factor()
+        outside = [power(self.space.tree(base), int(exponent) // 2) for base, exponent in parts]
+        inside = [self.space.tree(base) for base, exponent in parts if int(exponent) % 2]
+        return multiply(*outside, square_root(multiply(number(as_fraction(content)), *inside)))
+
+    def _fraction(self, value: Fraction) -> Expression:
+        if value.denominator.is_constant():
+            return self.space.tree(value.numerator / value.denominator.leading_coefficient())
+        return divide(self.space.tree(value.numerator), self.space.tree(value.denominator))
+
+    def vanishes(self, polynomial: fmpq_mpoly) -> bool:
+        """Whether a polynomial in all parameters is zero on the whole stratum."""
+        return bool(self.reduced(polynomial).is_zero())
+
+    def reduced(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
+        """The polynomial on the stratum, times a power of what does not vanish there."""
+        for index, value in self.values.items():
+            polynomial = put_in(polynomial, index, value)
+        for index, a, b, c in self.roots:
+            x = self.space.context.gen(index)
+            polynomial = pseudo_remainder(polynomial, a * x * x + b * x + c, index)
+        return polynomial
+
+    def contains(self, other: Stratum) -> bool:
+        """Whether the other stratum lies in the closure of this one; False where that is not certain."""
+        if self.unsolved or other.unsolved:
+            return self.equations == () or set(map(str, self.equations)) <= set(map(str, other.equations))
+        if not all(other.vanishes(equation) for equation in self.equations):
+            return False
+        return len(self.equations) < 2 or not any(other.vanishes(factor) for factor in self.excluded)
+
+
+def coefficients_in(polynomial: fmpq_mpoly, index: int) -> list[fmpq_mpoly]:
+    """Coefficients of 1, x, x^2, … for the generator x of this index."""
+    owner = polynomial.context()
+    tables: list[dict[tuple[int, ...], fmpq]] = []
+    for exponents, value in polynomial.terms():
+        plain = [int(e) for e in exponents]
+        degree, plain[index] = plain[index], 0
+        while len(tables) <= degree:
+            tables.append({})
+        tables[degree][tuple(plain)] = value
+    return [owner.from_dict(table) for table in tables]
+
+
+def put_in(polynomial: fmpq_mpoly, index: int, value: Fraction) -> fmpq_mpoly:
+    """The numerator of the polynomial with a fraction for one generator."""
+    parts = coefficients_in(polynomial, index)
+    total = polynomial * 0
+    for degree, part in enumerate(parts):
+        total += part * value.numerator**degree * value.denominator ** (len(parts) - 1 - degree)
+    return total
+
+
+def pseudo_remainder(polynomial: fmpq_mpoly, divisor: fmpq_mpoly, index: int) -> fmpq_mpoly:
+    """A remainder of lower degree in one generator, after multiplying by powers of the leading coefficient."""
+    leading = coefficients_in(divisor, index)
+    degree, x = len(leading) - 1, polynomial.context().gen(index)
+    while not polynomial.is_zero() and len(parts := coefficients_in(polynomial, index)) > degree:
+        polynomial = polynomial * leading[-1] - parts[-1] * x ** (len(parts) - 1 - degree) * divisor
+    return polynomial
+
+
+def factors(polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
+    """The distinct irreducible factors over Q that are not numbers."""
+    if polynomial.is_constant():
+        return []
+    found = [factor for factor, _ in polynomial.factor()[1] if not factor.is_constant()]
+    return [factor / factor.leading_coefficient() for factor in found]
+
+
+@dataclass(frozen=True)
+class _Open:
+    """Equations still to be used, and what is solved so far."""
+
+    left: tuple[fmpq_mpoly, ...]
+    stratum: Stratum
+
+
+def split(space: ParameterSpace, equations: Sequence[fmpq_mpoly], domain: Sequence[fmpq_mpoly] = ()) -> list[Stratum]:
+    """Strata whose union is the set where all equations vanish and no factor of `domain` does."""
+    waiting = [_Open(tuple(equations), Stratum(space))]
+    found: list[Stratum] = []
+    for _ in range(MOST_SPLITS):
+        if not waiting:
+            break
+        following = _step(waiting.pop())
+        waiting += [item for item in following if not _is_excluded(item.stratum, domain)]
+        if not following:
+            continue
+        done = [item for item in waiting if not item.left]
+        waiting = [item for item in waiting if item.left]
+        found += [item.stratum for item in done]
+    found += [replace(item.stratum, equations=(*item.stratum.equations, *item.left), unsolved=item.left)
+              for item in waiting]  # fmt: skip
+    return _without_contained(found)
+
+
+def _is_excluded(stratum: Stratum, domain: Sequence[fmpq_mpoly]) -> bool:
+    return any(stratum.vanishes(factor) for factor in (*domain, *stratum.excluded))
+
+
+def _without_contained(strata: Sequence[Stratum]) -> list[Stratum]:
+    kept: list[Stratum] = []
+    for stratum in sorted(strata, key=lambda s: (-s.dimension, len(s.equations))):
+        if not any(other.contains(stratum) for other in kept):
+            kept.append(stratum)
+    return kept
+
+
+def _step(item: _Open) -> list[_Open]:
+    """One equation used: solved, or split by its factors."""
+    table = _distinct(item.left)
+    if any(not parts for parts in table):
+        return []
+    if not table:
+        return [_Open((), item.stratum)]
+    simple = next((k for k, parts in enumerate(table) if len(parts) == 1 and _has_number_slope(parts[0])), None)
+    if simple is not None:
+        chosen = table[simple][0]
+        rest = [_product(parts) for k, parts in enumerate(table) if k != simple]
+        return _solved_linear([chosen], item.stratum, rest)
+    if any(len(parts) > 1 for parts in table):
+        chosen_parts = min((parts for parts in table if len(parts) > 1), key=lambda parts: (len(parts), _size(parts)))
+        rest = [_product(parts) for parts in table if parts is not chosen_parts]
+        return [_Open((part, *rest), item.stratum) for part in chosen_parts]
+    plain = [parts[0] for parts in table]
+    return _solved_linear(plain, item.stratum, ()) or _solved_quadratic(plain, item.stratum)
+
+
+def _distinct(equations: Sequence[fmpq_mpoly]) -> list[list[fmpq_mpoly]]:
+    """The factors of each equation that is not implied by another; [] for one that holds nowhere."""
+    table = {frozenset(map(str, parts)): parts for parts in (factors(p) for p in equations if not p.is_zero())}
+    least = [key for key in table if not any(other < key for other in table)]
+    return [table[key] for key in least]
+
+
+def _has_number_slope(equation: fmpq_mpoly) -> bool:
+    """Whether the equation is linear in some parameter with a number before it."""
+    return any(
+        degree == 1 and coefficients_in(equation, index)[1].is_constant()
+        for index, degree in enumerate(equation.degrees())
+    )
+
+
+def _product(parts: Sequence[fmpq_mpoly]) -> fmpq_mpoly:
+    product = parts[0]
+    for part in parts[1:]:
+        product = product * part
+    return product
+
+
+def _size(parts: Sequence[fmpq_mpoly]) -> int:
+    return sum(map(len, parts))
+
+
+def _linear_choices(equations: Sequence[fmpq_mpoly]) -> Iterator[tuple[tuple[int, int, int], int, int]]:
+    for place, equation in enumerate(equations):
+        for index, degree in enumerate(equation.degrees()):
+            if degree == 1:
+                low, high = coefficients_in(equation, index)
+                yield (0 if high.is_constant() else len(high), len(low) + len(high), index), place, index
+
+
+def _solved_linear(
+    equations: Sequence[fmpq_mpoly], stratum: Stratum, others: Sequence[fmpq_mpoly]
+) -> list[_Open]:
+    """A a + B = 0 solved for a; A = B = 0 beside it. Empty where none of `equations` is linear in a parameter."""
+    choice = min(_linear_choices(equations), default=None)
+    if choice is None:
+        return []
+    _, place, index = choice
+    equation = equations[place]
+    rest = [*others, *(p for k, p in enumerate(equations) if k != place)]
+    low, high = coefficients_in(equation, index)
+    value = Fraction(-low, high)
+    solved = replace(
+        stratum,
+        equations=(*stratum.equations, equation),
+        excluded=stratum.excluded if high.is_constant() else (*stratum.excluded, *factors(high)),
+        values={**{k: _updated(old, index, value) for k, old in stratum.values.items()}, index: value},
+        roots=tuple(_updated_root(root, index, value) for root in stratum.roots),
+    )
+    found = [_Open(tuple(put_in(p, index, value) for p in rest), solved)]
+    if not high.is_constant():
+        found.append(_Open((high, low, *rest), stratum))
+    return found
+
+
+def _updated(old: Fraction, index: int, value: Fraction) -> Fraction:
+    """A value found before, with the new one put in."""
+    tops, bottoms = (coefficients_in(part, index) for part in (old.numerator, old.denominator))
+    degree = max(len(tops), len(bottoms)) - 1
+    numerator, denominator = (_of_degree(parts, degree, value, old.numerator * 0) for parts in (tops, bottoms))
+    if denominator.is_zero():
+        return Fraction(numerator, denominator + 1)  # what is excluded vanishes there; the piece is dropped
+    common = numerator.gcd(denominator)
+    return Fraction(numerator / common, denominator / common)
+
+
+def _of_degree(parts: Sequence[fmpq_mpoly], degree: int, value: Fraction, zero: fmpq_mpoly) -> fmpq_mpoly:
+    """sum of parts[k] N^k D^(degree - k) for the value N/D."""
+    total = zero
+    for k, part in enumerate(parts):
+        total += part * value.numerator**k * value.denominator ** (degree - k)
+    return total
+
+
+def _updated_root(root: Root, index: int, value: Fraction) -> Root:
+    """The coefficients of a quadratic equation with the new value put in."""
+    own, high, middle, low = root
+    x = high.context().gen(own)
+    parts = coefficients_in(put_in(high * x * x + middle * x + low, index, value), own)
+    return own, parts[2], parts[1], parts[0]
+
+
+def _solved_quadratic(equations: list[fmpq_mpoly], stratum: Stratum) -> list[_Open]:
+    """A a^2 + B a + C = 0: by its real zeros where the discriminant is nowhere positive, else by a root."""
+    choices = [
+        (len(equation), place, index)
+        for place, equation in enumerate(equations)
+        for index, degree in enumerate(equation.degrees())
+        if degree == 2
+    ]
+    if not choices:
+        return [_Open((), replace(stratum, equations=(*stratum.equations, *equations), unsolved=tuple(equations)))]
+    _, place, index = min(choices)
+    equation = equations[place]
+    rest = [p for k, p in enumerate(equations) if k != place]
+    low, middle, high = coefficients_in(equation, index)
+    discriminant = middle * middle - high * low * 4
+    x = equation.context().gen(index)
+    if is_nowhere_positive(discriminant):
+        squares = [equation.context().from_dict({e: 1}) for e, _ in discriminant.terms()]
+        return [_Open((*squares, high * x * 2 + middle, equation, *rest), stratum)] if squares else []
+    reduced = [pseudo_remainder(p, equation, index) for p in rest]
+    if any(p.degrees()[index] for p in reduced if not p.is_zero()):
+        return [_Open((equation, *reduced), stratum)]
+    solved = replace(
+        stratum,
+        equations=(*stratum.equations, equation),
+        excluded=(*stratum.excluded, *factors(high)),
+        roots=(*stratum.roots, (index, high, middle, low)),
+    )
+    found = [_Open(tuple(reduced), solved)]
+    return found if high.is_constant() else [*found, _Open((high, middle * x + low, *rest), stratum)]
+
+
+def is_nowhere_positive(polynomial: fmpq_mpoly) -> bool:
+    """Whether it is minus a sum of even monomials: then it is negative, or zero where all of them are."""
+    return all(value < 0 and not any(int(e) % 2 for e in exponents) for exponents, value in polynomial.terms())
