@@ -71,8 +71,8 @@ class Cluster:
 
     @property
     def capacity(self) -> int:
-        """Twice the threads of all workers, so that a next task is there when one ends; at least one."""
-        return max(1, 2 * self._threads)
+        """The threads of all workers, at least one: what is submitted waits for a worker to come."""
+        return max(1, self._threads)
 
     @property
     def is_ready(self) -> bool:

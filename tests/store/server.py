@@ -1,0 +1,103 @@
+"""A PostgreSQL server of the tests' own: a new cluster in a temporary folder, on loopback, without a password."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import psycopg
+import psycopg.sql
+
+FOLDERS = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
+
+
+def programs() -> Path | None:
+    """Where initdb and pg_ctl are; None where there is no server to start (or only root to start it)."""
+    on_path = shutil.which("initdb")
+    found = Path(on_path).resolve().parent if on_path else next((f for f in FOLDERS if (f / "initdb").exists()), None)
+    if os.name != "posix" or (os.geteuid() == 0 and shutil.which("runuser") is None):
+        return None
+    return found
+
+
+@dataclass(frozen=True)
+class Server:
+    """A running server; it can be stopped hard and started again."""
+
+    programs: Path
+    folder: Path
+    port: int
+
+    @property
+    def address(self) -> str:
+        return f"postgresql://postgres@127.0.0.1:{self.port}/postgres"
+
+    def start(self) -> None:
+        options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self.folder}"
+        run(
+            self.programs / "pg_ctl",
+            "-D",
+            self.folder / "data",
+            "-w",
+            "-o",
+            options,
+            "-l",
+            self.folder / "log",
+            "start",
+        )
+
+    def stop(self, mode: str = "fast") -> None:
+        run(self.programs / "pg_ctl", "-D", self.folder / "data", "-w", "-m", mode, "stop")
+
+    def database(self, name: str) -> str:
+        """The address of a new database."""
+        with psycopg.connect(self.address, autocommit=True) as connection:
+            connection.execute(psycopg.sql.SQL("CREATE DATABASE {}").format(psycopg.sql.Identifier(name)))
+        return f"postgresql://postgres@127.0.0.1:{self.port}/{name}"
+
+
+def run(*command: object) -> None:
+    """As the user postgres where we are root, whom the server refuses."""
+    words = [str(word) for word in command]
+    if os.geteuid() == 0:
+        words = ["runuser", "-u", "postgres", "--", *words]
+    subprocess.run(words, check=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, timeout=60, cwd="/")
+
+
+@contextmanager
+def server() -> Iterator[Server]:
+    """A new server, and everything of it gone at the end."""
+    found = programs()
+    assert found is not None
+    folder = Path(tempfile.mkdtemp(prefix="inverse-service-postgres-"))
+    if os.geteuid() == 0:
+        shutil.chown(folder, "postgres")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    started = Server(found, folder, port)
+    try:
+        run(
+            found / "initdb",
+            "-D",
+            folder / "data",
+            "-U",
+            "postgres",
+            "-A",
+            "trust",
+            "-E",
+            "UTF8",
+            "--locale=C",
+            "--no-sync",
+        )
+        started.start()
+        yield started
+        started.stop("immediate")
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

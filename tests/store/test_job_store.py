@@ -1,0 +1,300 @@
+"""What every job store promises (`store.JobStore`), for each of them."""
+
+from __future__ import annotations
+
+import json
+import random
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pytest
+
+from inverse_service.service.jobs.model import BatchLine, Bounds, Event, JobRequest, TooManyJobs, Usage
+from inverse_service.service.jobs.store import JobStore
+
+Stores = Callable[[], JobStore]
+USAGE = Usage(0.5, 0.25, 64.0)
+
+
+def request(id: str, **more: Any) -> JobRequest:
+    return JobRequest(id, "solve", json.dumps({"name": id}), **more)
+
+
+def ids(jobs: Sequence[Any]) -> list[str]:
+    return [job.id for job in jobs]
+
+
+def run(store: JobStore, id: str, body: bytes = b"{}") -> None:
+    """Accept, claim and finish one job, and nothing else that waits."""
+    store.submit([request(id)])
+    (job,) = [job for job in store.claim("o", 100) if job.id == id]
+    assert store.finish(id, job.attempt, body, USAGE)
+
+
+def test_an_empty_store_has_nothing(store: JobStore) -> None:
+    assert store.job("a") is None
+    assert store.jobs() == ([], None)
+    assert store.claim("o", 5) == []
+    assert store.events("a") == []
+    assert store.batch("b") is None
+    assert store.batch_answers("b") == []
+    assert store.dismiss("a") is None
+    assert store.release("a", 1, True) is None
+    assert not store.finish("a", 1, b"{}", USAGE)
+    assert dict(store.counts()) == {}
+    assert store.recover() == []
+    assert store.heartbeat("o", []) == []
+    assert store.prune(time.time(), 0) == 0
+    assert store.submit([]) == []
+
+
+def test_the_life_of_a_job(store: JobStore) -> None:
+    (job,) = store.submit([request("a", client="c", options='{"seed":1}')])
+    assert (job.status, job.attempt, job.body, job.client) == ("accepted", 0, None, "c")
+    assert abs(job.created - time.time()) < 60
+    (job,) = store.claim("o", 5)
+    assert (job.status, job.attempt, json.loads(job.document), job.options) == (
+        "running", 1, {"name": "a"}, '{"seed":1}',
+    )  # fmt: skip
+    assert store.claim("p", 5) == []
+    assert store.finish("a", 1, b'{"verdict": 1}', USAGE)
+    found = store.job("a")
+    assert found is not None
+    assert (found.status, found.body, found.revision) == ("successful", b'{"verdict": 1}', 1)
+    assert found.created <= (found.started or 0) <= (found.finished or 0)
+    without = store.job("a", with_body=False)
+    assert without is not None
+    assert without.body is None
+
+
+def test_the_same_question_is_answered_from_the_store_until_it_is_asked_anew(store: JobStore) -> None:
+    run(store, "a", b"1")
+    (job,) = store.submit([request("a")])
+    assert (job.status, job.body) == ("successful", b"1")
+    (job,) = store.submit([request("a", fresh=True)])
+    assert (job.status, job.body) == ("accepted", None)
+    (job,) = store.submit([request("a", fresh=True)])
+    assert (job.status, store.counts()) == ("accepted", {"accepted": 1})
+    (job,) = store.claim("o", 1)
+    assert store.finish("a", job.attempt, b"2", USAGE)
+    found = store.job("a")
+    assert found is not None
+    assert (found.body, found.revision) == (b"2", 2)
+
+
+def test_failures_are_kept_and_a_dismissed_job_is_accepted_again(store: JobStore) -> None:
+    store.submit([request("a"), request("b")])
+    a, b = store.claim("o", 2)
+    assert store.fail("a", a.attempt, b'{"detail": "x"}', USAGE)
+    (job,) = store.submit([request("a")])
+    assert (job.status, job.body) == ("failed", b'{"detail": "x"}')
+    dismissed = store.dismiss("b")
+    assert dismissed is not None
+    assert dismissed.status == "dismissed"
+    assert not store.finish("b", b.attempt, b"{}", USAGE), "a dismissed job got a result"
+    (job,) = store.submit([request("b")])
+    assert job.status == "accepted"
+    final = store.dismiss("a")
+    assert final is not None
+    assert final.status == "failed"
+
+
+def test_a_result_of_an_earlier_attempt_is_dropped(store: JobStore) -> None:
+    store.submit([request("a")])
+    (first,) = store.claim("o", 1)
+    released = store.release("a", first.attempt, crashed=True)
+    assert released is not None
+    assert (released.status, released.crashes) == ("accepted", 1)
+    (second,) = store.claim("o", 1)
+    assert second.attempt > first.attempt
+    assert not store.finish("a", first.attempt, b"old", USAGE)
+    assert not store.fail("a", first.attempt, b"old", USAGE)
+    again = store.release("a", first.attempt, crashed=True)
+    assert again is not None
+    assert (again.status, again.crashes) == ("running", 1)
+    assert store.finish("a", second.attempt, b"new", USAGE)
+    assert not store.finish("a", second.attempt, b"twice", USAGE)
+    found = store.job("a")
+    assert found is not None
+    assert found.body == b"new"
+
+
+def test_claims_go_by_priority_and_age_and_pass_over_busy_clients(store: JobStore) -> None:
+    store.submit(
+        [request("bulk", priority=10, client="x"), request("first", client="y"), request("second", client="x")]
+    )
+    assert ids(store.claim("o", 1, ["y"])) == ["second"]
+    assert ids(store.claim("o", 5)) == ["first", "bulk"]
+    assert store.running_by_client() == {"x": 2, "y": 1}
+
+
+def test_what_ran_when_the_service_died_is_accepted_again(stores: Stores) -> None:
+    store = stores()
+    store.submit([request("a"), request("b")])
+    store.claim("dead", 1)
+    if store.exclusive:
+        store.close()
+        store = stores()
+    assert store.recover(None, 60.0) == [], "a fresh claim was taken away"
+    assert store.recover("other", 0.0) == []
+    (job,) = store.recover(None, 0.0)
+    assert (job.id, job.status, job.restarts) == ("a", "accepted", 1)
+    assert store.recover(None, 0.0) == []
+    assert sorted(ids(store.claim("o", 5))) == ["a", "b"]
+
+
+def test_a_heartbeat_tells_what_is_no_longer_ours(store: JobStore) -> None:
+    store.submit([request(id) for id in "abc"])
+    claimed = {job.id: job.attempt for job in store.claim("o", 3)}
+    store.dismiss("b")
+    store.release("c", claimed["c"], crashed=False)
+    store.claim("p", 1)
+    assert sorted(store.heartbeat("o", list(claimed.items()))) == ["b", "c"]
+
+
+def test_bounds_hold_and_nothing_is_stored_beyond_them(store: JobStore) -> None:
+    store.submit([request("a", client="x")], Bounds(2, 2))
+    with pytest.raises(TooManyJobs):
+        store.submit([request("b"), request("c")], Bounds(2, 2))
+    with pytest.raises(TooManyJobs):
+        store.submit([request("b", client="x")], Bounds(9, 1))
+    assert store.counts() == {"accepted": 1}
+    assert ids(store.submit([request("a", client="x"), request("b")], Bounds(2, 2))) == ["a", "b"]
+    with pytest.raises(TooManyJobs):
+        store.create_batch("B", "solve", "", [BatchLine(1, '"1"', request("c"))], Bounds(2, 2))
+    assert store.batch("B") is None
+
+
+def test_the_list_is_newest_first_in_pages(store: JobStore) -> None:
+    store.submit([request(id, client="x" if id < "c" else "y") for id in "abcde"])
+    store.claim("o", 2)
+    first, cursor = store.jobs(limit=3)
+    second, end = store.jobs(limit=3, cursor=cursor)
+    assert (ids(first), ids(second), end) == (["e", "d", "c"], ["b", "a"], None)
+    assert ids(store.jobs(status="running")[0]) == ["b", "a"]
+    assert ids(store.jobs(client="x", kind="solve")[0]) == ["b", "a"]
+    assert store.jobs(kind="check")[0] == []
+    for cursor in ("x", "-1", "1" * 20, "\u0663"):
+        with pytest.raises(ValueError, match="cursor"):
+            store.jobs(cursor=cursor)
+
+
+def test_events_are_kept_in_order_once(store: JobStore) -> None:
+    store.submit([request("a")])
+    store.add_events([("a", Event(2, "progress", {"stage": "decision\u2028\x00"})), ("a", Event(1, "status"))])
+    store.add_events([("a", Event(2, "progress", {"stage": "another"})), ("b", Event(1, "status"))])
+    store.add_events([])
+    assert store.events("a") == [Event(1, "status"), Event(2, "progress", {"stage": "decision\u2028\x00"})]
+    assert [event.number for event in store.events("a", after=1)] == [2]
+    assert [event.number for event in store.events("a", limit=1)] == [1]
+
+
+def test_a_batch_counts_its_lines_and_answers_them_in_the_order_of_their_ends(store: JobStore) -> None:
+    run(store, "old", b"old")
+    lines = [
+        BatchLine(1, '"one"', request("x")),
+        BatchLine(2, '"two"', request("y")),
+        BatchLine(3, "null", problem=b"bad"),
+        BatchLine(4, '"four"', request("x")),
+        BatchLine(5, "5", request("old")),
+    ]
+    batch = store.create_batch("B", "solve", "c", lines)
+    assert (batch.total, batch.counts) == (5, {"accepted": 3, "failed": 1, "successful": 1})
+    assert [(a.number, a.body) for a in store.batch_answers("B")] == [(3, b"bad"), (5, b"old")]
+    attempts = {job.id: job.attempt for job in store.claim("o", 5)}
+    assert sorted(attempts) == ["x", "y"], "the same question is computed once"
+    store.fail("y", attempts["y"], b"no", USAGE)
+    store.finish("x", attempts["x"], b"yes", USAGE)
+    answers = store.batch_answers("B")
+    assert [(a.number, a.status, a.body) for a in answers] == [
+        (3, "failed", b"bad"), (5, "successful", b"old"), (2, "failed", b"no"),
+        (1, "successful", b"yes"), (4, "successful", b"yes"),
+    ]  # fmt: skip
+    orders = [answer.order for answer in answers]
+    assert orders == sorted(set(orders))
+    assert store.batch_answers("B", after=orders[1], limit=2) == answers[2:4]
+    found = store.batch("B")
+    assert found is not None
+    assert (found.status, found.counts) == ("successful", {"successful": 3, "failed": 2})
+
+
+def test_dismissing_a_batch_leaves_what_another_one_wants(store: JobStore) -> None:
+    store.create_batch("A", "solve", "", [BatchLine(k, str(k), request(id)) for k, id in enumerate("xyz", 1)])
+    store.create_batch("B", "solve", "", [BatchLine(1, "1", request("z"))])
+    assert sorted(store.dismiss_batch("A")) == ["x", "y"]
+    assert store.counts() == {"dismissed": 2, "accepted": 1}
+    assert [answer.status for answer in store.batch_answers("A")] == ["dismissed", "dismissed"]
+
+
+def test_pruning_forgets_what_is_old_and_never_what_is_open(store: JobStore) -> None:
+    for id in "ab":
+        run(store, id, b"x" * 1000)
+    store.add_events([("a", Event(1, "status"))])
+    store.create_batch("B", "solve", "", [BatchLine(1, "1", request("open"))])
+    assert store.prune(0.0, 10**9) == 0
+    assert store.prune(time.time() + 60, 10**9) == 2
+    assert (store.job("a"), store.events("a")) == (None, [])
+    assert store.job("open") is not None
+    assert store.batch("B") is not None
+
+
+def test_pruning_by_size_forgets_the_oldest_first(store: JobStore) -> None:
+    noise = random.Random(1)
+    for k in range(150):
+        run(store, f"j{k}", noise.randbytes(20_000))
+    forgotten = store.prune(0.0, 1_500_000)
+    assert 0 < forgotten < 150
+    assert store.job("j0") is None
+    assert store.job("j149") is not None
+
+
+def test_listeners_hear_of_every_change(store: JobStore) -> None:
+    heard: list[str] = []
+    store.on_change(heard.append)
+    store.submit([request("a")])
+    (job,) = store.claim("o", 1)
+    store.add_events([("a", Event(1, "status"))])
+    store.finish("a", job.attempt, b"{}", USAGE)
+    assert heard.count("a") == 4
+
+
+def test_what_is_stored_is_there_after_closing(stores: Stores) -> None:
+    store = stores()
+    run(store, "a", b"\x00\xff")
+    store.create_batch("B", "solve", "", [BatchLine(1, '"\\u0000"', request("a"))])
+    store.close()
+    again = stores()
+    found = again.job("a")
+    assert found is not None
+    assert found.body == b"\x00\xff"
+    assert len(again.batch_answers("B")) == 1
+
+
+def test_threads_claim_and_finish_each_job_once(store: JobStore) -> None:
+    total = 120
+    store.create_batch("B", "solve", "", [BatchLine(k, str(k), request(f"j{k}")) for k in range(total)])
+    finished: list[str] = []
+
+    def work(owner: str) -> None:
+        while jobs := store.claim(owner, 3):
+            for job in jobs:
+                if store.finish(job.id, job.attempt, owner.encode(), USAGE):
+                    finished.append(job.id)
+
+    threads = [threading.Thread(target=work, args=(f"o{k}",)) for k in range(6)]
+    seen: list[int] = []
+    after = 0
+    for thread in threads:
+        thread.start()
+    end = time.monotonic() + 60
+    while len(seen) < total and time.monotonic() < end:
+        for answer in store.batch_answers("B", after):
+            seen.append(answer.number)
+            after = answer.order
+    for thread in threads:
+        thread.join()
+    assert Counter(finished) == {f"j{k}": 1 for k in range(total)}
+    assert sorted(seen) == list(range(total)), "a reader missed an answer, or had one twice"
