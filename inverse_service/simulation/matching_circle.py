@@ -114,23 +114,24 @@ def _cost(points: Array, centre: Array) -> float:
 def circle_drift(points: Array) -> CircleDrift | None:
     """Matching circles of the first and the last revolution of a path, (m, 2); None where there is no circle.
 
-    A revolution ends where the direction of the chords has turned by 2 pi.
+    A revolution has as many points as steps fit into it, the chords turning by less than 2 pi: no direction counts
+    twice. The first point is given and not computed: the first revolution starts after it.
     """
     points = np.asarray(points, dtype=float)
     if len(points) < 3 or not np.isfinite(points).all():
         return None
-    turning = turned(points)
+    turning = np.abs(turned(points))
+    back = np.abs(turned(points[::-1]))
+    revolutions = float(turning[-1]) / (2 * np.pi)
     whole = 2 * np.pi * (1 - 1e-9)
-    reached = np.nonzero(np.abs(turning) >= whole)[0]
-    if not len(reached):
+    counts = [int((np.maximum.accumulate(angles) < whole).sum()) - 1 for angles in (turning, back)]
+    if max(counts) + 2 >= len(points) or min(counts) < 3:
         circle = least_squares_circle(points)
-        return None if circle is None else CircleDrift(circle, circle, float(np.abs(turning[-1])) / (2 * np.pi))
-    back = np.nonzero(np.abs(turning - turning[-1]) >= whole)[0]
-    start = int(back[-1]) if len(back) else 0
-    first, last = least_squares_circle(points[: reached[0] + 1]), least_squares_circle(points[start:])
+        return None if circle is None else CircleDrift(circle, circle, revolutions)
+    first, last = least_squares_circle(points[1 : 1 + counts[0]]), least_squares_circle(points[-counts[1] :])
     if first is None or last is None:
         return None
-    return CircleDrift(first, last, float(np.abs(turning[-1])) / (2 * np.pi))
+    return CircleDrift(first, last, revolutions)
 
 
 def turned(points: Array) -> Array:
