@@ -113,23 +113,29 @@ class Client:
         self._run(flows.cancel(id_of(job), self._patience))
 
     def batch(
-        self, documents: Iterable[Mapping[str, Any]], *, time_limit: float | None = None
+        self, documents: Iterable[Mapping[str, Any]], kind: str = "solve", *, time_limit: float | None = None
     ) -> Iterator[BatchAnswer]:
         """One answer a document, in the order in which they are done; `id` says to which it belongs."""
-        batch = self.submit_batch(documents, time_limit=time_limit)
+        batch = self.submit_batch(documents, kind, time_limit=time_limit)
         return self.batch_results(batch)
 
-    def submit_batch(self, documents: Iterable[Mapping[str, Any]], *, time_limit: float | None = None) -> Batch:
+    def submit_batch(
+        self, documents: Iterable[Mapping[str, Any]], kind: str = "solve", *, time_limit: float | None = None
+    ) -> Batch:
         """The stored batch of documents, at once."""
-        return self._run(flows.send_batch(flows.encoded_lines(documents), time_limit, self._patience))
+        return self._run(flows.send_batch(flows.encoded_lines(documents), kind, time_limit, self._patience))
 
     def batch_status(self, batch: Batch | str) -> Batch:
         """The batch as it is now: its counts by status."""
-        return self._run(flows.look_at_batch(batch if isinstance(batch, str) else batch.id, self._patience))
+        return self._run(flows.look_at_batch(id_of(batch), self._patience))
 
     def batch_results(self, batch: Batch) -> Iterator[BatchAnswer]:
         """The answers of a batch, those done first and the others as they come."""
         return self._items(BatchResults(batch.id, batch.total))
+
+    def cancel_batch(self, batch: Batch | str) -> Batch:
+        """Have what is open in a batch, and in no other one, stopped; the batch as it is then."""
+        return self._run(flows.cancel_batch(id_of(batch), self._patience))
 
     def parse(self, document: Any) -> dict[str, Any]:
         """What the service understands of a document."""

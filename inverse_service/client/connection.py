@@ -7,7 +7,7 @@ from typing import Any, Final, TypedDict
 
 import httpx
 
-from api_schemas.job import Job
+from api_schemas.job import Batch, Job
 from api_schemas.problem import CheckAnswer
 from api_schemas.result import ResultDocument
 from inverse_service import __version__
@@ -61,9 +61,9 @@ def refusal(status: int, body: bytes, headers: Mapping[str, str]) -> Exception:
     return Busy(ServiceBusy(status, problem), headers) if status in BUSY else RequestRefused(status, problem)
 
 
-def id_of(job: Job | str) -> str:
-    """The id of a job that is given as itself or by its id."""
-    return job if isinstance(job, str) else job.id
+def id_of(what: Job | Batch | str) -> str:
+    """The id of a job or batch that is given as itself or by its id."""
+    return what if isinstance(what, str) else what.id
 
 
 def solved(result: Result) -> ResultDocument:

@@ -46,13 +46,13 @@ class UnexpectedAnswer(ClientError):
     code = "unexpected-answer"
 
 
-class JobFailed(ClientError):
-    """The job ended without a result; `problem` says why."""
+class JobFailed(RequestRefused):
+    """The job ended without a result: its document was refused, or the program failed on it."""
 
     code = "job-failed"
 
-    def __init__(self, job_id: str, problem: ProblemDocument | None) -> None:
-        super().__init__(f"Job {job_id} failed: {_sentence(problem) if problem else 'no reason was given.'}", problem)
+    def __init__(self, job_id: str, problem: ProblemDocument) -> None:
+        super().__init__(problem.status, problem)
         self.job_id = job_id
 
 

@@ -10,10 +10,11 @@ from urllib.parse import quote, urlencode
 
 from api_schemas.job import FINAL, Batch, Job, JobList
 from inverse_service.client.calls import NDJSON, Answer, Call, Flow, Pause, exchange, pauses, retry_after
-from inverse_service.client.failures import JobDismissed, JobFailed, RequestRefused, WaitedTooLong
-from inverse_service.client.reading import Result, problem_of, read, read_value, result_of, unexpected
+from inverse_service.client.failures import ClientError, JobDismissed, JobFailed, RequestRefused, WaitedTooLong
+from inverse_service.client.reading import Result, problem_from, problem_of, read, read_value, result_of, unexpected
 
 LONGEST_WAIT = 20.0
+DISMISSED = 410
 FIRST_LOOK, LONGEST_LOOK = 0.05, 1.0
 JSON = {"Content-Type": "application/json"}
 KINDS = {"solve": "/v1/solve", "check": "/v1/check", "simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
@@ -23,10 +24,18 @@ def accepted(call: Call, patience: float) -> Flow[Answer]:
     """The answer of a call that succeeded; raises RequestRefused with the problem document otherwise."""
     answer = yield from exchange(call, patience)
     if answer.status >= 400:
-        raise RequestRefused(answer.status, problem_of(answer.status, answer.body))
+        raise refusal_of(answer)
     if answer.status >= 300 and answer.status != 304:
         raise unexpected(f"points elsewhere (status {answer.status})")
     return answer
+
+
+def refusal_of(answer: Answer) -> ClientError:
+    """The error of an answer that is one: of the request, or of the job that it asked for."""
+    problem, job_id = problem_of(answer.status, answer.body), id_in_location(answer)
+    if job_id and answer.status == DISMISSED:
+        return JobDismissed(job_id)
+    return JobFailed(job_id, problem) if job_id else RequestRefused(answer.status, problem)
 
 
 def submit(document: Any, kind: str, time_limit: float | None, fresh: bool, patience: float) -> Flow[Job]:
@@ -66,7 +75,7 @@ def wait(job_id: str, timeout: float | None, patience: float) -> Flow[Result]:
 def outcome(job: Job) -> Result:
     """The result of a job that is final, or the error it ended with."""
     if job.status == "failed":
-        raise JobFailed(job.id, job.problem)
+        raise JobFailed(job.id, job.problem or problem_from({}))
     if job.status == "dismissed":
         raise JobDismissed(job.id)
     return result_of(job.result)
@@ -90,10 +99,16 @@ def cancel(job_id: str, patience: float) -> Flow[None]:
     yield from accepted(Call("DELETE", job_path(job_id)), patience)
 
 
-def send_batch(lines: bytes, time_limit: float | None, patience: float) -> Flow[Batch]:
+def send_batch(lines: bytes, kind: str, time_limit: float | None, patience: float) -> Flow[Batch]:
     """The stored batch of NDJSON lines."""
-    path = "/v1/batches" + query_of(time_limit)
+    path = "/v1/batches" + query_of(time_limit, kind=kind)
     answer = yield from accepted(Call("POST", path, lines, {"Content-Type": NDJSON}), patience)
+    return read(Batch, answer.body)
+
+
+def cancel_batch(batch_id: str, patience: float) -> Flow[Batch]:
+    """Have what is open in a batch, and in no other one, stopped."""
+    answer = yield from accepted(Call("DELETE", batch_path(batch_id)), patience)
     return read(Batch, answer.body)
 
 
@@ -125,12 +140,17 @@ def question(document: Any, kind: str, prefer: str, time_limit: float | None, fr
 
 def job_of(answer: Answer, kind: str) -> Job:
     """The job that an answer is about: a 202 has its address; a 200 is the result of a finished one."""
-    job_id = answer.headers.get("location", "").partition("?")[0].rstrip("/").rpartition("/")[2]
+    job_id = id_in_location(answer)
     if answer.status == 200:
         return Job(id=job_id, kind=kind, status="successful", result=read_value(answer.body))
     if not job_id:
         raise unexpected("has no address of a job")
     return Job(id=job_id, kind=kind, status="accepted")
+
+
+def id_in_location(answer: Answer) -> str:
+    """The id at the end of the address that an answer names; empty where it names none."""
+    return answer.headers.get("location", "").partition("?")[0].rstrip("/").rpartition("/")[2]
 
 
 def encoded(document: Any) -> bytes:
@@ -160,6 +180,7 @@ def catalogue_path(name: str | None) -> str:
     return "/v1/catalogue" if name is None else f"/v1/catalogue/{quote(name, safe='')}"
 
 
-def query_of(time_limit: float | None) -> str:
-    """`?time_limit=S`, or nothing."""
-    return "" if time_limit is None else f"?time_limit={time_limit:g}"
+def query_of(time_limit: float | None, **more: str) -> str:
+    """`?time_limit=S&...`, or nothing."""
+    fields = more if time_limit is None else {"time_limit": f"{time_limit:g}", **more}
+    return f"?{urlencode(fields)}" if fields else ""
