@@ -44,7 +44,8 @@ async def call(
         content = json.dumps(document, default=str).encode()
     if content is not None:
         sent.setdefault("Content-Type", "application/json")
-    transport = httpx.ASGITransport(app=request.app, raise_app_exceptions=False)
-    async with httpx.AsyncClient(transport=transport, base_url=ORIGIN, timeout=None) as client:
-        found = await client.request(method, path, content=content, headers=sent)
+    client = (request.client.host, request.client.port) if request.client else ("", 0)
+    transport = httpx.ASGITransport(app=request.app, raise_app_exceptions=False, client=client)
+    async with httpx.AsyncClient(transport=transport, base_url=ORIGIN, timeout=None) as http:
+        found = await http.request(method, path, content=content, headers=sent)
     return Answer(found.status_code, found.headers, found.content)

@@ -206,7 +206,7 @@ def _is_function(item: str) -> bool:
 
 
 _FENCE = re.compile(r"<mo>[()]</mo>")
-_TALL = re.compile(r"<(?:mfrac|msqrt|mtable|msup>(?!<m[ino]>[^<]*</m[ino]>))")
+_TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 
 
 def low_fences(mathml: str) -> str:

@@ -6,8 +6,10 @@ from functools import lru_cache
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 from starlette.responses import HTMLResponse
 
+from inverse_service.service.kinds import KINDS
 from inverse_service.web.pages.assets import address
 
 NAVIGATION = (
@@ -35,10 +37,25 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.globals |= {"address": address, "navigation": NAVIGATION}
+    shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
+    found.globals |= {"address": address, "navigation": shown}
+    found.filters["code_marks"] = code_marks
     found.filters["capitalized"] = lambda text: text[:1].upper() + text[1:]
     found.filters["progress_text"] = progress_text
     return found
+
+
+def code_marks(text: str) -> Markup:
+    """Prose with `words` between grave accents set as code."""
+    parts = [
+        Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(text.split("`"))
+    ]
+    return Markup("").join(parts)
+
+
+def can_simulate() -> bool:
+    """Whether this installation runs scenes."""
+    return "simulate" in KINDS and KINDS["simulate"].is_there
 
 
 def progress_text(progress: Any) -> str:

@@ -12,9 +12,9 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from inverse_service.web.pages import answers, exports, typesetting
+from inverse_service.web.pages import answers, cases, exports, typesetting
 from inverse_service.web.pages.calls import Answer, call
-from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.rendering import can_simulate, page
 
 router = APIRouter()
 IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
@@ -99,6 +99,7 @@ def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | 
     address = str(request.base_url).rstrip("/")
     system = found["system"]
     with_time = found["with_time"]
+    main = answers.answer_of(found, found["question"], found)
     return page(
         "result.html",
         active="",
@@ -106,13 +107,14 @@ def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | 
         result=found,
         check=check,
         equations=[] if system is None else [typesetting.latex(line) for line in system["latex"].values()],
-        main=answers.answer_of(found, found["question"], found),
+        main=main,
         other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
+        cases=cases.cases_of(found),
         also=answers.other_question(found),
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
         exports=exports.exports(found, address),
         timing=answers.timing(found["provenance"]),
-        can_simulate=False,
+        can_simulate=can_simulate() and main.lagrangian is not None,
     )
 
 

@@ -6,7 +6,7 @@ root.classList.add("script");
 const ECHO_PAUSE = 60; // ms after the last key
 
 function echo(form) {
-  const target = document.getElementById("understood");
+  const target = document.getElementById(form.dataset.understood ?? "understood");
   let timer = 0;
   let asked = null;
   const ask = async () => {
@@ -125,10 +125,10 @@ function batchProgress(place) {
   if (place.querySelector("[data-open]")) setTimeout(look, 400);
 }
 
-const form = document.querySelector("form[data-echo]");
-if (form) {
+for (const form of document.querySelectorAll("form[data-echo]")) {
   const ask = echo(form);
-  examples(form, ask);
+  if (form.dataset.understood) form.addEventListener("focusin", ask, { once: true });
+  else examples(form, ask);
   submitKey(form);
   form.querySelector("input[type=file]")?.addEventListener("change", ask);
 }

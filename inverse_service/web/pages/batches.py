@@ -1,0 +1,128 @@
+"""Many systems at once: upload, progress, and the answers as a table."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from inverse_service.service.jobs.line_answers import answer_line
+from inverse_service.service.jobs.model import BatchAnswer
+from inverse_service.web.engine import Engine
+from inverse_service.web.pages.calls import call
+from inverse_service.web.pages.forms import read_form
+from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.results import IDENTIFIER, missing
+from inverse_service.web.pages.solve import result_address
+
+router = APIRouter()
+BODY_FACTOR = 64
+SHOWN_LINES = 300
+EXAMPLE = """{"id": "oscillator", "equations": "x'' = -x"}
+{"id": "damped", "equations": "x'' = -x - k*x'", "parameters": ["k"]}
+{"id": "disk", "coordinates": ["phi", "theta", "x", "y"], "equations": {"phi": "0", "theta": "0", \
+"x": "-sin(phi)*phi'*theta'", "y": "cos(phi)*phi'*theta'"}}
+{"id": "a mistake", "equations": "x'' = omega x"}
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table; `verdict` is that of the result, or "failed"."""
+
+    number: int
+    name: str
+    verdict: str
+    text: str
+    checked: str
+
+
+@router.get("/batch")
+async def form() -> HTMLResponse:
+    """The form with four lines in it."""
+    return page("batch.html", active="/batch", typed=EXAMPLE, problem=None)
+
+
+@router.post("/batch")
+async def submit(request: Request) -> Response:
+    """Store the batch; on to its page."""
+    sent = await read_form(request, BODY_FACTOR * request.app.state.engine.settings.max_body)
+    upload = sent.files.get("file")
+    body = upload.data if upload is not None else sent.text("lines").encode()
+    is_array = body.lstrip()[:1] == b"["
+    kind = "application/json" if is_array else "application/x-ndjson"
+    answer = await call(request, "POST", "/v1/batches", body, {"Content-Type": kind})
+    if answer.is_problem:
+        typed = sent.text("lines") or EXAMPLE
+        return page("batch.html", answer.status, active="/batch", typed=typed, problem=answer.value["detail"])
+    return RedirectResponse(f"/batch/{answer.value['id']}", 303)
+
+
+@router.get("/batch/{identifier}")
+async def batch(request: Request, identifier: str) -> HTMLResponse:
+    """The batch, as far as it is."""
+    values = await _values(request, identifier)
+    return missing() if values is None else page("batch_result.html", active="/batch", **values)
+
+
+@router.get("/batch/{identifier}/table")
+async def table(request: Request, identifier: str) -> HTMLResponse:
+    """Progress and table alone, for the script."""
+    values = await _values(request, identifier)
+    return missing() if values is None else page("batch_table.html", **values)
+
+
+@router.post("/batch/{identifier}/cancel")
+async def cancel(request: Request, identifier: str) -> Response:
+    """Stop what is still open."""
+    if IDENTIFIER.fullmatch(identifier):
+        await call(request, "DELETE", f"/v1/batches/{identifier}")
+    return RedirectResponse(f"/batch/{identifier}", 303)
+
+
+@router.get("/batch/{identifier}/lines/{number}")
+async def line(request: Request, identifier: str, number: int) -> Response:
+    """The page of one line's result: its question asked again, which the store answers."""
+    for answer in await _answers(request, identifier):
+        if answer.number == number and answer.status == "successful" and answer.body is not None:
+            given = (json.loads(answer.body).get("system") or {}).get("given")
+            found = await call(request, "POST", "/v1/solve", given, {"Prefer": "respond-async"})
+            if not found.is_problem:
+                return RedirectResponse(result_address(found), 303)
+    return missing()
+
+
+async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
+    if not IDENTIFIER.fullmatch(identifier):
+        return None
+    found = await call(request, "GET", f"/v1/batches/{identifier}")
+    if found.is_problem:
+        return None
+    counts = found.value["counts"]
+    rows = sorted((row_of(answer) for answer in await _answers(request, identifier)), key=lambda row: row.number)
+    is_open = bool(counts.get("accepted", 0) + counts.get("running", 0))
+    done = found.value["total"] - counts.get("accepted", 0) - counts.get("running", 0)
+    return {"batch": found.value, "rows": rows[:SHOWN_LINES], "is_open": is_open, "done": done, "all_rows": len(rows)}
+
+
+async def _answers(request: Request, identifier: str) -> list[BatchAnswer]:
+    """The answers that are there now; the call under /v1 would wait for all of them."""
+    engine: Engine = request.app.state.engine
+    if not IDENTIFIER.fullmatch(identifier):
+        return []
+    return await engine.in_thread(engine.store.batch_answers, identifier, 0, SHOWN_LINES + 1)
+
+
+def row_of(answer: BatchAnswer) -> Row:
+    """An answer as a line of the table."""
+    found = json.loads(answer_line(answer))
+    name = str(found["id"])
+    if "error" in found:
+        return Row(answer.number, name, "failed", found["detail"], "")
+    lagrangian = found.get("lagrangian")
+    text = f"L = {lagrangian['text']}" if lagrangian else found.get("reason", "")
+    return Row(answer.number, name, found["verdict"], text, found.get("checked") or "")
