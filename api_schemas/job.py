@@ -17,7 +17,7 @@ class Job(Document):
     """One piece of work. `id` is a hash of engine version, canonical document and options.
 
     `progress` holds what is known while the job runs (stage, order, family, counts); `result` is
-    there when it is successful, `problem` when it failed.
+    there when it is successful, `problem` when it failed. Times are seconds since 1970.
     """
 
     id: str
@@ -26,6 +26,10 @@ class Job(Document):
     progress: dict[str, Any] | None = None
     result: Any = None
     problem: ProblemDocument | None = None
+    created: float | None = None
+    started: float | None = None
+    finished: float | None = None
+    links: dict[str, str] = Field(default_factory=dict)
 
     @property
     def is_final(self) -> bool:
@@ -47,6 +51,9 @@ class Batch(Document):
     status: JobStatus
     total: int = Field(ge=0)
     counts: dict[JobStatus, int]
+    kind: str = "solve"
+    created: float | None = None
+    links: dict[str, str] = Field(default_factory=dict)
 
     @property
     def is_final(self) -> bool:

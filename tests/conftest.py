@@ -137,10 +137,16 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture(scope="session")
-def service() -> Iterator[str]:
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The address of a real service in a process of its own."""
     command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
-    environment = {**os.environ, "INVERSE_SERVICE_TIME_LIMIT": "10", "INVERSE_SERVICE_WORKERS": "2"}
+    environment = {
+        **os.environ,
+        "INVERSE_SERVICE_TIME_LIMIT": "10",
+        "INVERSE_SERVICE_WORKERS": "2",
+        "INVERSE_SERVICE_DATABASE": str(tmp_path_factory.mktemp("service") / "jobs.sqlite"),
+        "INVERSE_SERVICE_LOG_LEVEL": "warning",
+    }
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         yield process.stdout.readline().strip()

@@ -35,10 +35,13 @@ class Running:
     call: Call
     report: Report | None = None
     outcome: Future[Outcome] = field(default_factory=Future)
-    on_start: Callable[[], None] | None = None
     _worker: WorkerProcess | None = None
     _cancelled: bool = False
     _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __post_init__(self) -> None:
+        # From here on nobody can cancel the future itself (asyncio does when a wait runs out).
+        self.outcome.set_running_or_notify_cancel()
 
     def cancel(self) -> None:
         """Stop the work: a task that waits is dropped, the process of one that runs is killed."""

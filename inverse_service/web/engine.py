@@ -19,6 +19,7 @@ from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.outcome import Call, Outcome
+from inverse_service.service.refusals import DocumentRefused
 from inverse_service.service.workers import Executor, Workers
 from inverse_service.settings import Settings
 from inverse_service.web.hub import Hub, until_set
@@ -26,6 +27,7 @@ from inverse_service.web.problems import Refusal
 
 QUICK_DEADLINE = 10.0
 PING_DEADLINE = 5.0
+LOOK_AHEAD = 1.5
 # Another front end over the same store tells this one nothing: look again.
 LOOK_AGAIN = 0.5
 STORE_THREADS = 32
@@ -166,6 +168,16 @@ class Engine:
             raise Refusal(422, "limit", f"Reading this document ran into the {outcome.status} limit; make it smaller.")
         found: dict[str, Any] = value_of(outcome)
         return found
+
+    async def look_ahead(self, document: Any) -> None:
+        """Raise DocumentRefused where a document cannot be read, so that nobody has to wait for that answer."""
+        running = self._quick.submit(Call(tasks.parse_task, (document,), LOOK_AHEAD))
+        try:
+            outcome = await asyncio.wait_for(asyncio.wrap_future(running.outcome), LOOK_AHEAD)
+        except TimeoutError:
+            return
+        if outcome.status == "refused":
+            raise DocumentRefused(outcome.places)
 
     async def faults(self) -> list[str]:
         """Why the service is not ready; empty where it is."""

@@ -16,6 +16,7 @@ from inverse_service.service.jobs.model import TooManyJobs
 from inverse_service.service.outcome import Place
 from inverse_service.service.problem_documents import as_bytes, problem_document
 from inverse_service.service.refusals import DocumentRefused
+from inverse_service.web.headers import HEADERS
 
 log = logging.getLogger(__name__)
 MEDIA_TYPE = "application/problem+json"
@@ -90,4 +91,6 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
 
 async def _on_fault(request: Request, error: Exception) -> Response:
     log.error("fault at %s", request.url.path, exc_info=error)
-    return problem(Refusal(500, "fault", "The service failed on this request; that is a fault of the service."))
+    # This answer is made outside of the middleware that adds them.
+    detail = "The service failed on this request; that is a fault of the service."
+    return problem(Refusal(500, "fault", detail, headers=HEADERS))

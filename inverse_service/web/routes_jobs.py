@@ -58,6 +58,8 @@ async def ask(request: Request, kind: str) -> Response:
     job = await engine.submit(question)
     if job.is_open and preference.wait > 0:
         job = await engine.wait(job, preference.wait)
+    elif job.is_open and kind == "solve":
+        await engine.look_ahead(document)
     return result_response(job, engine, preference.applied)
 
 

@@ -21,11 +21,13 @@ DOCUMENT = {"coordinates": ["x"], "equations": {"x": "0"}}
 def answer_of(monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Settings | None = None) -> httpx.Response:
     """What a client gets where solving raises the error."""
 
-    async def fail(self: Engine, document: Any, time_limit: float) -> dict[str, Any]:
+    async def fail(self: Engine, request: Any) -> Any:
         raise error
 
-    monkeypatch.setattr(Engine, "solve", fail)
-    transport = httpx.ASGITransport(create_application(settings or Settings()), raise_app_exceptions=False)
+    monkeypatch.setattr(Engine, "submit", fail)
+    application = create_application(settings or Settings())
+    application.state.engine.is_open = True
+    transport = httpx.ASGITransport(application, raise_app_exceptions=False)
 
     async def call() -> httpx.Response:
         async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
@@ -54,12 +56,12 @@ def test_a_failed_task_is_a_problem_and_its_details_go_to_the_log(
 
 
 def test_one_request_too_many_is_told_to_come_back() -> None:
-    engine = Engine(Settings(workers=1, queue=1))
+    engine = Engine(Settings(waiting=2))
     with engine._place_in_queue(), engine._place_in_queue():
         with pytest.raises(Refusal) as refused, engine._place_in_queue():
             pass
-        assert refused.value.status == 503
-        assert refused.value.headers == {"Retry-After": "5"}
+        assert refused.value.status == 429
+        assert refused.value.headers == {"Retry-After": "2"}
     with engine._place_in_queue():
         pass
 

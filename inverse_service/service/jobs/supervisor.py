@@ -57,7 +57,7 @@ class Supervisor:
         self._store, self._executor, self._quick = store, executor, quick
         self._client_running = client_running
         self._owner = uuid.uuid4().hex
-        self._running: dict[str, tuple[Job, Running]] = {}
+        self._running: dict[tuple[str, int], tuple[Job, Running]] = {}
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._stopping = threading.Event()
@@ -78,9 +78,9 @@ class Supervisor:
     def cancel(self, id: str) -> None:
         """Stop the work on a job at once, if it runs here; the store is told by the caller."""
         with self._lock:
-            found = self._running.get(id)
-        if found is not None:
-            found[1].cancel()
+            found = [task for (job, _), (_, task) in self._running.items() if job == id]
+        for task in found:
+            task.cancel()
 
     @property
     def running(self) -> int:
@@ -151,7 +151,7 @@ class Supervisor:
         began = time.monotonic()
         with self._lock:
             task = self._executor.submit(call, lambda value: self.events.report(job, began, value))
-            self._running[job.id] = (job, task)
+            self._running[job.id, job.attempt] = (job, task)
         task.outcome.add_done_callback(lambda done: self._ended.put(_Ended(job, done.result())))
 
     def _finish_loop(self) -> None:
@@ -162,7 +162,7 @@ class Supervisor:
                 log.exception("an answer could not be stored", extra={"job": ended.job.id})
             finally:
                 with self._lock:
-                    self._running.pop(ended.job.id, None)
+                    self._running.pop((ended.job.id, ended.job.attempt), None)
                 self._wake.set()
 
     def _finish(self, job: Job, outcome: Outcome) -> None:

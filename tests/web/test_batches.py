@@ -1,0 +1,101 @@
+"""Batches over HTTP: every line is answered once, equal ones are computed once, bad ones are problems."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+NDJSON = {"Content-Type": "application/x-ndjson"}
+
+
+@pytest.fixture(scope="module")
+def client(service: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=service, timeout=60) as client:
+        yield client
+
+
+def system(k: object, **more: Any) -> dict[str, Any]:
+    return {"coordinates": ["x"], "equations": {"x": f"-{k}*x"}, **more}
+
+
+def results(client: httpx.Client, response: httpx.Response) -> list[dict[str, Any]]:
+    assert response.status_code == 202, response.text
+    stream = client.get(response.headers["location"] + "/results")
+    assert stream.headers["content-type"].startswith("application/x-ndjson")
+    return [json.loads(line) for line in stream.text.splitlines()]
+
+
+def test_each_line_is_answered_once_with_its_id(client: httpx.Client) -> None:
+    body = "\n".join(json.dumps(system(k, id=f"line {k}")) for k in range(1, 31))
+    response = client.post("/v1/batches", content=body, headers=NDJSON)
+    found = results(client, response)
+    assert sorted(line["id"] for line in found) == sorted(f"line {k}" for k in range(1, 31))
+    assert {line["verdict"] for line in found} == {"variational"}
+    assert all(line["format"] == "inverse-service/result/1" for line in found)
+    batch = client.get(response.headers["location"]).json()
+    assert (batch["status"], batch["total"], batch["counts"]) == ("successful", 30, {"successful": 30})
+
+
+def test_bad_lines_are_problem_objects_and_the_rest_goes_on(client: httpx.Client) -> None:
+    lines = ['{"id": 7, "coordinates"', "[]", json.dumps({"id": "q", **system("q")}), "", json.dumps(system(2, id="ok")),
+             json.dumps(system(3, id="ok")), json.dumps({"id": "k", "colour": 1}), '{"id": "n", "equations": NaN}']  # fmt: skip
+    found = {line["line"]: line for line in results(client, client.post("/v1/batches", content="\n".join(lines), headers=NDJSON))}
+    assert sorted(found) == [1, 2, 3, 5, 6, 7, 8]
+    assert found[5]["verdict"] == "variational"
+    for number in (1, 2, 3, 6, 7, 8):
+        assert found[number]["type"].startswith("urn:inverse-service:problem:")
+        assert (found[number]["status"], found[number]["detail"][:8]) == (422, f"Line {number}: ")
+    assert [found[k]["id"] for k in (1, 2, 3, 6, 7, 8)] == [None, None, "q", "ok", "k", None]
+    assert (found[3]["errors"][0]["pointer"], found[3]["errors"][0]["column"]) == ("/equations/x", 2)
+
+
+def test_equal_documents_are_computed_once(client: httpx.Client) -> None:
+    def computed() -> float:
+        text = client.get("/metrics").text
+        return sum(float(line.rsplit(" ", 1)[1]) for line in text.splitlines() if line.startswith("inverse_service_jobs_total"))
+
+    before = computed()
+    documents = [system(99, name="the same", id=k) for k in range(20)]
+    found = results(client, client.post("/v1/batches", json=documents))
+    assert sorted(line["id"] for line in found) == list(range(20))
+    assert computed() - before == 1
+    assert len({json.dumps({k: v for k, v in line.items() if k not in ("id", "line")}) for line in found}) == 1
+
+
+def test_a_json_array_is_a_batch_and_its_places_are_ids(client: httpx.Client) -> None:
+    found = results(client, client.post("/v1/batches", json=[system(4), 3, system(5)]))
+    assert sorted((line["line"], line["id"]) for line in found if "verdict" in line) == [(1, 1), (3, 3)]
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "status"),
+    [
+        (b"", "application/x-ndjson", 422), (b"\n\n", "application/x-ndjson", 422), (b"[]", "application/json", 422),
+        (b"{}", "application/json", 422), (b"[", "application/json", 422), (b"{}", "text/plain", 415),
+        (b"{}\n" * 10_001, "application/x-ndjson", 413),
+    ],
+)  # fmt: skip
+def test_what_is_no_batch_is_refused(client: httpx.Client, content: bytes, kind: str, status: int) -> None:
+    response = client.post("/v1/batches", content=content, headers={"Content-Type": kind})
+    assert (response.status_code, response.headers["content-type"]) == (status, "application/problem+json")
+
+
+def test_an_unknown_kind_is_refused(client: httpx.Client) -> None:
+    assert client.post("/v1/batches?kind=cook", json=[system(1)]).status_code == 422
+
+
+def test_results_come_before_the_last_one_is_there_and_the_rest_can_be_cancelled(client: httpx.Client) -> None:
+    names = [f"x{k}" for k in range(8)]
+    terms = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in names for b in names)
+    slow = [{"coordinates": names, "equations": dict.fromkeys(names, terms), "name": f"slow {k}"} for k in range(4)]
+    place = client.post("/v1/batches", json=[system(6, name="quick"), *slow]).headers["location"]
+    with client.stream("GET", place + "/results") as stream:
+        lines = stream.iter_lines()
+        assert json.loads(next(lines))["line"] == 1
+        counts = client.delete(place).json()["counts"]
+        assert counts == {"successful": 1, "dismissed": 4}
+        assert [json.loads(line)["status"] for line in lines] == [410] * 4

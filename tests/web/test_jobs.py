@@ -1,0 +1,216 @@
+"""Jobs over HTTP: stored before any answer, answered once, watched, cancelled."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+NAMES = [f"x{k}" for k in range(8)]
+TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
+HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
+ASYNC = {"Prefer": "respond-async"}
+_numbers = itertools.count()
+
+
+def easy() -> dict[str, Any]:
+    """A system that nobody has asked for yet."""
+    return {"name": f"easy {next(_numbers)}", "coordinates": ["x"], "equations": {"x": "-x"}}
+
+
+def hard() -> dict[str, Any]:
+    """One that takes longer than the time limit, and that nobody has asked for yet."""
+    return HARD | {"name": f"hard {next(_numbers)}"}
+
+
+@pytest.fixture(scope="module")
+def client(service: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=service, timeout=30) as client:
+        yield client
+
+
+def finished(client: httpx.Client, place: str) -> httpx.Response:
+    end = time.monotonic() + 30
+    while (response := client.get(place)).status_code == 202 and time.monotonic() < end:
+        time.sleep(0.02)
+    return response
+
+
+def events(client: httpx.Client, place: str, headers: dict[str, str] | None = None) -> list[dict[str, Any]]:
+    text = client.get(place + "/events", headers=headers).text
+    parts = [part.split("\n") for part in text.split("\n\n") if "data: " in part]
+    fields = [dict(line.split(": ", 1) for line in part) for part in parts]
+    return [{**part, "data": json.loads(part["data"])} for part in fields]
+
+
+def test_a_call_that_does_not_wait_gets_the_address_of_its_job(client: httpx.Client) -> None:
+    document = easy()
+    response = client.post("/v1/solve", json=document, headers=ASYNC)
+    assert response.status_code == 202
+    assert int(response.headers["retry-after"]) > 0
+    place = response.headers["location"]
+    assert place == f"/v1/jobs/{response.json()['id']}"
+    job = finished(client, place)
+    assert job.status_code == 200
+    assert {"id", "kind", "status", "progress", "result"} <= set(job.json())
+    assert (job.json()["kind"], job.json()["status"]) == ("solve", "successful")
+    assert job.json()["result"] == client.post("/v1/solve", json=document).json()
+
+
+def test_past_the_wait_a_call_gets_202_and_before_it_its_result(client: httpx.Client) -> None:
+    begin = time.monotonic()
+    response = client.post("/v1/solve?time_limit=8", json=hard(), headers={"Prefer": "wait=1"})
+    assert response.status_code == 202
+    assert 0.9 < time.monotonic() - begin < 4
+    assert response.headers["preference-applied"] == "wait=1"
+    client.delete(response.headers["location"])
+    assert client.post("/v1/solve", json=easy(), headers={"Prefer": "wait=20"}).status_code == 200
+
+
+def test_the_same_question_is_answered_from_the_store_and_no_cache_asks_anew(client: httpx.Client) -> None:
+    document = easy()
+    first, second = client.post("/v1/solve", json=document), client.post("/v1/solve", json=document)
+    assert first.content == second.content
+    assert first.headers["etag"] == second.headers["etag"]
+    shuffled = dict(reversed(document.items()))
+    assert client.post("/v1/solve", json=shuffled).headers["location"] == first.headers["location"]
+    anew = client.post("/v1/solve", json=document, headers={"Cache-Control": "no-cache", "Prefer": "wait=20"})
+    assert anew.headers["location"] == first.headers["location"]
+    assert anew.headers["etag"] != first.headers["etag"]
+
+
+def test_another_limit_is_another_question(client: httpx.Client) -> None:
+    document = easy()
+    places = [
+        client.post("/v1/solve", json=document).headers["location"],
+        client.post("/v1/solve?time_limit=5", json=document).headers["location"],
+        client.post("/v1/solve", json=document | {"options": {"time_limit": 5}}).headers["location"],
+        client.post("/v1/solve", json=document | {"options": {"seed": 7}}).headers["location"],
+    ]
+    assert places[1] == places[2]
+    assert len(set(places)) == 3
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"time_limit": 11}, {"time_limit": 0}, {"time_limit": True}, {"time_limit": "5"}, {"memory_limit": 10**6},
+     {"memory_limit": 1}, {"seed": -1}, {"seed": 1.5}, {"colour": 1}, [], "fast", 3],
+)  # fmt: skip
+def test_options_beyond_the_server_or_unknown_are_refused(client: httpx.Client, options: Any) -> None:
+    response = client.post("/v1/solve", json=easy() | {"options": options})
+    assert response.status_code == 422
+    assert response.json()["errors"][0]["pointer"].startswith("/options")
+
+
+def test_the_order_of_equations_counts_where_it_names_the_coordinates(client: httpx.Client) -> None:
+    places = [
+        client.post("/v1/solve", json={"equations": equations}, headers=ASYNC).headers["location"]
+        for equations in ({"x": "0", "y": "0"}, {"y": "0", "x": "0"})
+    ]
+    assert places[0] != places[1]
+
+
+def test_a_refused_document_is_refused_again_from_the_store(client: httpx.Client) -> None:
+    document = easy() | {"equations": {"x": "-x + omega"}}
+    first, second = (client.post("/v1/solve", json=document) for _ in range(2))
+    assert (first.status_code, first.content) == (422, second.content)
+    assert first.headers["content-type"] == "application/problem+json"
+    job = client.get(first.headers["location"]).json()
+    assert (job["status"], job["result"]) == ("failed", None)
+    assert job["problem"] == first.json()
+    assert client.post("/v1/solve", json=document, headers=ASYNC).status_code == 422
+
+
+def test_a_formula_that_cannot_be_read_is_told_at_once_also_without_waiting(client: httpx.Client) -> None:
+    document = easy() | {"equations": {"x": "sin("}}
+    assert client.post("/v1/solve", json=document, headers=ASYNC).status_code == 422
+
+
+def test_a_job_has_an_etag_and_is_not_sent_twice(client: httpx.Client) -> None:
+    place = client.post("/v1/solve", json=easy(), headers={"Prefer": "wait=20"}).headers["location"]
+    tag = client.get(place).headers["etag"]
+    again = client.get(place, headers={"If-None-Match": f'"other", {tag}'})
+    assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", tag)
+    assert client.get(place, headers={"If-None-Match": '"other"'}).status_code == 200
+
+
+@pytest.mark.parametrize("method", ["GET", "DELETE"])
+@pytest.mark.parametrize("place", ["/v1/jobs/0", "/v1/batches/0"])
+def test_an_unknown_job_is_404(client: httpx.Client, method: str, place: str) -> None:
+    response = client.request(method, place)
+    assert (response.status_code, response.json()["type"]) == (404, "urn:inverse-service:problem:not-found")
+
+
+def test_events_tell_the_stages_and_can_be_resumed(client: httpx.Client) -> None:
+    place = client.post("/v1/solve", json=easy(), headers=ASYNC).headers["location"]
+    found = events(client, place)
+    assert found[0]["data"] == {"status": "running"}
+    assert (found[-1]["event"], found[-1]["data"]) == ("status", {"status": "successful"})
+    progress = [event["data"] for event in found if event["event"] == "progress"]
+    assert {part["stage"] for part in progress} >= {"decision", "prolongation", "ansatz", "check"}
+    assert max(part.get("order", 0) for part in progress) >= 1
+    assert progress[-1]["counts"]["families"] >= 1
+    assert any("family" in part for part in progress)
+    numbers = [int(event["id"]) for event in found]
+    assert numbers == sorted(set(numbers))
+    assert events(client, place, {"Last-Event-ID": found[3]["id"]}) == found[4:]
+    assert events(client, place, {"Last-Event-ID": found[-1]["id"]}) == []
+
+
+def test_a_cancelled_job_stops_working(client: httpx.Client) -> None:
+    place = client.post("/v1/solve", json=hard(), headers=ASYNC).headers["location"]
+    end = time.monotonic() + 20
+    while client.get(place).json()["status"] != "running" and time.monotonic() < end:
+        time.sleep(0.02)
+    assert client.get(place).json()["progress"] is not None
+    response = client.delete(place)
+    assert (response.status_code, response.json()["status"]) == (200, "dismissed")
+    assert client.get(place).status_code == 200
+    assert events(client, place)[-1]["data"] == {"status": "dismissed"}
+    # Both workers are free again at once: two quick jobs do not wait for the time limit of the cancelled one.
+    begin = time.monotonic()
+    for document in (easy(), easy()):
+        assert client.post("/v1/solve", json=document, headers={"Prefer": "wait=5"}).status_code == 200
+    assert time.monotonic() - begin < 5
+    assert client.delete(place).json()["status"] == "dismissed"
+
+
+def test_a_dismissed_question_can_be_asked_again(client: httpx.Client) -> None:
+    document = hard()
+    place = client.post("/v1/solve?time_limit=1", json=document, headers=ASYNC).headers["location"]
+    client.delete(place)
+    again = client.post("/v1/solve?time_limit=1", json=document, headers={"Prefer": "wait=20"})
+    assert (again.status_code, again.headers["location"]) == (200, place)
+    assert again.json()["verdict"] == "undetermined"
+
+
+def test_jobs_are_listed_newest_first_in_pages(client: httpx.Client) -> None:
+    places = [client.post("/v1/solve", json=easy()).headers["location"] for _ in range(3)]
+    page = client.get("/v1/jobs?limit=2").json()
+    assert [job["id"] for job in page["jobs"]] == [place.rpartition("/")[2] for place in (places[2], places[1])]
+    following = client.get(f"/v1/jobs?limit=1&cursor={page['next']}").json()
+    assert following["jobs"][0]["id"] == places[0].rpartition("/")[2]
+    assert all(job["status"] == "failed" for job in client.get("/v1/jobs?status=failed").json()["jobs"])
+    for bad in ("cursor=x", "limit=0", "limit=x", "status=sleeping"):
+        assert client.get(f"/v1/jobs?{bad}").status_code == 422
+
+
+def test_metrics_count_jobs_and_requests(client: httpx.Client) -> None:
+    client.post("/v1/solve", json=easy(), headers={"Prefer": "wait=20"})
+    response = client.get("/metrics")
+    assert response.headers["content-type"].startswith("text/plain; version=0.0.4")
+    samples = dict(line.rsplit(" ", 1) for line in response.text.splitlines() if not line.startswith("#"))
+    assert float(samples['inverse_service_jobs_total{kind="solve",outcome="variational"}']) >= 1
+    assert float(samples['inverse_service_jobs{status="successful"}']) >= 1
+    assert float(samples["inverse_service_queue_length"]) >= 0
+    assert float(samples['inverse_service_job_cpu_seconds_total{kind="solve"}']) > 0
+    assert float(samples['inverse_service_job_memory_peak_mebibytes{kind="solve"}']) > 10
+    buckets = [k for k in samples if k.startswith('inverse_service_job_wall_seconds_bucket{kind="solve"')]
+    counts = [float(samples[k]) for k in buckets]
+    assert counts == sorted(counts)
+    assert buckets[-1].endswith('le="+Inf"}')
