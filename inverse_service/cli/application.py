@@ -90,6 +90,21 @@ def batch(
 
 
 @application.command()
+def simulate(
+    scene: Annotated[str, typer.Argument(help="A Scene document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", help="Directory for CSV, NPZ, figures and summary.json.")
+    ] = None,
+    time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 600.")] = None,
+    figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
+) -> None:
+    """Integrate a scene by its methods. Exit 0 unless no method got through (1)."""
+    from inverse_service.cli.simulating import simulate_file
+
+    sys.exit(simulate_file(scene, output, time_limit, figures))
+
+
+@application.command()
 def catalogue(
     name: Annotated[str | None, typer.Argument(help="One system; without it, all names.")] = None,
     format: Annotated[CatalogueFormat | None, typer.Option(help="Default: text for the list, json for one.")] = None,

@@ -158,13 +158,16 @@ def radial_distance(points: Array, circle: Circle) -> Array:
     return found
 
 
-def phase_error(points: Array, circle: Circle, exact: Array, exact_circle: Circle) -> Array:
-    """The angle in radians by which the path runs ahead of the exact one, each seen from its own centre, (m,)."""
-    angles = [
-        np.unwrap(np.arctan2(path[:, 1] - round_.centre[1], path[:, 0] - round_.centre[0]))
-        for path, round_ in ((points, circle), (exact, exact_circle))
-    ]
-    difference: Array = angles[0] - angles[1]
-    # Angles are known up to whole turns only: the paths start together.
-    together: Array = difference - 2 * np.pi * np.round(difference[0] / (2 * np.pi))
+def phase_error(points: Array, exact: Array) -> Array:
+    """The angle in radians by which the path runs ahead of the exact one, (m,) for (m, 2) points.
+
+    It is read off the directions of the chords, so that a centre that drifts and a radius that changes do not
+    enter; row 0 is that of the first chord.
+    """
+    if len(points) < 2:
+        return np.zeros(len(points))
+    own, true = np.diff(points, axis=0), np.diff(exact, axis=0)
+    difference = np.unwrap(np.arctan2(own[:, 1], own[:, 0]) - np.arctan2(true[:, 1], true[:, 0]))
+    difference -= 2 * np.pi * np.round(difference[0] / (2 * np.pi))
+    together: Array = np.concatenate([difference[:1], difference])
     return together

@@ -5,7 +5,7 @@
     constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all steps
     momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k - p_0|
     matching_circle   circles of the first and last revolution, distance to the exact circle
-    phase         angle ahead of the exact path, each path seen from its own centre
+    phase         angle by which the chords of the path are ahead of those of the true path
     error         max |q_k - q(t_k)| against the exact solution or the reference, coordinate by coordinate
 """
 
@@ -24,7 +24,6 @@ from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.choices import Observable, Observation
 from inverse_service.simulation.matching_circle import (
-    Circle,
     CircleDrift,
     circle_drift,
     circle_through,
@@ -145,13 +144,9 @@ def _three(points: Array, drift: CircleDrift) -> dict[str, Any] | None:
     return None if circle is None else {"radius": circle.radius, "centre": list(circle.centre)}
 
 
-def phase_numbers(points: Array, exact: Array) -> tuple[dict[str, Any], Array | None]:
+def phase_numbers(points: Array, exact: Array) -> tuple[dict[str, Any], Array]:
     """Greatest and final phase error in radians, and the error at each point."""
-    circles: list[Circle | None] = [least_squares_circle(points), least_squares_circle(exact)]
-    own, true = circles
-    if own is None or true is None:
-        return {"max_phase_error": None, "final_phase_error": None}, None
-    error = phase_error(points, own, exact, true)
+    error = phase_error(points, exact)
     return {"max_phase_error": float(np.abs(error).max()), "final_phase_error": float(error[-1])}, error
 
 

@@ -92,7 +92,7 @@ def _compared(
         return {"max_phase_error": None}, {}
     pair = list(scene.circle)
     found, angles = phase_numbers(positions[:, pair], true[:, pair])
-    return found, {} if angles is None else {"phase_error": angles}
+    return found, {"phase_error": angles}
 
 
 def _columns(prefix: str, scene: Scene, table: Array) -> dict[str, Array]:

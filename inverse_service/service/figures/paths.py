@@ -104,10 +104,10 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
         change = _share(sizes[best])
         return f"{start}{black} From the first revolution to the last, {best} changes the radius by {change}."
     steady = [label for label, size in sizes.items() if size < 0.01]
-    kept = f"{joined(steady)} keep{'s' if len(steady) == 1 else ''} the radius within 1 %; " if steady else ""
+    kept = f" {joined(steady)} keep{'s' if len(steady) == 1 else ''} it within 1 %." if steady else ""
     return (
-        f"{start}{black} From the first revolution to the last, {kept}{best} changes it least ({_share(sizes[best])}), "
-        f"{worst} most ({_share(sizes[worst])})."
+        f"{start}{black} From the first revolution to the last, the radius changes least by {best} "
+        f"({_share(sizes[best])}) and most by {worst} ({_share(sizes[worst])}).{kept}"
     )
 
 

@@ -16,7 +16,7 @@ from inverse_service.service.figures.style import SETTINGS, look, new_figure, sh
 
 Array = NDArray[np.float64]
 Tables = Mapping[str, Mapping[str, Array]]
-BINS = 400
+BINS = 160
 FLOOR = 1e-17
 Column = Callable[[Mapping[str, Any], Mapping[str, Array]], Array | None]
 
@@ -78,6 +78,8 @@ def series_figure(name: str, result: Mapping[str, Any], tables: Tables) -> tuple
 
 def _envelope(times: Array, values: Array) -> tuple[Array, Array]:
     """The greatest value in each of BINS equal pieces, so that no peak is lost; zeros are drawn at the floor."""
+    if len(values) > 1 and values[0] == 0:  # the start is given: nothing has gone wrong there yet
+        times, values = times[1:], values[1:]
     heights = np.maximum(np.where(np.isfinite(values), values, np.nan), FLOOR)
     if len(values) <= 2 * BINS:
         return times, heights

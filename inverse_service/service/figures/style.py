@@ -60,7 +60,7 @@ def new_figure(width: float, height: float) -> Figure:
 def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
     """Write NAME.svg and NAME.png with the caption below the picture; the names written."""
     width = float(figure.get_size_inches()[0])
-    lines = textwrap.wrap(caption, int(width * 16.5)) if caption else []
+    lines = textwrap.wrap(caption, int(width * 14.5)) if caption else []
     if lines:
         figure.supxlabel("\n".join(lines), x=0.012, ha="left", fontsize=CAPTION_SIZE, color="#333333")
     names = [f"{name}.svg", f"{name}.png"]

@@ -1,0 +1,141 @@
+"""`inverse-service simulate`: files for every method, figures, and a summary."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from inverse_service.cli.exits import ExitCode
+from inverse_service.cli.files import read_bytes
+from inverse_service.cli.solving import time_limit_or
+from inverse_service.errors import InputError, WorkerFailed
+from inverse_service.service import simulation_tasks
+from inverse_service.service.alone import run_alone
+from inverse_service.service.reading import read_document
+from inverse_service.settings import read_settings
+
+DEFAULT_SECONDS = 600.0
+QUANTITIES = ("max_energy_error", "max_constraint", "max_momentum_drift", "max_phase_error", "max_error")
+
+
+def simulate_file(name: str, output: Path | None, time_limit: float | None, figures: bool) -> ExitCode:
+    """Run the scene in a process of its own; write DIR, or the summary on standard output.
+
+    Exit 0 where at least one method got through, 1 where none did.
+    """
+    limit = time_limit_or(DEFAULT_SECONDS, time_limit)
+    document = read_document(read_bytes(name), name)
+    folder = None if output is None else made_folder(output)
+    found = value_in_time(simulation_tasks.simulate_task, document, limit)
+    summary = without_points(found["result"])
+    if folder is None:
+        print(json.dumps(summary, ensure_ascii=False, indent=2))
+    else:
+        write_files(folder, summary, found["tables"], found["truth"], figures)
+        print(page(summary), end="")
+        print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
+    completed = any(method["outcome"] == "completed" for method in summary["methods"])
+    return ExitCode.DONE if completed else ExitCode.OPEN
+
+
+def value_in_time(task: Any, document: Any, limit: float) -> Any:
+    """What the task gives; a limit is an error that names it and what to do."""
+    outcome = run_alone(task, (document, limit), limit, read_settings().memory_limit)
+    if outcome.status == "deadline":
+        raise WorkerFailed(f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit.")
+    from inverse_service.service.answers import value_of
+
+    return value_of(outcome)
+
+
+def made_folder(output: Path) -> Path:
+    """The directory, made where it is not there; InputError where it cannot be."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"The directory of --output cannot be made: {error.strerror}; name another.") from None
+    return output
+
+
+def without_points(result: Mapping[str, Any]) -> dict[str, Any]:
+    """The document without the points, which the CSV and NPZ files hold."""
+    methods = [{key: value for key, value in method.items() if key != "points"} for method in result["methods"]]
+    return {**result, "methods": methods}
+
+
+def write_files(
+    folder: Path, summary: dict[str, Any], tables: Mapping[str, Any], truth: Mapping[str, Any] | None, figures: bool
+) -> None:
+    """LABEL.csv (t and the coordinates), LABEL.npz (all columns), figures as SVG and PNG, summary.json."""
+    import numpy as np
+
+    coordinates = summary["system"]["coordinates"]
+    for method in summary["methods"]:
+        label = method["label"]
+        if label not in tables:
+            continue
+        name = file_name(label)
+        columns = ("t", *coordinates)
+        data = np.column_stack([tables[label][column] for column in columns])
+        np.savetxt(folder / f"{name}.csv", data, "%.17g", ",", header=",".join(columns), comments="")
+        np.savez_compressed(folder / f"{name}.npz", **tables[label])
+        method["files"] = [f"{name}.csv", f"{name}.npz"]
+    if figures:
+        from inverse_service.service.figures.drawing import draw_simulation
+
+        summary["figures"] = draw_simulation(folder, summary, tables, truth)
+    text = json.dumps(summary, ensure_ascii=False, indent=2)
+    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+
+
+def file_name(label: str) -> str:
+    """The label with only characters that every file system takes."""
+    return "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in label).lstrip(".") or "method"
+
+
+def page(summary: Mapping[str, Any]) -> str:
+    """One line a method: outcome and observed quantities."""
+    rows = [["method", "outcome", "steps", *map(_heading, _columns(summary))]]
+    for method in summary["methods"]:
+        numbers = [_number(value) for value in _values(method, _columns(summary))]
+        rows.append([method["label"], method["outcome"], str(method["steps"]), *numbers])
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "\n".join([*lines, *_reasons(summary), *summary["notes"]]) + "\n"
+
+
+def _columns(summary: Mapping[str, Any]) -> list[str]:
+    found = [name for name in QUANTITIES if any(method.get(name) is not None for method in summary["methods"])]
+    return [*found, *(["circle"] if any(method.get("circle") for method in summary["methods"]) else [])]
+
+
+def _heading(name: str) -> str:
+    return "radius first, last, centre drift" if name == "circle" else name
+
+
+def _values(method: Mapping[str, Any], columns: list[str]) -> list[Any]:
+    circle = method.get("circle")
+    numbers = None if not circle else [circle[key] for key in ("radius_first", "radius_last", "centre_drift")]
+    return [numbers if name == "circle" else method.get(name) for name in columns]
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_number(part) for part in value)
+    return "-" if value is None else f"{value:.4g}"
+
+
+def _reasons(summary: Mapping[str, Any]) -> list[str]:
+    lines = []
+    for method in summary["methods"]:
+        stopped = method.get("stopped")
+        if method.get("reason"):
+            lines.append(f"{method['label']}: {method['reason']}")
+        elif stopped:
+            where = f"at step {stopped['step']}, t = {_number(stopped['time'])}"
+            what = f"{stopped['quantity']} = {_number(stopped['value'])}" if stopped["quantity"] else "the run ended"
+            lines.append(f"{method['label']}: {what} {where}; {stopped['remedy'] or ''}".rstrip("; "))
+    return lines

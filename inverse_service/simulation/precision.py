@@ -1,0 +1,188 @@
+"""Error against work for every method of a scene, measured by rules that favour none.
+
+Every method gets the same step sizes over the same length of time. Errors are taken at CHECKS common times against
+the exact solution, or two references that agree. Compiling, the first call and steady runs are separate; steady
+runs of all settings alternate, best and median of several. A curve ends at its least error: what lies beyond is
+the round-off floor. A setting that failed is kept with its reason and has no error.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.simulation.choices import Grid
+from inverse_service.simulation.derivation import Derived
+from inverse_service.simulation.running import MethodRun, run_method
+from inverse_service.simulation.scene import EXACT, Requested, Scene, Unavailable
+from inverse_service.simulation.truth import Truth, true_motion
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+CHECKS = 8
+MOST_STEPS = 4_000_000
+# Shares of the time limit: for first calls, and for all repetitions.
+SHARE_OF_FIRST = 0.5
+SHARE_OF_REPEATS = 0.35
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One method at one step, measured. Times in seconds; `reason` is empty where `error` is a number.
+
+    `first` is the first call with compiling; `compile` is the part of it before the run; `best` and `median` are
+    of `repeats` later runs. `at_floor`: a smaller step than that of the least error.
+    """
+
+    requested: Requested
+    step: float
+    steps: int
+    error: float | None
+    reason: str
+    compile: float
+    first: float
+    best: float | None
+    median: float | None
+    repeats: int
+    force_evaluations: int
+    newton_iterations: int
+    at_floor: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Precision:
+    """All settings, in the order of methods and of falling steps; `scale` is the size of the motion."""
+
+    scene: Scene
+    truth: Truth
+    scale: float
+    settings: tuple[Setting, ...]
+
+
+def default_steps(step: float) -> tuple[float, ...]:
+    """Ten steps, from four times the scene's one down to a 128th."""
+    return tuple(step * 2.0 ** (2 - k) for k in range(10))
+
+
+def measure(
+    scene: Scene,
+    derived: Derived,
+    steps: Sequence[float],
+    repeats: int,
+    time_limit: float,
+    progress: Progress | None = None,
+) -> Precision | Unavailable:
+    """Measure every method of the scene but the exact one at every step; Unavailable where nothing is true."""
+    begun = time.monotonic()
+    length = scene.grid.step * scene.grid.steps
+    plain = replace(scene, observe=())
+    counts = _counts(length, steps)
+    truth = _truth(plain, derived, length, max(counts))
+    if isinstance(truth, Unavailable):
+        return truth
+    methods = [requested for requested in scene.methods if requested.method != EXACT]
+    settings: list[Setting] = []
+    for requested in methods:
+        for count in counts:
+            if progress is not None:
+                progress(f"{requested.label}, {count} steps")
+            late = time.monotonic() - begun > SHARE_OF_FIRST * time_limit
+            settings.append(_first(plain, requested, derived, truth, length, count, late))
+    settings = _repeated(plain, derived, settings, length, repeats, SHARE_OF_REPEATS * time_limit)
+    scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0
+    return Precision(scene, truth, scale, tuple(_with_floor(settings)))
+
+
+def _counts(length: float, steps: Sequence[float]) -> list[int]:
+    """Numbers of steps, rising, each a multiple of CHECKS so that all methods are seen at the same times."""
+    counts = {CHECKS * max(1, round(length / (CHECKS * step))) for step in steps}
+    return sorted(count for count in counts if count <= MOST_STEPS) or [min(counts)]
+
+
+def _grid(length: float, count: int) -> Grid:
+    return Grid(length / count, count, count // CHECKS)
+
+
+def _truth(scene: Scene, derived: Derived, length: float, finest: int) -> Truth | Unavailable:
+    return true_motion(replace(scene, grid=_grid(length, min(finest, 65_536))), derived)
+
+
+def _first(
+    scene: Scene, requested: Requested, derived: Derived, truth: Truth, length: float, count: int, late: bool
+) -> Setting:
+    grid = _grid(length, count)
+    blank = Setting(requested, grid.step, count, None, "", 0.0, 0.0, None, None, 0, 0, 0)
+    if late:
+        return replace(blank, reason="not measured: the time limit was near")
+    begun = time.perf_counter()
+    run = run_method(replace(scene, grid=grid), requested, derived, None)
+    first = time.perf_counter() - begun
+    trajectory = run.trajectory
+    if trajectory is None or not run.outcome.completed:
+        return replace(blank, reason=reason_of(run), first=first)
+    error = float(np.abs(trajectory.positions - truth.positions).max())
+    if not np.isfinite(error):
+        return replace(blank, reason="the result is not finite", first=first)
+    return replace(
+        blank,
+        error=error,
+        compile=trajectory.compile_seconds,
+        first=first,
+        force_evaluations=trajectory.force_evaluations,
+        newton_iterations=trajectory.newton_iterations,
+    )
+
+
+def reason_of(run: MethodRun) -> str:
+    """Why a setting has no error, in a line."""
+    outcome = run.outcome
+    if run.trajectory is None:
+        return outcome.remedy or outcome.kind
+    what = f"{outcome.quantity} = {outcome.value:.3g}" if outcome.value is not None else outcome.quantity or ""
+    where = f"at step {outcome.step}" if outcome.step is not None else ""
+    return " ".join(part for part in (outcome.kind.replace("_", " "), where, what) if part)
+
+
+def _repeated(
+    scene: Scene, derived: Derived, settings: list[Setting], length: float, repeats: int, budget: float
+) -> list[Setting]:
+    """Steady times: rounds over all settings that worked, in alternating order, until the budget is used up."""
+    begun = time.monotonic()
+    times: dict[int, list[float]] = {k: [] for k, setting in enumerate(settings) if setting.error is not None}
+    for turn in range(repeats):
+        for k in list(times) if turn % 2 == 0 else list(times)[::-1]:
+            if time.monotonic() - begun > budget and times[k]:
+                continue
+            found = _steady(scene, derived, settings[k], length)
+            if found is not None:
+                times[k].append(found)
+    return [
+        replace(s, best=min(times[k]), median=statistics.median(times[k]), repeats=len(times[k]))
+        if times.get(k)
+        else s
+        for k, s in enumerate(settings)
+    ]
+
+
+def _steady(scene: Scene, derived: Derived, setting: Setting, length: float) -> float | None:
+    run = run_method(replace(scene, grid=_grid(length, setting.steps)), setting.requested, derived, None)
+    found: Trajectory | None = run.trajectory
+    return None if found is None or not run.outcome.completed else found.run_seconds
+
+
+def _with_floor(settings: Sequence[Setting]) -> list[Setting]:
+    """Mark what lies beyond the least error of its method."""
+    found = []
+    for setting in settings:
+        own = [s for s in settings if s.requested is setting.requested and s.error is not None]
+        least = min(own, key=lambda s: s.error or 0.0) if own else None
+        beyond = least is not None and setting.error is not None and setting.steps > least.steps
+        found.append(replace(setting, at_floor=beyond))
+    return found

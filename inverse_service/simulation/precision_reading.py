@@ -1,0 +1,80 @@
+"""What measured errors and times say: orders, the time to an error, and who is faster where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+from inverse_service.simulation.precision import Precision, Setting
+
+TARGETS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
+GEOMETRIC = frozenset({"variational", "nonholonomic", "modified"})
+
+
+def curves(measured: Precision) -> dict[str, list[Setting]]:
+    """For each method what is drawn: settings with an error and a time, by falling step, up to the floor."""
+    found: dict[str, list[Setting]] = {}
+    for setting in measured.settings:
+        own = found.setdefault(setting.requested.label, [])
+        if setting.error and setting.best is not None and not setting.at_floor:
+            own.append(setting)
+    return found
+
+
+def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
+    """The median slope of log error over log step where errors are below 1 % of the motion and above round-off."""
+    slopes = [
+        math.log(a.error / b.error) / math.log(a.step / b.step)
+        for a, b in pairwise(curve)
+        if a.error and b.error and a.error < 1e-2 * scale and b.error > 1e-12 * scale
+    ]
+    return sorted(slopes)[len(slopes) // 2] if slopes else None
+
+
+def seconds_to(curve: Sequence[Setting], error: float) -> float | None:
+    """The time at which a curve first gets below an error, interpolated between its points; None if it never does."""
+    for a, b in pairwise(curve):
+        if a.error and b.error and a.best and b.best and a.error > error >= b.error:
+            share = math.log(a.error / error) / math.log(a.error / b.error)
+            return a.best * (b.best / a.best) ** share
+    return curve[0].best if curve and curve[0].error is not None and curve[0].error <= error else None
+
+
+def times_to_errors(measured: Precision) -> dict[str, dict[str, float | None]]:
+    """For each error, relative to the size of the motion, the seconds of each method."""
+    drawn = curves(measured)
+    return {
+        f"{target:g}": {label: seconds_to(curve, target * measured.scale) for label, curve in drawn.items()}
+        for target in TARGETS
+    }
+
+
+def conclusion(measured: Precision) -> str:
+    """Who reaches which error first, and where the variational method loses."""
+    methods = {setting.requested.label: setting.requested.method for setting in measured.settings}
+    sentences, lost, won = [], [], []
+    for target, times in times_to_errors(measured).items():
+        known = {label: seconds for label, seconds in times.items() if seconds is not None}
+        if not known:
+            continue
+        first = min(known, key=known.__getitem__)
+        sentences.append(f"{first} is first at a relative error of {target} ({1e3 * known[first]:.3g} ms)")
+        own = {label: seconds for label, seconds in known.items() if methods[label] == "variational"}
+        if own and methods[first] != "variational":
+            nearest = min(own, key=own.__getitem__)
+            lost.append(f"{own[nearest] / known[first]:.3g} times at {target}")
+        elif own and len(known) > len(own):
+            won.append(target)
+        elif not own and "variational" in methods.values():
+            lost.append(f"at {target}, which it does not reach")
+    if not sentences:
+        return "No method reached a relative error of 1e-2 with these steps: take smaller ones."
+    text = f"{'; '.join(sentences)}."
+    if lost:
+        text += f" At equal trajectory error the variational method loses here: it takes {', '.join(lost)}."
+    if won:
+        text += f" It wins at {', '.join(won)}."
+    if methods and set(methods.values()) & GEOMETRIC:
+        text += " What a long run does to energy, constraints and the shape of the orbit this comparison does not show."
+    return text
