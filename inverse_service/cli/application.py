@@ -104,6 +104,18 @@ def simulate(
     sys.exit(simulate_file(scene, output, time_limit, figures))
 
 
+@application.command("work-precision")
+def work_precision(
+    scene: Annotated[str, typer.Argument(help="A Scene document; its methods are run at many steps.")],
+    output: Annotated[Path | None, typer.Option("--output", help="Directory for table, JSON and figure.")] = None,
+    time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 300.")] = None,
+) -> None:
+    """Error against time for every method of a scene."""
+    from inverse_service.cli.measuring import measure_file
+
+    sys.exit(measure_file(scene, output, time_limit))
+
+
 @application.command()
 def catalogue(
     name: Annotated[str | None, typer.Argument(help="One system; without it, all names.")] = None,

@@ -28,6 +28,9 @@ Progress = Callable[[str], None]
 
 CHECKS = 8
 MOST_STEPS = 4_000_000
+# Errors below this share of the motion are round-off, whose noise is about this factor.
+ROUND_OFF = 1e-12
+NOISE = 4.0
 # Shares of the time limit: for first calls, and for all repetitions.
 SHARE_OF_FIRST = 0.5
 SHARE_OF_REPEATS = 0.35
@@ -97,7 +100,7 @@ def measure(
             settings.append(_first(plain, requested, derived, truth, length, count, late))
     settings = _repeated(plain, derived, settings, length, repeats, SHARE_OF_REPEATS * time_limit)
     scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0
-    return Precision(scene, truth, scale, tuple(_with_floor(settings)))
+    return Precision(scene, truth, scale, tuple(_with_floor(settings, scale)))
 
 
 def _counts(length: float, steps: Sequence[float]) -> list[int]:
@@ -177,12 +180,18 @@ def _steady(scene: Scene, derived: Derived, setting: Setting, length: float) -> 
     return None if found is None or not run.outcome.completed else found.run_seconds
 
 
-def _with_floor(settings: Sequence[Setting]) -> list[Setting]:
-    """Mark what lies beyond the least error of its method."""
+def _with_floor(settings: Sequence[Setting], scale: float) -> list[Setting]:
+    """Mark what lies beyond the least error of its method, or beyond the first error that is round-off only."""
     found = []
     for setting in settings:
         own = [s for s in settings if s.requested is setting.requested and s.error is not None]
-        least = min(own, key=lambda s: s.error or 0.0) if own else None
-        beyond = least is not None and setting.error is not None and setting.steps > least.steps
+        beyond = bool(own) and setting.error is not None and setting.steps > _last_useful(own, scale).steps
         found.append(replace(setting, at_floor=beyond))
     return found
+
+
+def _last_useful(own: Sequence[Setting], scale: float) -> Setting:
+    least = min(own, key=lambda s: s.error or 0.0)
+    if (least.error or 0.0) > ROUND_OFF * scale:
+        return least
+    return next(s for s in own if (s.error or 0.0) <= NOISE * (least.error or 0.0) + 1e-16 * scale)

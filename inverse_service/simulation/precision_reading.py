@@ -37,7 +37,7 @@ def seconds_to(curve: Sequence[Setting], error: float) -> float | None:
     for a, b in pairwise(curve):
         if a.error and b.error and a.best and b.best and a.error > error >= b.error:
             share = math.log(a.error / error) / math.log(a.error / b.error)
-            return a.best * (b.best / a.best) ** share
+            return float(a.best * (b.best / a.best) ** share)
     return curve[0].best if curve and curve[0].error is not None and curve[0].error <= error else None
 
 
@@ -59,22 +59,26 @@ def conclusion(measured: Precision) -> str:
         if not known:
             continue
         first = min(known, key=known.__getitem__)
-        sentences.append(f"{first} is first at a relative error of {target} ({1e3 * known[first]:.3g} ms)")
+        sentences.append(f"{target} is first reached by {first} ({_time(known[first])})")
         own = {label: seconds for label, seconds in known.items() if methods[label] == "variational"}
         if own and methods[first] != "variational":
             nearest = min(own, key=own.__getitem__)
-            lost.append(f"{own[nearest] / known[first]:.3g} times at {target}")
+            lost.append(f"{own[nearest] / known[first]:.2g} times that at {target}")
         elif own and len(known) > len(own):
             won.append(target)
         elif not own and "variational" in methods.values():
-            lost.append(f"at {target}, which it does not reach")
+            lost.append(f"without end at {target}, which it does not reach")
     if not sentences:
         return "No method reached a relative error of 1e-2 with these steps: take smaller ones."
-    text = f"{'; '.join(sentences)}."
+    text = f"Relative error {', '.join(sentences)}."
     if lost:
-        text += f" At equal trajectory error the variational method loses here: it takes {', '.join(lost)}."
+        text += f" At equal trajectory error the variational method loses: its time is {', '.join(lost)}."
     if won:
-        text += f" It wins at {', '.join(won)}."
+        text += f" The variational method wins at {', '.join(won)}."
     if methods and set(methods.values()) & GEOMETRIC:
         text += " What a long run does to energy, constraints and the shape of the orbit this comparison does not show."
     return text
+
+
+def _time(seconds: float) -> str:
+    return f"{1e6 * seconds:.3g} \N{MICRO SIGN}s" if seconds < 1e-3 else f"{1e3 * seconds:.3g} ms"
