@@ -51,13 +51,12 @@ _lock = threading.Lock()
 def compiled(identity: object, make: Callable[[], Program], lanes: int = 1) -> Compiled:
     """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
     digest = digest_of(identity, lanes)
-    with _lock:
+    with _lock:  # LLVM's global context takes one thread at a time
         known = _memory.get(digest)
         if known is not None:
             _memory.move_to_end(digest)
             return Compiled(known.card, known.machine, {})
-    found = _from_disk(digest) or _made(digest, make, lanes)
-    with _lock:
+        found = _from_disk(digest) or _made(digest, make, lanes)
         _memory[digest] = found
         while len(_memory) > _MOST_IN_MEMORY:
             _memory.popitem(last=False)

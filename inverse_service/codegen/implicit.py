@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import symengine
 
 from inverse_service.codegen.algebra import Formula, symbol
-from inverse_service.codegen.constants import NO_CONVERGENCE, SINGULAR
+from inverse_service.codegen.constants import GUARDED, NO_CONVERGENCE, SINGULAR
 from inverse_service.codegen.dense import solve_dense
 from inverse_service.codegen.emission import Emitter
 from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE
@@ -79,15 +79,38 @@ class Blocks:
         values = e.write([*(residual.subs(zero) for residual in block.residuals), *entries])
         matrix = [values[size * (k + 1) : size * (k + 2)] for k in range(size)]
         solution, determinant = solve_dense(w, matrix, [w.negate(value) for value in values[:size]])
-        for name, value in zip(block.unknowns, solution, strict=True):
-            e.bind(name, value)
-            w.write(f"{name}_rate", w.binary("/", value, e.value(symbol("h"))))
         self._count_iteration()
         self._test_determinant(determinant)
+        going = w.compare("==", w.read(STATUS), w.number(0.0))
+        for name, value in zip(block.unknowns, solution, strict=True):
+            e.bind(name, value)
+            rate = w.binary("/", value, e.value(symbol("h")))
+            w.write(f"{name}_rate", w.select(going, rate, w.read(f"{name}_rate")))
 
     def _test_determinant(self, determinant: str) -> None:
-        self.keep_sign(f"sign_{self._solves}", determinant, SINGULAR + self._solves)
+        """It must keep its sign; the first and the last good one are kept."""
+        w, place = self.writer, self._solves
+        first = w.read(f"first_{place}")
+        first = w.select(w.compare("==", first, w.number(0.0)), determinant, first)
+        w.write(f"first_{place}", first)
+        good = w.compare(">", w.binary("*", first, determinant), w.number(0.0))
+        self.stop_unless(good, SINGULAR + place, determinant)
+        going = w.compare("==", w.read(STATUS), w.number(0.0))
+        w.write(f"last_{place}", w.select(going, determinant, w.read(f"last_{place}")))
         self._solves += 1
+
+    def _guard(self, block: Solve, determinant: str) -> None:
+        """|det - det0| < |det0| with det0 that of h -> 0 (at the new rates)."""
+        if block.limit is None:
+            return
+        w, e = self.writer, self.emitter
+        with e.inner():
+            for name in block.unknowns:
+                e.bind(name, w.read(name))
+            limit = e.value(block.limit)
+        distance = w.absolute(w.binary("-", determinant, limit))
+        ratio = w.binary("/", distance, w.absolute(limit))
+        self.stop_unless(w.compare("<", ratio, w.number(1.0)), GUARDED + self._solves, ratio)
 
     def _count_iteration(self) -> None:
         w = self.writer
@@ -127,6 +150,7 @@ class Blocks:
         formulas = self._hoisted([*block.residuals, *entries], block.unknowns)
         tag = f"b{self._solves}"
         self._declare([f"{tag}_settled", f"{tag}_determinant"])
+        w.write(f"{tag}_determinant", w.number(0.0))
         with e.inner():
             label = self._begin_loop(block.unknowns, [])
             values = e.write(formulas)
@@ -134,12 +158,20 @@ class Blocks:
             change, determinant = solve_dense(w, matrix, values[:size])
             settled = self._apply(block.unknowns, change, block.scales, LAST_CORRECTION)
             w.write(f"{tag}_settled", settled)
-            w.write(f"{tag}_determinant", determinant)
+            self._keep_worst(f"{tag}_determinant", determinant)
             self._end_loop(label, settled, MOST_NEWTON_STEPS)
         good = w.compare("==", w.read(f"{tag}_settled"), w.number(1.0))
         self.stop_unless(good, NO_CONVERGENCE + self._solves, w.read(f"{tag}_determinant"))
+        self._guard(block, w.read(f"{tag}_determinant"))
         self._test_determinant(w.read(f"{tag}_determinant"))
         self._keep_rates(block.unknowns)
+
+    def _keep_worst(self, slot: str, determinant: str) -> None:
+        """The determinant, or one of the wrong sign that an iterate met before: Newton has then left its basin."""
+        w = self.writer
+        first, met = w.read(f"first_{self._solves}"), w.read(slot)
+        turned = w.compare("<", w.binary("*", first, met), w.number(0.0))
+        w.write(slot, w.select(turned, met, determinant))
 
     def _apply(self, names: Sequence[str], change: Sequence[str], scales: Sequence[str], relative: float) -> str:
         """unknown -= change; 1 where every change is within its tolerance, else 0."""
@@ -160,10 +192,11 @@ class Blocks:
     def _keep_rates(self, unknowns: Sequence[str]) -> None:
         w, e = self.writer, self.emitter
         step = e.value(symbol("h"))
+        going = w.compare("==", w.read(STATUS), w.number(0.0))
         for name in unknowns:
             value = w.read(name)
             e.bind(name, value)
-            w.write(f"{name}_rate", w.binary("/", value, step))
+            w.write(f"{name}_rate", w.select(going, w.binary("/", value, step), w.read(f"{name}_rate")))
 
     def _iterate(self, block: Iterate) -> None:
         w, e = self.writer, self.emitter

@@ -34,14 +34,14 @@ def changing(program: Program) -> tuple[str, ...]:
 
 
 def layout_of(program: Program) -> Layout:
-    """Status first; then state, compensations, rates of unknowns, signs, greatest values."""
+    """Status first; then state, compensations, rates of unknowns, determinants, signs, greatest values."""
     solves = [block for block in program.blocks if isinstance(block, Solve)]
     persistent = [
         *(STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE),
         *program.state,
         *(f"{name}_low" for name in changing(program)),
         *(f"{name}_rate" for name in program.unknowns),
-        *(f"sign_{k}" for k in range(len(solves))),
+        *(f"{which}_{k}" for k in range(len(solves)) for which in ("first", "last")),
         *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind == "sign"),
         *(f"maximum_{k}" for k in range(len(program.observed))),
     ]

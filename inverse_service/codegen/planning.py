@@ -8,18 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from inverse_service.codegen.algebra import ZERO, Formula, contains, free_names, symbol
+from inverse_service.codegen.algebra import STEP, ZERO, Formula, contains, free_names, symbol
 from inverse_service.codegen.program import Assign, Solve, Statement
+
+_LARGEST_GUARDED = 4
 
 
 def plan(
-    equations: Sequence[Formula], unknowns: Sequence[str], scales: Mapping[str, str]
+    equations: Sequence[Formula], unknowns: Sequence[str], scales: Mapping[str, str], guarded: bool = False
 ) -> tuple[Statement, ...]:
-    """Statements that compute the unknowns; `scales` names the state variable of which each is the increment."""
+    """Statements that compute the unknowns; `scales` names the state variable of which each is the increment.
+
+    `guarded` blocks are compared with their determinant at h -> 0.
+    """
     left, rest, assigned = _eliminate(list(equations), list(unknowns))
     statements: list[Statement] = []
     for rows, names in _blocks(left, rest):
-        statements.append(_block([left[row] for row in rows], names, scales))
+        statements.append(_block([left[row] for row in rows], names, scales, guarded))
     return (*statements, *reversed(assigned))
 
 
@@ -120,10 +125,40 @@ def components(graph: Mapping[str, Sequence[str]]) -> list[list[str]]:
     return found
 
 
-def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str]) -> Solve:
+def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str], guarded: bool) -> Solve:
     variables = [symbol(name) for name in names]
     jacobian = tuple(tuple(equation.diff(variable) for variable in variables) for equation in equations)
     affine = not any(contains(entry, variable) for row in jacobian for entry in row for variable in variables)
     return Solve(
-        tuple(names), tuple(equations), jacobian, affine, tuple(scales.get(name, "") for name in names)
+        unknowns=tuple(names),
+        residuals=tuple(equations),
+        jacobian=jacobian,
+        affine=affine,
+        scales=tuple(scales.get(name, "") for name in names),
+        limit=_limit(jacobian, variables) if guarded and not affine and len(names) <= _LARGEST_GUARDED else None,
     )
+
+
+def _limit(jacobian: Sequence[Sequence[Formula]], variables: Sequence[Formula]) -> Formula | None:
+    """The determinant for h -> 0 at fixed rates u/h; None where the form does not show it."""
+    rates = {variable: STEP * symbol(f"{variable}_w") for variable in variables}
+    back = {symbol(f"{variable}_w"): variable / STEP for variable in variables}
+    try:
+        rows = [[entry.subs(rates).expand().subs({STEP: ZERO}) for entry in row] for row in jacobian]
+        value = determinant(rows).subs(back)
+    except (RuntimeError, ZeroDivisionError):
+        return None
+    known = all(word not in str(value) for word in ("zoo", "nan", "oo"))
+    return value if known and value != ZERO else None
+
+
+def determinant(rows: Sequence[Sequence[Formula]]) -> Formula:
+    """By expansion along the first row."""
+    if len(rows) == 1:
+        return rows[0][0]
+    terms = [
+        (-1) ** place * entry * determinant([[*row[:place], *row[place + 1 :]] for row in rows[1:]])
+        for place, entry in enumerate(rows[0])
+        if entry != ZERO
+    ]
+    return sum(terms, ZERO)

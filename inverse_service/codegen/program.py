@@ -20,7 +20,8 @@ class Solve:
     """residuals(unknowns) = 0 by Newton with the given Jacobian; one linear solve where `affine`.
 
     `scales` names the state variable of which each unknown is the increment ("" where there is none): convergence
-    is judged against its round-off.
+    is judged against its round-off. `limit` is the determinant as h -> 0: where the actual one differs from it by
+    its own size, there may be other solutions, and the run stops.
     """
 
     unknowns: tuple[str, ...]
@@ -28,6 +29,7 @@ class Solve:
     jacobian: tuple[tuple[Formula, ...], ...]
     affine: bool
     scales: tuple[str, ...]
+    limit: Formula | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.guard import refusal
 from inverse_service.simulation.outcomes import failed_start, trajectory_of
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.starting import Initial, initial
@@ -56,9 +57,11 @@ def run_lanes(
         for item, start, grid, given in zip(choices, starts, grids, parameters, strict=True)
     ]
     lanes = lanes_here()
-    results: dict[int, Trajectory] = {
-        k: failed_start(formulas, starts[k], begin.missing) for k, begin in enumerate(begins) if begin.missing
-    }
+    results: dict[int, Trajectory] = {}
+    for k, begin in enumerate(begins):
+        refused = begin.missing or refusal(formulas, choices[k], begin, grids[k], values[k])
+        if refused:
+            results[k] = failed_start(starts[k], refused)
     groups = _groups(choices, [k for k in range(size) if k not in results], lanes)
 
     def work(group: list[int]) -> list[tuple[int, Trajectory]]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.codegen.compiled import Card, Compiled
-from inverse_service.codegen.constants import NO_CONVERGENCE, NOT_FINITE, SINGULAR, WATCHED
+from inverse_service.codegen.constants import GUARDED, NO_CONVERGENCE, NOT_FINITE, SINGULAR, WATCHED
 from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.simulation.choices import Grid
@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 _FIRST_PIECE = 4096
 _SECONDS_PER_PIECE = 0.1
 _REMEDY = "take a smaller step"
+# Newton that fails after the determinant has sunk below this part of its first value fails because of that.
+NEARLY_SINGULAR = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,10 +113,18 @@ def stopped(card: Card, memory: FloatArray, lane: int, unknown_names: Mapping[st
     if code >= WATCHED:
         kind, quantity, remedy = card.watches[code - WATCHED]
         return Stopped("guard" if kind == "bound" else "singular", step, quantity, value, remedy)
+    if code >= GUARDED:
+        quantity = f"1 - det/det(h -> 0): {_determinant(card, code - GUARDED, unknown_names)}"
+        return Stopped("guard", step, quantity, value, _REMEDY)
     if code >= SINGULAR:
         return Stopped("singular", step, _determinant(card, code - SINGULAR, unknown_names), value, _REMEDY)
     if code >= NO_CONVERGENCE:
-        quantity = _determinant(card, code - NO_CONVERGENCE, unknown_names)
+        place = code - NO_CONVERGENCE
+        quantity = _determinant(card, place, unknown_names)
+        if place < len(card.solves):
+            first, last = (float(memory[layout.place(f"{which}_{place}"), lane]) for which in ("first", "last"))
+            if abs(last) < NEARLY_SINGULAR * abs(first):
+                return Stopped("singular", step, quantity, last, _REMEDY)
         return Stopped("no_convergence", step, quantity, value, _REMEDY)
     assert code == NOT_FINITE
     return Stopped("not_finite", step, "a coordinate or momentum", math.nan, _REMEDY)
@@ -124,7 +134,7 @@ def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> st
     if place >= len(card.solves):
         return "the stage equations"
     names = ", ".join(unknown_names.get(name, name) for name in card.solves[place])
-    return f"the determinant of the discrete equations for {names}"
+    return f"determinant of the discrete equations for {names}"
 
 
 def at_last(card: Card, memory: FloatArray, lane: int) -> dict[str, float]:

@@ -24,6 +24,7 @@ from inverse_service.expressions.tree import (
     Velocity,
 )
 from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.choices import Grid, Observation, Start
 from inverse_service.simulation.problem import Problem
 
@@ -48,8 +49,6 @@ def run_heyoka(
         raise InputError("heyoka needs the accelerations of the motion, which this scene does not have.")
     if start.velocities is None:
         raise InputError("heyoka starts from velocities: give velocities instead of momenta.")
-    if observation.observables:
-        raise InputError("heyoka records positions and velocities only.")
     begin = time.perf_counter()
     integrator = taylor_integrator(problem, start, values, tolerance)
     compiled = time.perf_counter()
@@ -60,12 +59,22 @@ def run_heyoka(
     size = len(problem.coordinates)
     rows = np.asarray(rows)
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 1
-    outcome = _outcome(str(code), good, steps, times)
-    rows = rows[:good]
+    positions, velocities = rows[:good, :size], rows[:good, size:]
+    table = table_of(problem.coordinates, positions, velocities, dict(values))
+    series = {item.name: array_value(item.expression, table) for item in observation.observables}
     return Trajectory(
-        times[:good], rows[:, :size], None, rows[:, size:] if observation.velocities else None, outcome, 0, 0,
-        compiled - begin, passed,
-    )  # fmt: skip
+        times=times[:good],
+        positions=positions,
+        momenta=None,
+        velocities=velocities if observation.velocities else None,
+        outcome=_outcome(str(code), good, steps, times),
+        force_evaluations=0,
+        newton_iterations=0,
+        compile_seconds=compiled - begin,
+        run_seconds=passed,
+        series=series,
+        maxima={name: float(np.abs(column).max()) for name, column in series.items()},
+    )
 
 
 def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:

@@ -12,6 +12,7 @@ from inverse_service.simulation.choices import Grid, MethodChoice, Observable, O
 from inverse_service.simulation.ensembles import run_lanes
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.guard import refusal
 from inverse_service.simulation.heyoka_reference import run_heyoka
 from inverse_service.simulation.outcomes import failed_start, trajectory_of
 from inverse_service.simulation.problem import Problem
@@ -60,8 +61,9 @@ def run(
     formulas = Formulas(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters)
-    if begin.missing:
-        return failed_start(formulas, start, begin.missing)
+    refused = begin.missing or refusal(formulas, choice, begin, grid, values)
+    if refused:
+        return failed_start(start, refused)
     kernel = kernel_of(formulas, choice, observation)
     memory = memory_of(kernel.card, [lane_of(choice, begin, grid, parameters)])
     done = execute(kernel, memory, weights_of(choice), grid, stop)

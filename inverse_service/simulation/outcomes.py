@@ -17,13 +17,10 @@ from inverse_service.simulation.starting import Initial
 _POINT_METHODS = ("runge_kutta", "reference")
 
 
-def failed_start(f: Formulas, start: Start, missing: tuple[str, float]) -> Trajectory:
-    """A start at which the momenta have no value."""
-    quantity, value = missing
-    remedy = "start where it is not 0, from momenta, or with another associated system or method"
-    outcome = Outcome("off_domain", 0, 0.0, quantity, value, remedy)
-    empty = np.array([list(start.positions)], dtype=np.float64)
-    return Trajectory(np.zeros(1), empty, None, None, outcome, 0, 0, 0.0, 0.0)
+def failed_start(start: Start, outcome: Outcome) -> Trajectory:
+    """A run that cannot begin: the start alone."""
+    begin = np.array([list(start.positions)], dtype=np.float64)
+    return Trajectory(np.zeros(1), begin, None, None, outcome, 0, 0, 0.0, 0.0)
 
 
 def trajectory_of(

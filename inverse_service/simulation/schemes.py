@@ -64,7 +64,7 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
         unknowns, watched = [*d, *f.symbols("e")], between(p, f.symbols("e"), 1 - alpha)
     watches = [*_velocity_watches(f, q, d, alpha), *_guards(f, between(q, d, alpha), watched)]
     scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
-    statements = plan(equations, [str(name) for name in unknowns], scales)
+    statements = plan(equations, [str(name) for name in unknowns], scales, guarded=True)
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
@@ -119,7 +119,7 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     slope_q, slope_v = (f.gradient(f.lagrangian, letter) for letter in "qv")
     equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts_of(choice), slope_q, slope_v, f.forms_at)
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
-    statements = plan(equations, [str(name) for name in (*d, *m)], scales)
+    statements = plan(equations, [str(name) for name in (*d, *m)], scales, guarded=True)
     return _program(f, choice, observation, statements, [*d, *pushes], [])
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from inverse_service.codegen.algebra import Formula, real_value
 from inverse_service.errors import InputError
+from inverse_service.integrators.trajectory import Outcome
 from inverse_service.simulation.choices import MethodChoice, Start
 from inverse_service.simulation.formulas import Formulas
 from inverse_service.simulation.schemes import parts_of
@@ -18,11 +19,14 @@ OFF_CONSTRAINTS = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Initial:
-    """Values of state variables, and first guesses of the unknowns' rates; `missing` names what has no value."""
+    """Values of state variables and first guesses of the unknowns' rates.
+
+    `missing` is the outcome where a momentum has no value, so that the run cannot begin.
+    """
 
     state: Numbers
     rates: Numbers = field(default_factory=dict)
-    missing: tuple[str, float] | None = None
+    missing: Outcome | None = None
 
 
 def initial(
@@ -35,12 +39,16 @@ def initial(
         if start.velocities is None:
             raise InputError("Runge-Kutta methods start from velocities: give velocities instead of momenta.")
         return Initial({**q, **_named("v", start.velocities)})
-    if start.momenta is not None and choice.method != "modified":
-        rates = _rates_from_momenta(f, q, start.momenta, parameters, choice)
+    discrete = start.convention == "discrete_constraint"
+    if start.momenta is not None and choice.method != "modified" and not discrete:
+        guess = _named("d", start.velocities) if start.velocities is not None else None
+        rates = guess or _rates_from_momenta(f, q, start.momenta, parameters, choice)
         return Initial({**q, **_named("p", start.momenta)}, rates)
     if start.velocities is None:
-        raise InputError("The modified method starts from velocities: give velocities instead of momenta.")
-    if start.convention == "discrete_constraint":
+        raise InputError("This method and this start need velocities: give velocities instead of momenta.")
+    if discrete and choice.order > 2:
+        raise InputError("A composition starts from momenta: the discrete constraint is that of the plain step.")
+    if discrete:
         return _on_discrete_constraint(f, choice, start, step, parameters)
     return _at_point(f, choice, q, list(start.velocities), parameters)
 
@@ -109,7 +117,9 @@ def _checked(
     rates = {f"d{k}": velocity for k, velocity in enumerate(velocities)}
     if all(math.isfinite(momenta[k]) for k in kept):
         return Initial(state, rates)
-    return Initial(state, rates, vanishing(f, table))
+    quantity, value = vanishing(f, table)
+    remedy = "start where it is not 0, from momenta, or with another associated system or method"
+    return Initial(state, rates, Outcome("off_domain", 0, 0.0, quantity, value, remedy))
 
 
 def vanishing(f: Formulas, table: Mapping[str, float]) -> tuple[str, float]:

@@ -1,4 +1,8 @@
-"""Problems for the tests, written by hand from MATHEMATICS.md section 6."""
+"""The motions that the integrators are measured and tested on, written out by hand.
+
+Systems and free Lagrangians: T. Mestdag, A. M. Bloch, O. E. Fernandez, Hamiltonization and geometric integration of
+nonholonomic mechanical systems (2009); those of the third type are our own. `c` stands for the free constants.
+"""
 
 from __future__ import annotations
 
@@ -50,15 +54,14 @@ DISK = problem(
     parameters="c",
 )
 DISK_ENERGY = Observable("energy", read("1/2*(x'^2 + y'^2) + 1/4*theta'^2 + 1/8*phi'^2", DISK.coordinates))
-DISK_CONSTRAINTS = tuple(
-    Observable(f"constraint {k}", constraint) for k, constraint in enumerate(DISK.constraints)
-)
+DISK_CONSTRAINTS = tuple(Observable(f"constraint {k}", tree) for k, tree in enumerate(DISK.constraints))
 # With the third associated system: regular everywhere, the constraint is a conserved momentum.
 DISK_THIRD = problem(
     "phi theta x y",
     free="1/2*(phi'^2 + theta'^2) + c*(y'^2*cos(phi) - x'^2*cos(phi) - 2*x'*y'*sin(phi))/(2*phi')",
     hamiltonian="1/2*p_theta^2 + 1/2*(p_phi + (cos(phi)*(p_y^2 - p_x^2) - 2*sin(phi)*p_x*p_y)/(2*c))^2",
     constraints=("x' - cos(phi)*theta'", "y' - sin(phi)*theta'"),
+    accelerations=("0", "0", "-sin(phi)*phi'*theta'", "cos(phi)*phi'*theta'"),
     parameters="c",
 )
 PARTICLE = problem(
@@ -67,6 +70,14 @@ PARTICLE = problem(
     constraints=("z' + x*y'",),
     free="1/2*x'^2 + c*sqrt(1 + x^2)/2*(y'^2/x' + z'^2/(x*x'))",
     hamiltonian="1/2*(p_x + (p_y^2 + x*p_z^2)/(2*c*sqrt(1 + x^2)))^2",
+    accelerations=("0", "-x*x'*y'/(1 + x^2)", "-x'*y'/(1 + x^2)"),
+    parameters="c",
+)
+PARTICLE_THIRD = problem(
+    "x y z",
+    free="1/2*x'^2 + c*(y'^2 - 2*x*y'*z' - z'^2)/(2*x'*sqrt(1 + x^2))",
+    hamiltonian="1/2*(p_x + (p_y^2 - 2*x*p_y*p_z - p_z^2)/(2*c*sqrt(1 + x^2)))^2",
+    constraints=("z' + x*y'",),
     accelerations=("0", "-x*x'*y'/(1 + x^2)", "-x'*y'/(1 + x^2)"),
     parameters="c",
 )
@@ -86,4 +97,33 @@ PENDULUM = problem(
     hamiltonian="1/2*p_u^2 - k*cos(u)",
     accelerations=("-k*sin(u)",),
     parameters="k",
+)
+# A rolling robot with a potential k (1 - cos psi); stiff for large k.
+ROBOT = problem(
+    "theta psi x y",
+    lagrangian="1/2*(x'^2 + y'^2 + theta'^2 + psi'^2) + k*cos(psi)",
+    constraints=("x' - cos(theta)*psi'", "y' - sin(theta)*psi'"),
+    accelerations=(
+        "0",
+        "-k*sin(psi)/2",
+        "-sin(theta)*theta'*psi' - cos(theta)*k*sin(psi)/2",
+        "cos(theta)*theta'*psi' - sin(theta)*k*sin(psi)/2",
+    ),
+    parameters="k",
+)
+# A contact oscillator whose driver y is not symmetric, so that v -> -v with y -> -y is no symmetry of the motion:
+# after K. Modin, O. Verdier, Numer. Math. 145 (2020) 405. k is the strength of the asymmetry.
+CONTACT = problem(
+    "x y z",
+    lagrangian="1/2*(x'^2 + y'^2 + z'^2) - 1/2*(x^2 + y^2 + z^2) - k*y^3/3",
+    constraints=("x' + y*z'",),
+    accelerations=(
+        "-x - (z'*y' - x - y*z)/(1 + y^2)",
+        "-y - k*y^2",
+        "-z - y*(z'*y' - x - y*z)/(1 + y^2)",
+    ),
+    parameters="k",
+)
+CONTACT_ENERGY = Observable(
+    "energy", read("1/2*(x'^2 + y'^2 + z'^2) + 1/2*(x^2 + y^2 + z^2) + k*y^3/3", CONTACT.coordinates, ("k",))
 )
