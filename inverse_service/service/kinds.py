@@ -47,6 +47,18 @@ def _check(document: Any, options: JobOptions, report: Report) -> Any:
     return importlib.import_module(KINDS["check"].module).check_document(write_json(document))
 
 
+def _simulate(document: Any, options: JobOptions, report: Report) -> Any:
+    return importlib.import_module(KINDS["simulate"].module).simulate(document, report, options.time_limit)
+
+
+def _work_precision(document: Any, options: JobOptions, report: Report) -> Any:
+    return importlib.import_module(KINDS["work-precision"].module).work_precision(document, report, options.time_limit)
+
+
+def _look_at_scene(document: Any) -> None:
+    importlib.import_module("inverse_service.service.scene_refusals").scene_schema(document)
+
+
 def _look_at_system(document: Any) -> None:
     importlib.import_module("inverse_service.service.translate").to_schema(document)
 
@@ -70,4 +82,8 @@ def label_of(result: Any) -> str:
 KINDS: Final[dict[str, Kind]] = {
     "solve": Kind("solve", "inverse_service.service.solving", _solve, _look_at_system, limit_is_answer=True),
     "check": Kind("check", "inverse_service.service.solving", _check, _look_at_object),
+    "simulate": Kind("simulate", "inverse_service.service.simulating", _simulate, _look_at_scene),
+    "work-precision": Kind(
+        "work-precision", "inverse_service.service.work_precision", _work_precision, _look_at_scene
+    ),
 }

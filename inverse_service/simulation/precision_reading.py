@@ -53,13 +53,14 @@ def times_to_errors(measured: Precision) -> dict[str, dict[str, float | None]]:
 def conclusion(measured: Precision) -> str:
     """Who reaches which error first, and where the variational method loses."""
     methods = {setting.requested.label: setting.requested.method for setting in measured.settings}
-    sentences, lost, won = [], [], []
+    firsts: dict[str, list[str]] = {}
+    lost, won = [], []
     for target, times in times_to_errors(measured).items():
         known = {label: seconds for label, seconds in times.items() if seconds is not None}
         if not known:
             continue
         first = min(known, key=known.__getitem__)
-        sentences.append(f"{target} is first reached by {first} ({_time(known[first])})")
+        firsts.setdefault(first, []).append(f"{target} in {_time(known[first])}")
         own = {label: seconds for label, seconds in known.items() if methods[label] == "variational"}
         if own and methods[first] != "variational":
             nearest = min(own, key=own.__getitem__)
@@ -68,9 +69,9 @@ def conclusion(measured: Precision) -> str:
             won.append(target)
         elif not own and "variational" in methods.values():
             lost.append(f"without end at {target}, which it does not reach")
-    if not sentences:
+    if not firsts:
         return "No method reached a relative error of 1e-2 with these steps: take smaller ones."
-    text = f"Relative error {', '.join(sentences)}."
+    text = " ".join(f"{label} is first at a relative error of {', '.join(cases)}." for label, cases in firsts.items())
     if lost:
         text += f" At equal trajectory error the variational method loses: its time is {', '.join(lost)}."
     if won:

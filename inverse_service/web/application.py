@@ -11,10 +11,19 @@ from fastapi.openapi.utils import get_openapi
 from starlette.middleware.cors import CORSMiddleware
 
 from api_schemas.result import ResultDocument
+from api_schemas.scene import SceneDocument
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.settings import Settings
-from inverse_service.web import pages, problems, routes, routes_batches, routes_jobs, routes_operations
+from inverse_service.web import (
+    pages,
+    problems,
+    routes,
+    routes_batches,
+    routes_jobs,
+    routes_operations,
+    routes_simulation,
+)
 from inverse_service.web.engine import Engine
 from inverse_service.web.headers import SecurityHeaders
 from inverse_service.web.measuring import Measured
@@ -40,7 +49,7 @@ def create_application(settings: Settings) -> FastAPI:
             expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After"],
             max_age=600,
         )
-    for part in (routes, routes_jobs, routes_batches, routes_operations):
+    for part in (routes, routes_jobs, routes_simulation, routes_batches, routes_operations):
         app.include_router(part.router)
     app.include_router(pages.router, include_in_schema=False)
     app.openapi = lambda: _description(app)  # type: ignore[method-assign]
@@ -62,7 +71,7 @@ def _description(app: FastAPI) -> dict[str, Any]:
     if app.openapi_schema is None:
         found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
         schemas = found.setdefault("components", {}).setdefault("schemas", {})
-        for model in (SystemDocument, ResultDocument):
+        for model in (SystemDocument, SceneDocument, ResultDocument):
             schema = model.model_json_schema(ref_template=REFERENCE)
             schemas.update(schema.pop("$defs", {}))
             schemas[model.__name__] = schema
