@@ -1,0 +1,172 @@
+"""kill -9 at random moments: nothing accepted is lost, nothing is answered twice, nobody is left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+FAST, LONG = (100, 2), (1000, 50)
+EXTRA = {"coordinates": ["x"], "equations": {"x": "-x^5"}}
+
+
+def processes(mark: str) -> dict[int, str]:
+    """Command lines of the living processes that have the mark in their environment."""
+    found = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            alive = (folder / "stat").read_text().rpartition(")")[2].split()[0] != "Z"
+            if alive and mark.encode() in (folder / "environ").read_bytes():
+                found[int(folder.name)] = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+    return found
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+        return port
+
+
+class Service:
+    """A service on one database that can be killed and started again."""
+
+    def __init__(self, folder: Path) -> None:
+        self.mark = f"TEST_MARK={folder.name}-{os.getpid()}-{time.monotonic_ns()}"
+        name, _, value = self.mark.partition("=")
+        self._environment = os.environ | {
+            name: value,
+            "INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"),
+            "INVERSE_SERVICE_WORKERS": "2",
+            "INVERSE_SERVICE_LOG_LEVEL": "error",
+        }
+        self.port = free_port()
+        self.client = httpx.Client(base_url=f"http://127.0.0.1:{self.port}", timeout=30)
+        self.start()
+
+    def start(self) -> None:
+        command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", str(self.port)]
+        self._process = subprocess.Popen(command, env=self._environment, stdout=subprocess.DEVNULL)
+        end = time.monotonic() + 60
+        while time.monotonic() < end:
+            with contextlib.suppress(httpx.TransportError):
+                if self.client.get("/livez").status_code == 200:
+                    return
+            time.sleep(0.02)
+        raise AssertionError("the service does not start")
+
+    def kill(self) -> list[str]:
+        """SIGKILL; what is still alive of it two seconds later."""
+        self._process.kill()
+        self._process.wait()
+        end = time.monotonic() + 2
+        while processes(self.mark) and time.monotonic() < end:
+            time.sleep(0.02)
+        return list(processes(self.mark).values())
+
+    def workers(self) -> list[int]:
+        """The numbers of the worker processes: children of the forking server."""
+        return [pid for pid, line in processes(self.mark).items() if "forkserver" in line and pid != self._server()]
+
+    def _server(self) -> int:
+        servers = [pid for pid, line in processes(self.mark).items() if "forkserver" in line]
+        return min(servers, default=0)
+
+    def batch(self, place: str) -> dict[str, Any]:
+        found: dict[str, Any] = self.client.get(place).json()
+        return found
+
+    def close(self) -> None:
+        self.kill()
+        self.client.close()
+
+
+def system(k: int) -> dict[str, Any]:
+    """Different questions; a few of them take longer, some are asked twice."""
+    if k % 10 == 0:
+        return {"id": k, "coordinates": ["x", "y"], "equations": {"x": f"-{k}*x+y^3", "y": "x*y'"}}
+    return {"id": k, "coordinates": ["x"], "equations": {"x": f"-{k - k % 7}*x"}}
+
+
+@pytest.fixture
+def service(tmp_path: Path) -> Any:
+    service = Service(tmp_path)
+    yield service
+    service.close()
+
+
+def send(service: Service, count: int) -> str:
+    body = "".join(json.dumps(system(k)) + "\n" for k in range(1, count + 1))
+    response = service.client.post("/v1/batches", content=body, headers={"Content-Type": "application/x-ndjson"})
+    assert response.status_code == 202
+    place: str = response.headers["location"]
+    return place
+
+
+def assert_each_line_is_answered_once(service: Service, place: str, count: int) -> None:
+    text = service.client.get(place + "/results", timeout=600).text
+    lines = [json.loads(line) for line in text.splitlines()]
+    assert Counter(line["id"] for line in lines) == Counter(range(1, count + 1))
+    assert {line.get("verdict", line.get("detail")) for line in lines} <= {"variational", "not_variational"}
+    assert service.batch(place)["counts"] == {"successful": count}
+
+
+def kill_services(service: Service, count: int, kills: int) -> None:
+    place, left = send(service, count), []
+    extra = service.client.post("/v1/solve", json=EXTRA, headers={"Prefer": "respond-async"}).headers["location"]
+    dice = random.Random(kills)
+    for _ in range(kills):
+        time.sleep(dice.uniform(0.0, 0.8))
+        left += service.kill()
+        service.start()
+        assert service.batch(place)["total"] == count
+    assert_each_line_is_answered_once(service, place, count)
+    end = time.monotonic() + 30
+    while service.client.get(extra).status_code == 202 and time.monotonic() < end:
+        time.sleep(0.05)
+    assert service.client.get(extra).json()["status"] == "successful"
+    assert left + service.kill() == []
+
+
+def kill_workers(service: Service, count: int, kills: int) -> None:
+    place, killed = send(service, count), 0
+    dice = random.Random(kills)
+    while killed < kills and service.batch(place)["status"] != "successful":
+        time.sleep(dice.uniform(0.0, 0.2))
+        for pid in dice.sample(service.workers(), k=min(1, len(service.workers()))):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+                killed += 1
+    assert killed > 0
+    assert_each_line_is_answered_once(service, place, count)
+    assert service.kill() == []
+
+
+def test_a_killed_service_loses_and_doubles_nothing_and_leaves_no_process(service: Service) -> None:
+    kill_services(service, *FAST)
+
+
+def test_killed_workers_lose_and_double_nothing(service: Service) -> None:
+    kill_workers(service, *FAST)
+
+
+@pytest.mark.nightly
+def test_fifty_kills_of_the_service_in_a_thousand_lines(service: Service) -> None:
+    kill_services(service, *LONG)
+
+
+@pytest.mark.nightly
+def test_fifty_kills_of_workers_in_a_thousand_lines(service: Service) -> None:
+    kill_workers(service, *LONG)
