@@ -25,7 +25,7 @@ from distributed.scheduler import KilledWorker
 from inverse_service.errors import InputError
 from inverse_service.service.cluster import remote
 from inverse_service.service.cluster.fingerprint import Fingerprint, difference, fingerprint
-from inverse_service.service.cluster.host import Order
+from inverse_service.service.cluster.orders import Order
 from inverse_service.service.cluster.remote import Terms
 from inverse_service.service.outcome import Call, Outcome
 from inverse_service.service.worker_process import Report
@@ -114,9 +114,7 @@ class Cluster:
             return
         future, client = running.future, self._client
         if future is not None:
-            with contextlib.suppress(Exception):  # a cluster that is gone has nothing to stop
-                future.cancel()
-                client.run(remote.cancel, running.key, wait=False)
+            threading.Thread(target=_stop_there, args=(client, future, running.key), daemon=True).start()
 
     def stop(self) -> None:
         """Cancel everything and disconnect."""
@@ -227,7 +225,7 @@ class Cluster:
 
     def _refuse_strangers(self) -> None:
         """Raises InputError where a worker that is there now has another program, or none of ours."""
-        found = self._client.run(fingerprint, on_error="return")
+        found = self._client.run(remote.describe, on_error="return")
         for theirs in found.values():
             if not isinstance(theirs, Fingerprint):
                 raise InputError(
@@ -246,6 +244,15 @@ def _silence_dask() -> None:
     for name in list(logging.root.manager.loggerDict):
         if name.split(".")[0] == "distributed":
             logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+def _stop_there(client: Any, future: Any, key: str) -> None:
+    """In a thread of its own: who cancels does not wait for a cluster."""
+    try:
+        future.cancel()
+        client.run(remote.cancel, key, wait=False)
+    except Exception as error:
+        log.warning("a cancelled task could not be stopped on the cluster (%s)", type(error).__name__)
 
 
 def _close(client: Any) -> None:

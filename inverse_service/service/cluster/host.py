@@ -13,30 +13,12 @@ import contextlib
 import sys
 import threading
 from concurrent.futures import Future
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any, Final
+from typing import Any
 
-from inverse_service.service.outcome import Call, Outcome
+from inverse_service.service.cluster.orders import DONE, REPORT, Cancel, Order
+from inverse_service.service.outcome import Outcome
 from inverse_service.service.workers import Running, Workers
-
-REPORT: Final = "report"
-DONE: Final = "done"
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """Do what `call` says; `key` names it in what comes back."""
-
-    key: str
-    call: Call
-
-
-@dataclass(frozen=True, slots=True)
-class Cancel:
-    """Kill the process that works on this order, or forget the order."""
-
-    key: str
 
 
 class Host:

@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from inverse_service.service.cluster.fingerprint import Fingerprint, difference, fingerprint
-from inverse_service.service.cluster.host import DONE, Cancel, Order
+from inverse_service.service.cluster.orders import DONE, Cancel, Order
 from inverse_service.service.outcome import Outcome
 
 # A cold machine loads the engine and its kernels first; the deadline itself is the host's.
@@ -126,8 +126,16 @@ def perform(order: Order, terms: Terms) -> Outcome | str:
     return _current_host(worker.state.nthreads, terms.memory_limit).order(order, report)
 
 
-def cancel(key: str) -> None:
-    """Kill the work on an order if this machine has it; runs beside the tasks, not among them."""
+def describe() -> Fingerprint:
+    """What this machine has of the program."""
+    return fingerprint()
+
+
+async def cancel(key: str) -> None:
+    """Kill the work on an order if this machine has it; runs beside the tasks, not among them.
+
+    A coroutine, as Dask waits for all machines where it is a plain function.
+    """
     if _host is not None:
         _host.cancel(key)
 

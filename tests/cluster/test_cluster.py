@@ -1,0 +1,185 @@
+"""Tasks on a real Dask cluster: the same killable workers, and nothing lost or answered twice."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+pytest.importorskip("distributed")
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
+    # Dask leaves sockets and loops to the collector when it closes.
+    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
+from inverse_service.errors import InputError  # noqa: E402
+from inverse_service.service import tasks  # noqa: E402
+from inverse_service.service.cluster import front, remote  # noqa: E402
+from inverse_service.service.cluster.fingerprint import difference, fingerprint  # noqa: E402
+from inverse_service.service.cluster.front import Cluster  # noqa: E402
+from inverse_service.service.cluster.opening import open_cluster  # noqa: E402
+from inverse_service.service.cluster.orders import Order  # noqa: E402
+from inverse_service.service.cluster.remote import Terms  # noqa: E402
+from inverse_service.service.outcome import Call  # noqa: E402
+from tests.cluster import processes  # noqa: E402
+
+MEMORY = 2048
+
+
+@pytest.fixture(scope="module")
+def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[processes.Cluster]:
+    with processes.dask_cluster(tmp_path_factory.mktemp("dask"), workers=1, threads=2) as cluster:
+        yield cluster
+
+
+@pytest.fixture(scope="module")
+def cluster(machines: processes.Cluster) -> Iterator[Cluster]:
+    connected = Cluster(machines.address, MEMORY)
+    connected.start()
+    yield connected
+    connected.stop()
+
+
+def outcome(cluster: Cluster, task: Any, arguments: tuple[Any, ...] = (), deadline: float = 60.0) -> Any:
+    return cluster.submit(Call(task, arguments, deadline)).outcome.result(90)
+
+
+def test_a_task_is_answered_from_another_process(cluster: Cluster) -> None:
+    found = outcome(cluster, tasks.guard, (os.getpid,))
+    assert found.status == "done"
+    assert found.value != os.getpid()
+    assert cluster.capacity == 2
+    assert cluster.is_ready
+
+
+def test_the_deadline_holds_in_c_and_memory_is_bounded(cluster: Cluster) -> None:
+    outcome(cluster, tasks.ping_task)
+    begin = time.monotonic()
+    assert outcome(cluster, pow, (3, 10**9), 0.5).status == "deadline"
+    assert time.monotonic() - begin < 5
+    assert outcome(cluster, bytearray, (MEMORY * 2**20,)).status == "memory"
+    assert outcome(cluster, signal.raise_signal, (signal.SIGSEGV,)).status == "crash"
+    assert outcome(cluster, tasks.ping_task).status == "done"
+
+
+def test_a_cancelled_task_stops_there_too(cluster: Cluster, machines: processes.Cluster) -> None:
+    outcome(cluster, tasks.ping_task)
+    running = cluster.submit(Call(pow, (3, 10**9), 600.0))
+    session, end = machines.workers[0].pid, time.monotonic() + 20
+    while not (busy := _busy(session)) and time.monotonic() < end:
+        pass
+    running.cancel()
+    assert running.outcome.result(1).status == "cancelled"
+    end = time.monotonic() + 10
+    while any(Path(f"/proc/{pid}").exists() for pid in busy) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert busy
+    assert not any(Path(f"/proc/{pid}").exists() for pid in busy)
+
+
+def _busy(session: int) -> list[int]:
+    """The worker processes of a session that computed for most of a fifth of a second."""
+
+    def ticks() -> dict[int, int]:
+        found = {}
+        for pid in processes.processes(session):
+            with contextlib.suppress(OSError):
+                fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+                found[pid] = int(fields[11]) + int(fields[12])
+        return found
+
+    before = ticks()
+    time.sleep(0.2)
+    used = {pid: now - before.get(pid, now) for pid, now in ticks().items()}
+    return [pid for pid, spent in used.items() if spent >= 4 and b"forkserver" in processes.command_of(pid)]
+
+
+def test_progress_comes_through(cluster: Cluster) -> None:
+    heard: list[Any] = []
+    document = json.dumps({"coordinates": ["x", "y"], "equations": {"x": "-x", "y": "-y^3"}})
+    options = json.dumps({"time_limit": 20.0, "memory_limit": MEMORY, "seed": 1})
+    call = Call(tasks.job_task, ("solve", document, options), 20.0, None, True)
+    found = cluster.submit(call, heard.append).outcome.result(60)
+    assert found.status == "done", found
+    end = time.monotonic() + 5
+    while not heard and time.monotonic() < end:
+        time.sleep(0.02)
+    assert heard
+
+
+def test_a_batch_is_answered_once_a_line(machines: processes.Cluster, tmp_path: Path) -> None:
+    lines: list[dict[str, Any]] = [
+        {"id": f"line {k}", "coordinates": ["x"], "equations": {"x": f"-{k % 5 + 1}*x"}} for k in range(20)
+    ]
+    lines[7]["equations"] = {"x": "omega"}
+    source, output = tmp_path / "in.ndjson", tmp_path / "out.ndjson"
+    source.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    command = [sys.executable, "-m", "inverse_service.cli", "batch", str(source), "--output", str(output)]
+    done = subprocess.run([*command, "--cluster", machines.address], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    answers = [json.loads(line) for line in output.read_text().splitlines()]
+    assert sorted(answer["id"] for answer in answers) == sorted(line["id"] for line in lines)
+    assert [answer["id"] for answer in answers if "error" in answer] == ["line 7"]
+
+
+def test_the_service_solves_on_the_cluster(machines: processes.Cluster, tmp_path: Path) -> None:
+    environment = {
+        **os.environ,
+        "INVERSE_SERVICE_CLUSTER": machines.address,
+        "INVERSE_SERVICE_DATABASE": str(tmp_path / "jobs.sqlite"),
+        "INVERSE_SERVICE_LOG_LEVEL": "error",
+    }
+    command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            document = {"coordinates": ["x"], "equations": {"x": "-x"}}
+            answer = httpx.post(f"{address}/v1/solve", json=document, headers={"Prefer": "wait=20"}, timeout=60)
+            assert answer.status_code == 200, answer.text
+            assert answer.json()["verdict"] == "variational"
+        finally:
+            process.terminate()
+
+
+def test_a_cluster_with_another_program_is_refused(
+    machines: processes.Cluster, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = dataclasses.replace(fingerprint(), engine="9.9")
+    monkeypatch.setattr(front, "fingerprint", lambda: other)
+    stranger = Cluster(machines.address, MEMORY)
+    with pytest.raises(InputError, match=r"another program: engine .* instead of 9\.9; install the same"):
+        stranger.start()
+    answer = remote.perform(Order("k", Call(tasks.ping_task, (), 1.0)), Terms(other, MEMORY, "t"))
+    assert isinstance(answer, str), "a worker that joins later must refuse too"
+    assert "engine" in answer
+
+
+def test_what_differs_is_named() -> None:
+    ours = fingerprint()
+    assert difference(ours, ours) == ""
+    assert difference(ours, dataclasses.replace(ours, python="3.1")) == f"python 3.1 instead of {ours.python}"
+
+
+@pytest.mark.parametrize("address", ["", "localhost:8786", "http://localhost:8786", "file:///x"])
+def test_an_address_of_something_else_is_refused(address: str) -> None:
+    with pytest.raises(InputError, match="tcp://"):
+        open_cluster(address, MEMORY)
+
+
+def test_an_absent_scheduler_is_said_to_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(front, "CONNECT", 0.5)
+    with pytest.raises(InputError, match="No Dask scheduler answers"):
+        open_cluster("tcp://127.0.0.1:9", MEMORY).start()
