@@ -78,8 +78,8 @@ def run_batch(plan: BatchPlan, report: Callable[[Line], None] = lambda line: Non
 class BatchEngine:
     """Hands lines over to the supervisor, a bounded number at a time, and takes the answers."""
 
-    def __init__(self, store: SqliteStore, options: JobOptions, ahead: int) -> None:
-        self._store, self._options, self._ahead = store, options, ahead
+    def __init__(self, store: SqliteStore, options: JobOptions, executor: Executor) -> None:
+        self._store, self._options, self._executor = store, options, executor
         self._changed: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._open: dict[str, list[Line]] = {}
         self.duplicates = 0
@@ -89,7 +89,8 @@ class BatchEngine:
         """Each line with its answer, as they come."""
         for line in lines:
             yield from self._submit(line)
-            while len(self._open) >= self._ahead:
+            # Asked each time: a cluster grows and shrinks while it works.
+            while len(self._open) >= AHEAD * self._executor.capacity:
                 yield from self._finished()
         while self._open:
             yield from self._finished()
@@ -132,7 +133,7 @@ def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
             working.start()
             quick.start()
             supervisor = Supervisor(store, working, quick)
-            engine = BatchEngine(store, plan.options, AHEAD * working.capacity)
+            engine = BatchEngine(store, plan.options, working)
             supervisor.start()
             try:
                 yield engine
