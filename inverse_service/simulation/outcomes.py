@@ -101,6 +101,9 @@ def _outcome(
             return Outcome("cancelled", run.done, run.done * grid.step)
         return Outcome("completed", run.done, run.done * grid.step)
     when = halt.step * grid.step
+    if choice.method == "modified" and halt.kind == "singular":
+        # Its own singular set: smooth through the zeros of A_alpha, whatever passes 0 nearby.
+        return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, _remedy(choice))
     if halt.kind in ("no_convergence", "not_finite", "singular"):
         cause = _vanished(f, choice, card, run, lane, grid)
         if cause:
@@ -150,5 +153,5 @@ def _remedy(choice: MethodChoice) -> str:
     if choice.method == "variational" and choice.form == "raw":
         return "use the Hamiltonian form, which is smooth there"
     if choice.method == "modified":
-        return "use the variational method in Hamiltonian form, or alpha = 1/2 with a smaller step"
+        return "choose smaller free constants of L~, or use the variational method in Hamiltonian form"
     return "use an associated system that is regular there, or a smaller step"
