@@ -155,9 +155,9 @@ def error_numbers(scene: Scene, positions: Array, true: Array, against: str) -> 
     differences = np.abs(positions - true)
     distances: Array = differences.max(axis=1)
     numbers = {
-        "max_error": float(distances.max()),
+        "max_error": float(np.nanmax(distances)),
         "final_error": float(distances[-1]),
-        "error_each": {name: float(differences[:, k].max()) for k, name in enumerate(scene.coordinates)},
+        "error_each": {name: float(np.nanmax(differences[:, k])) for k, name in enumerate(scene.coordinates)},
         "error_against": against,
     }
     return numbers, distances

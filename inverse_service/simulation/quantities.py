@@ -23,7 +23,7 @@ from inverse_service.simulation.observing import (
 )
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.scene import Scene, Unavailable
-from inverse_service.simulation.truth import Truth
+from inverse_service.simulation.truth import Truth, true_rows
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def observed_quantities(
     """Numbers and columns of every observed quantity, none of any other; `seconds` gets what each took."""
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
-    true = truth.positions[: len(trajectory.times)] if isinstance(truth, Truth) else None
+    true = true_rows(truth, scene.grid, trajectory.times) if isinstance(truth, Truth) else None
     for name in scene.observe:
         with _timed(seconds, name):
             found, columns = _quantity(name, scene, trajectory, problem, true, truth)

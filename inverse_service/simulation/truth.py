@@ -32,8 +32,20 @@ class Truth:
 
 
 def recorded_times(grid: Grid) -> Array:
-    """t = k h at the recorded steps, the start first."""
-    found: Array = grid.step * np.arange(0, grid.steps + 1, grid.record_every, dtype=float)
+    """t = k h at the recorded steps, the start first; the last step is always recorded."""
+    steps = list(range(0, grid.steps + 1, grid.record_every))
+    if steps[-1] != grid.steps:
+        steps.append(grid.steps)
+    found: Array = grid.step * np.array(steps, dtype=float)
+    return found
+
+
+def true_rows(truth: Truth, grid: Grid, times: Array) -> Array:
+    """The true positions at the times of a trajectory, (len(times), n); nan at a time that is none of the grid's."""
+    known = recorded_times(grid)
+    places = np.clip(np.searchsorted(known, times - 0.5 * grid.step), 0, len(known) - 1)
+    found = truth.positions[places].copy()
+    found[np.abs(known[places] - times) > 1e-6 * grid.step] = np.nan
     return found
 
 
