@@ -13,6 +13,8 @@ from inverse_service.web.pages import typesetting
 
 TENSORS = (("Phi", "Φ", "\\Phi"), ("nabla_Phi", "∇Φ", "\\nabla\\Phi"))
 QUESTIONS = {"L(q, q')": "L(q, q\u2032)", "L(t, q, q')": "L(t, q, q\u2032)"}
+# What no line can be broken in.
+UNBREAKABLE = ("<mtable", "<mfrac", "<msqrt")
 # A page shows so many steps; the whole is in the JSON.
 MAX_STEPS = 200
 
@@ -32,6 +34,7 @@ class Step:
     text: Markup
     formula: Markup | None
     matrices: list[Matrix]
+    is_wide: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +167,7 @@ def _step(step: Mapping[str, str], names: Names, matrices: list[Matrix]) -> Step
     shown = None if says_formula or not step["latex"] else typesetting.latex(step["latex"])
     plain = step["text"].replace("nabla Phi", "∇Φ").replace("Phi", "Φ")
     used = [m for m in matrices if _uses(plain, m.name)]
-    return Step(text, shown, used)
+    return Step(text, shown, used, any(tag in text for tag in UNBREAKABLE))
 
 
 def _uses(text: str, name: str) -> bool:

@@ -20,6 +20,8 @@ FIELD_NAMES = {
     "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
     "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
 }  # fmt: skip
+# Characters of a long line that are shown on either side of the place.
+AROUND = 40
 _COLUMN = re.compile(r"(; it stands)? at column \d+")
 
 
@@ -144,10 +146,15 @@ def _place(detail: str, pointer: str, column: int | None, fields: Mapping[str, s
     line = text[start : end if end >= 0 else len(text)]
     place = column - 1 - start
     marked = line[place : place + 1] or " "
+    before, after = line[:place], line[place + 1 :]
+    if len(before) > AROUND:
+        before = "\u2026" + before[-AROUND:]
+    if len(after) > AROUND:
+        after = after[:AROUND] + "\u2026"
     number = text.count("\n", 0, start) + 1 + _lines_before(steps)
     # The column in the sentence counts from the start of the whole text; the place is shown by its line.
     detail = _COLUMN.sub("", detail, count=1)
-    return ShownPlace(detail, name, number, place + 1, line[:place], marked, line[place + 1 :])
+    return ShownPlace(detail, name, number, place + 1, before, marked, after)
 
 
 def _text_at(steps: list[str], fields: Mapping[str, str]) -> str | None:

@@ -1,0 +1,98 @@
+"""One browser and one service for all browser tests; every page must be clean."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+pytest.importorskip("playwright")
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+
+CHROMIUM = next(
+    (path for path in ("/usr/bin/chromium", shutil.which("chromium")) if path and Path(path).exists()), None
+)
+QUIET = (
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+WIDE: ViewportSize = {"width": 1280, "height": 900}
+NARROW: ViewportSize = {"width": 390, "height": 844}
+Scheme = Literal["light", "dark"]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark everything here; without chromium it is skipped."""
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.browser)
+            if CHROMIUM is None:
+                item.add_marker(pytest.mark.skip(reason="chromium is not installed"))
+
+
+@dataclass
+class Seen:
+    """What a page did: console messages, faults of scripts, addresses asked, statuses from 400 on."""
+
+    console: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+    addresses: list[str] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Visit:
+    """A page of the service with what was seen on it."""
+
+    page: Page
+    address: str
+    seen: Seen
+
+    def go(self, path: str) -> None:
+        self.page.goto(self.address + path)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser: Browser, service: str) -> Iterator[Visit]:
+    """A page with scripts."""
+    yield from visited(browser, service)
+
+
+@pytest.fixture
+def plain(browser: Browser, service: str) -> Iterator[Visit]:
+    """A page without scripts."""
+    yield from visited(browser, service, scripts=False)
+
+
+def visited(
+    browser: Browser, address: str, scripts: bool = True, size: ViewportSize = WIDE, scheme: Scheme = "light"
+) -> Iterator[Visit]:
+    """A page of its own; at the end its console was silent and no request left the host."""
+    context = browser.new_context(java_script_enabled=scripts, viewport=size, color_scheme=scheme)
+    page = context.new_page()
+    page.set_default_timeout(20_000)
+    seen = Seen()
+    page.on("console", lambda message: seen.console.append(f"{message.type}: {message.text}"))
+    page.on("pageerror", lambda error: seen.faults.append(str(error)))
+    page.on("request", lambda request: seen.addresses.append(request.url))
+    page.on("response", lambda r: seen.refused.append(f"{r.status} {r.url}") if r.status >= 400 else None)
+    yield Visit(page, address, seen)
+    context.close()
+    # A refused form is an answer, and chromium notes it on the console; everything else there is a fault of ours.
+    noted = [text for text in seen.console if "the server responded with a status of 4" not in text]
+    assert noted == []
+    assert seen.faults == []
+    outside = [url for url in seen.addresses if not url.startswith((address, "blob:" + address, "data:"))]
+    assert outside == []

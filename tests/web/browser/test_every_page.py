@@ -1,0 +1,88 @@
+"""What holds on every page: no violation of axe, nothing too heavy, nothing too wide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, expect
+
+from .conftest import NARROW, WIDE, Scheme, Visit, visited
+
+PAGES = ("/", "/?kind=nonholonomic", "/gallery", "/batch", "/learn", "/docs", "/results/none", "/?example=sho")
+RESULTS = ("vertically-rolling-disk-first", "vertically-rolling-disk-second")
+HEAVIEST = 100_000
+
+
+@pytest.fixture(params=["light", "dark"])
+def scheme(request: pytest.FixtureRequest) -> Scheme:
+    found: Scheme = request.param
+    return found
+
+
+@pytest.fixture
+def coloured(browser: Browser, service: str, scheme: Scheme) -> Iterator[Visit]:
+    yield from visited(browser, service, size=WIDE if scheme == "light" else NARROW, scheme=scheme)
+
+
+def violations(visit: Visit) -> list[str]:
+    """What axe finds, with the place."""
+    found = Axe().run(visit.page).response["violations"]
+    return [f"{v['id']}: {node['html'][:120]}" for v in found for node in v["nodes"]]
+
+
+def open_all(visit: Visit) -> None:
+    visit.page.evaluate("document.querySelectorAll('details').forEach(node => (node.open = true))")
+
+
+def is_too_wide(visit: Visit) -> bool:
+    too_wide: bool = visit.page.evaluate("document.documentElement.scrollWidth > innerWidth")
+    return too_wide
+
+
+def test_axe_finds_nothing_on_any_page(coloured: Visit) -> None:
+    for path in PAGES:
+        coloured.go(path)
+        open_all(coloured)
+        assert (path, violations(coloured)) == (path, [])
+        assert (path, is_too_wide(coloured)) == (path, False)
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_axe_finds_nothing_on_a_result(coloured: Visit, name: str) -> None:
+    coloured.go(f"/?example={name}")
+    coloured.page.get_by_role("button", name="Find out").click()
+    expect(coloured.page.locator(".verdict")).to_be_visible()
+    open_all(coloured)
+    assert violations(coloured) == []
+    assert not is_too_wide(coloured)
+
+
+def test_axe_finds_nothing_where_a_fault_is_shown(coloured: Visit) -> None:
+    coloured.go("/")
+    coloured.page.get_by_label("Equations", exact=True).fill("x'' = (y")
+    expect(coloured.page.locator("#understood mark")).to_be_visible()
+    assert violations(coloured) == []
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_a_page_weighs_less_than_100_kilobytes(visit: Visit, path: str) -> None:
+    weights: list[int] = []
+    visit.page.on("response", lambda response: weights.append(len(response.body())))
+    visit.go(path)
+    visit.page.wait_for_load_state("networkidle")
+    assert len(weights) >= 3
+    assert sum(weights) < HEAVIEST
+
+
+def test_the_policy_forbids_scripts_and_styles_inside_the_page(visit: Visit) -> None:
+    answer = visit.page.goto(visit.address + "/")
+    assert answer is not None
+    policy = answer.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    text = answer.text()
+    assert "<style" not in text
+    assert " style=" not in text
+    assert " onclick" not in text

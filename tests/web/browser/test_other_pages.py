@@ -1,0 +1,83 @@
+"""Gallery, batches, lessons, calls."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+from .conftest import Visit
+
+
+def test_a_system_of_the_gallery_is_solved(visit: Visit) -> None:
+    visit.go("/gallery")
+    visit.page.get_by_role("link", name="Solve: counterexample to Proposition 3 as printed").click()
+    visit.page.get_by_role("button", name="Find out").click()
+    expect(visit.page.locator(".verdict.variational")).to_be_visible()
+    visit.go("/gallery")
+    visit.page.get_by_text("One coordinate (").click()
+    visit.page.get_by_role("link", name="duffing").click()
+    expect(visit.page.get_by_label("Equations", exact=True)).not_to_be_empty()
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_a_batch_is_uploaded_and_its_lines_lead_to_results(
+    visit: Visit, plain: Visit, scripts: bool, tmp_path: Path
+) -> None:
+    at = visit if scripts else plain
+    lines = [{"id": f"n{k}", "equations": f"x'' = -{k}*x"} for k in range(1, 4)] + [{"id": "bad", "equations": "x''="}]
+    file = tmp_path / "systems.ndjson"
+    file.write_text("\n".join(json.dumps(line) for line in lines))
+    at.go("/batch")
+    at.page.get_by_label("A file").set_input_files(file)
+    at.page.get_by_role("button", name="Decide all of them").click()
+    if not scripts:
+        at.page.wait_for_timeout(1_500)
+        at.page.reload()
+    expect(at.page.get_by_role("status")).to_contain_text("4 of 4 done, 1 failed")
+    expect(at.page.locator("tbody tr")).to_have_count(4)
+    expect(at.page.locator("tbody tr").nth(3)).to_contain_text("Line 4")
+    at.page.get_by_role("link", name="n2", exact=True).click()
+    expect(at.page.locator(".verdict.variational")).to_be_visible()
+
+
+def test_a_batch_that_is_no_document_is_refused_with_a_sentence(visit: Visit) -> None:
+    visit.go("/batch")
+    visit.page.get_by_label("Or lines typed here").fill("")
+    visit.page.get_by_role("button", name="Decide all of them").click()
+    expect(visit.page.get_by_role("alert")).to_be_visible()
+
+
+def test_a_lesson_can_be_changed_and_asked(visit: Visit) -> None:
+    visit.go("/learn")
+    assert visit.page.locator(".screen").count() == 6
+    visit.page.locator("#equations-2").fill("x'' = -x' - x")
+    expect(visit.page.locator("#understood-2 .formula")).to_have_count(1)
+    visit.page.get_by_role("button", name="Friction: is there an L?").click()
+    expect(visit.page.locator(".verdict.variational")).to_be_visible()
+
+
+def test_the_rolling_disk_moves_under_the_slider_and_by_itself(visit: Visit) -> None:
+    visit.go("/learn")
+    figure = visit.page.locator("[data-motion=disk]")
+    picture = "node => node.toDataURL()"
+    before = figure.locator("canvas").evaluate(picture)
+    figure.get_by_label("Time").fill("0.8")
+    after = figure.locator("canvas").evaluate(picture)
+    assert before != after
+    figure.get_by_label("Time").fill("0")
+    figure.get_by_role("button", name="Play").click()
+    expect(figure.get_by_label("Time")).not_to_have_value("0")
+    figure.get_by_role("button", name="Pause").click()
+    expect(figure.get_by_role("button", name="Play")).to_be_visible()
+
+
+def test_every_call_is_described_with_an_example(visit: Visit) -> None:
+    visit.go("/docs")
+    for path in ("/v1/solve", "/v1/jobs/{id}", "/v1/batches", "/v1/catalogue/{name}", "/livez"):
+        expect(visit.page.locator(".call", has_text=path).first).to_be_visible()
+    first = visit.page.locator(".call", has_text="/v1/solve").locator("details")
+    first.locator("summary").click()
+    expect(first.locator("pre")).to_contain_text("curl -s http")

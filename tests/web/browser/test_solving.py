@@ -1,0 +1,168 @@
+"""What a person does on the start page and on the page of a result, with scripts and without."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from .conftest import Visit
+
+FIRST_DISK = "phi'' = 0\ntheta'' = 0\nx'' = -R*sin(phi)*phi'*theta'\ny'' = R*cos(phi)*phi'*theta'"
+NAMES = [f"x{k}" for k in range(8)]
+HARD = json.dumps({"coordinates": NAMES, "equations": {
+    c: "+".join(f"{a}*{b}'^2*sin({a}*{b}*{c})" for a in NAMES for b in NAMES) for c in NAMES
+}})  # fmt: skip
+
+
+def echo(page: Page) -> str:
+    return page.locator("#understood").inner_text()
+
+
+def test_two_typed_equations_are_echoed_and_solved(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = -k*x\ny'' = A(x)")
+    expect(visit.page.locator("#understood dd").nth(1)).to_contain_text("no equation")
+    expect(visit.page.locator("#understood dd").nth(2)).to_contain_text("arbitrary")
+    assert visit.page.locator("#understood math").count() >= 4
+    visit.page.get_by_role("button", name="Find out").click()
+    expect(visit.page.locator(".verdict h1")).to_contain_text("Lagrangian")
+    assert re.fullmatch(r".*/results/[0-9a-f]{40}", visit.page.url)
+
+
+def test_without_scripts_the_form_is_echoed_by_a_button_and_solved(plain: Visit) -> None:
+    plain.go("/")
+    plain.page.get_by_label("Equations", exact=True).fill("x'' = -x'\ny'' = -y")
+    plain.page.get_by_role("button", name="Show what is understood").click()
+    expect(plain.page.locator("#understood .formula")).to_have_count(2)
+    expect(plain.page.get_by_label("Equations", exact=True)).to_have_value("x'' = -x'\ny'' = -y")
+    plain.page.get_by_role("button", name="Find out").click()
+    expect(plain.page.locator(".verdict.variational")).to_be_visible()
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_a_fault_is_marked_at_its_place(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/")
+    at.page.get_by_label("Equations", exact=True).fill("x'' = -y\ny'' = 3*@ + x")
+    if not scripts:
+        at.page.get_by_role("button", name="Find out").click()
+    expect(at.page.locator("#understood mark")).to_have_text("@")
+    expect(at.page.locator("#understood .where")).to_have_text("Equations, line 2, column 9")
+    expect(at.page.locator("#understood .detail")).to_contain_text("not accepted")
+
+
+def test_markup_that_is_typed_stays_text(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = <img src=x onerror=alert(1)>")
+    expect(visit.page.locator("#understood [data-problem]")).to_be_visible()
+    assert visit.page.locator("#understood img").count() == 0
+
+
+def test_latex_and_documents_can_be_typed_or_uploaded(visit: Visit, tmp_path: Path) -> None:
+    visit.go("/")
+    box = visit.page.get_by_label("Equations", exact=True)
+    box.fill(r"\ddot{x} = -\omega^2 x, \quad \ddot{\theta} = \dot{x}")
+    expect(visit.page.locator("#understood .formula")).to_have_count(2)
+    expect(visit.page.locator("#understood dd").nth(0)).to_contain_text("θ")
+    box.fill(json.dumps({"coordinates": ["u"], "equations": {"u": "-u"}}))
+    expect(visit.page.locator("#understood .formula")).to_have_count(1)
+    file = tmp_path / "system.yaml"
+    file.write_text("coordinates: [w]\nequations:\n  w: -w^3\n")
+    visit.page.get_by_text("Names and questions").click()
+    visit.page.get_by_label("Or a document").set_input_files(file)
+    expect(visit.page.locator("#understood dd").nth(0)).to_contain_text("w")
+    visit.page.get_by_role("button", name="Find out").click()
+    expect(visit.page.locator(".verdict.variational")).to_be_visible()
+    expect(visit.page.locator("main")).to_contain_text("Hamiltonian")
+
+
+def test_from_the_start_page_to_the_proof_for_the_rolling_disk(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.get_by_role("link", name="Rolling disk, first").click()
+    expect(visit.page.get_by_label("Equations", exact=True)).to_have_value(re.compile("phi'' = 0\ntheta'' = 0"))
+    visit.page.get_by_role("button", name="Find out").click()
+    expect(visit.page.locator(".verdict.not_variational")).to_be_visible()
+    steps = visit.page.locator(".proof > li")
+    assert steps.count() >= 5
+    matrices = steps.nth(0).locator("details")
+    assert not matrices.locator("mtable").first.is_visible()
+    matrices.locator("summary").click()
+    expect(matrices.locator("mtable").first).to_be_visible()
+    expect(steps.last).to_contain_text("There is no Lagrangian")
+    visit.page.get_by_role("button", name="Check again").click()
+    expect(visit.page.get_by_role("status").get_by_text("valid")).to_be_visible()
+
+
+def test_the_result_can_be_taken_along_and_its_link_stays(visit: Visit) -> None:
+    visit.go("/?example=vertically-rolling-disk-second")
+    visit.page.get_by_role("button", name="Find out").click()
+    expect(visit.page.locator(".verdict.variational")).to_be_visible()
+    for name, words in (
+        ("LaTeX", r"\dot{\varphi}"),
+        ("SymPy", "sp.Function"),
+        ("Python", "Client("),
+        ("curl", "/v1/solve"),
+    ):
+        part = visit.page.locator("details.copy", has=visit.page.locator("summary", has_text=name))
+        if part.get_attribute("open") is None:
+            part.locator("summary").click()
+        expect(part.locator("pre")).to_contain_text(words)
+    visit.page.get_by_role("button", name="Copy LaTeX").click()
+    expect(visit.page.locator("[data-copy='export-latex']")).to_have_text(re.compile("Copied|Selected"))
+    with visit.page.expect_download() as download:
+        visit.page.get_by_role("link", name="JSON with the certificate").click()
+    assert json.loads(Path(download.value.path()).read_text())["checked"] == "valid"
+    link = visit.page.get_by_role("link", name="Permanent link").get_attribute("href")
+    assert link is not None
+    visit.go(link)
+    expect(visit.page.locator(".verdict.variational")).to_be_visible()
+    visit.page.get_by_role("link", name="Change the system").click()
+    expect(visit.page.get_by_label("Equations", exact=True)).to_have_value(re.compile(r"tan\(phi\)"))
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_long_work_shows_its_progress_and_can_be_cancelled(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/")
+    at.page.get_by_label("Equations", exact=True).fill(HARD.replace("sin", "sin" if scripts else "cos"))
+    at.page.get_by_role("button", name="Find out").click()
+    expect(at.page.get_by_role("progressbar")).to_be_visible()
+    at.page.get_by_role("button", name="Cancel").click()
+    expect(at.page.get_by_role("heading", level=1)).to_have_text("This was cancelled")
+
+
+def test_the_page_of_open_work_becomes_its_result_by_itself(visit: Visit) -> None:
+    visit.go("/")
+    box = visit.page.get_by_label("Equations", exact=True)
+    box.fill(HARD.replace("sin(", "sin(2*"))
+    visit.page.get_by_role("button", name="Find out").click()
+    expect(visit.page.get_by_role("progressbar")).to_be_visible()
+    # The service of the tests stops after 10 s.
+    expect(visit.page.locator(".verdict.undetermined")).to_be_visible(timeout=18_000)
+    expect(visit.page.locator(".verdict")).to_contain_text("limit")
+
+
+def test_keys_alone_suffice(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.keyboard.press("Tab")
+    expect(visit.page.get_by_role("link", name="Skip to the content")).to_be_focused()
+    visit.page.keyboard.press("Enter")
+    expect(visit.page.locator("main")).to_be_focused()
+    box = visit.page.get_by_label("Equations", exact=True)
+    for _ in range(6):
+        visit.page.keyboard.press("Tab")
+        if box.evaluate("node => node === document.activeElement"):
+            break
+    visit.page.keyboard.press("Control+a")
+    visit.page.keyboard.type("x'' = -4*x")
+    visit.page.keyboard.press("Control+Enter")
+    expect(visit.page.locator(".verdict.variational")).to_be_visible()
+
+
+def test_an_unknown_result_is_told_so(visit: Visit) -> None:
+    visit.go("/results/" + "0" * 40)
+    expect(visit.page.get_by_role("heading", level=1)).to_have_text("Nothing here")

@@ -1,0 +1,85 @@
+"""Names that the writer of a form did not declare."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.errors import InputError
+from inverse_service.web.pages.documents import document_of, equations_text, fields_from, functions_of, parameters_of
+from inverse_service.web.pages.forms import Form, Upload
+from inverse_service.web.pages.naming import guess_names
+
+
+def document(**fields: str) -> dict[str, object]:
+    return document_of(Form({name: (value,) for name, value in fields.items()}))
+
+
+@pytest.mark.parametrize(
+    ("text", "coordinates", "parameters", "functions"),
+    [
+        ("x'' = -k*x", ("x",), ("k",), {}),
+        ("m x'' + c x' + k x = 0", ("x",), ("m", "c", "k"), {}),
+        (r"\ddot{x} = -\omega^2 x", ("x",), ("omega",), {}),
+        ("x_ddot = -x; y_ddot = x_dot", ("x", "y"), (), {}),
+        ("r1'' = A(r1)*r1'", ("r1",), (), {"A": ("r1",)}),
+        ("x'' = V(x, y); y'' = t", ("x", "y"), (), {"V": ("x", "y")}),
+        ("x'' = k*(x + 1) + k(x + 1)", ("x",), ("k",), {}),
+        ("x'' = sinn(x)", ("x",), (), {}),
+        ("x'' = sin(x) + pi + e", ("x",), (), {}),
+        ("@", (), (), {}),
+        ("", (), (), {}),
+    ],
+)
+def test_unknown_names_are_guessed_by_how_they_stand(
+    text: str, coordinates: tuple[str, ...], parameters: tuple[str, ...], functions: dict[str, tuple[str, ...]]
+) -> None:
+    found = guess_names([text], (), (), (), 2)
+    assert (found.coordinates, found.parameters, found.functions) == (coordinates, parameters, functions)
+
+
+def test_a_lagrangian_shows_its_coordinates_by_one_prime() -> None:
+    found = guess_names(["M/2*(x'^2 + y'^2) - V(x)", "y' - x*z'"], (), (), (), 1)
+    assert (found.coordinates, found.parameters, found.functions) == (("x", "y", "z"), ("M",), {"V": ("x",)})
+
+
+def test_what_is_declared_is_not_guessed() -> None:
+    found = document(equations="x'' = -k*x + c", parameters="k = 1/2", coordinates="x")
+    assert found == {"coordinates": ["x"], "equations": "x'' = -k*x + c", "parameters": {"k": "1/2", "c": None}}
+
+
+def test_a_nonholonomic_form_is_a_nonholonomic_document() -> None:
+    found = document(
+        kind="nonholonomic", lagrangian="(x'^2 + y'^2)/2", constraints="y' - x*x'\n\n", associated="second"
+    )
+    assert found == {
+        "coordinates": ["x", "y"],
+        "lagrangian": "(x'^2 + y'^2)/2",
+        "constraints": ["y' - x*x'"],
+        "associated": "second",
+    }
+    assert document_of(Form({k: (v,) for k, v in fields_from(found).items()})) == found
+
+
+def test_a_document_fills_the_form_and_comes_back() -> None:
+    given = {"coordinates": ["x", "y"], "equations": {"x": "-A(x)*y'", "y": "k"}, "parameters": {"k": "2"}}
+    given |= {"functions": {"A": ["x"]}, "time_dependent_lagrangian": True}
+    found = document_of(Form({name: (value,) for name, value in fields_from(given).items()}))
+    assert found == {**given, "equations": equations_text(given["equations"])}
+
+
+def test_uploaded_and_pasted_documents_are_taken_as_they_are() -> None:
+    upload = Upload("a.toml", b'coordinates = ["x"]\nequations = "x\'\' = 0"\n')
+    assert document_of(Form({}, {"document": upload})) == {"coordinates": ["x"], "equations": "x'' = 0"}
+    assert document(equations='{"equations": "x\'\' = 0"}') == {"equations": "x'' = 0"}
+    with pytest.raises(InputError):
+        document(equations='{"equations": ')
+    with pytest.raises(InputError):
+        document_of(Form({}, {"document": Upload("a.json", b"[1]")}))
+
+
+def test_lists_of_names_are_read() -> None:
+    assert parameters_of(" k, m = 1/2; c\n") == {"k": None, "m": "1/2", "c": None}
+    assert functions_of("A(r1), V(x, y)") == {"A": ("r1",), "V": ("x", "y")}
+    assert functions_of(" ") == {}
+    with pytest.raises(InputError, match="V\\(x, y\\)"):
+        functions_of("A")
