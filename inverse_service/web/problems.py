@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Mapping
 
 from fastapi import FastAPI
@@ -86,7 +87,22 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
         405: "This address does not take this method; GET /docs lists the methods.",
     }.get(error.status_code, "The request cannot be answered; GET /docs describes the service.")
     kind = TYPES.get(error.status_code, "refused")
-    return problem(Refusal(error.status_code, kind, detail, headers=error.headers or {}))
+    headers = dict(error.headers or {})
+    if error.status_code == 405:
+        known = {method.strip() for method in headers.pop("allow", headers.pop("Allow", "GET")).split(",")}
+        headers["Allow"] = ", ".join(sorted(known | _methods(request)))
+    return problem(Refusal(error.status_code, kind, detail, headers=headers))
+
+
+def _methods(request: Request) -> set[str]:
+    """What this address takes; the framework knows only of the first of its routes."""
+    path, paths = request.scope["path"], request.app.openapi()["paths"]
+    return {
+        method.upper()
+        for template, calls in paths.items()
+        if re.fullmatch(re.sub(r"\\\{\w+\\\}", "[^/]+", re.escape(template)), path)
+        for method in calls
+    }
 
 
 async def _on_fault(request: Request, error: Exception) -> Response:

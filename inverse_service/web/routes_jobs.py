@@ -28,6 +28,15 @@ from inverse_service.web.problems import Refusal
 
 router = APIRouter(dependencies=[Depends(require_client)])
 KEEP_ALIVE = 10.0
+EVENT = {
+    "type": "object",
+    "required": ["id", "event", "data"],
+    "properties": {
+        "id": {"type": "string"},
+        "event": {"enum": ["status", "progress"]},
+        "data": {"type": "string", "contentMediaType": "application/json", "contentSchema": {"type": "object"}},
+    },
+}
 BODY_FACTORS = {"simulate": 5, "work-precision": 5}
 
 
@@ -113,7 +122,7 @@ async def dismiss(request: Request, id: str) -> Response:
     "/v1/jobs/{id}/events",
     response_class=StreamingResponse,
     responses={
-        200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}},
+        200: {"content": {"text/event-stream": {"itemSchema": EVENT}}},
         **refusals(404),
         **KEY_AND_RATE,
     },

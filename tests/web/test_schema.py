@@ -1,0 +1,56 @@
+"""Requests made up from the OpenAPI document, good and bad ones, find nothing."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis.errors import Unsatisfiable
+from schemathesis.checks import CHECKS, load_all_checks
+from schemathesis.generation import GenerationMode
+
+load_all_checks()
+# A document may have the right shape and still mean nothing: its refusal is right.
+LEFT_OUT = [CHECKS.get_one("positive_data_acceptance")]
+MODES = (GenerationMode.POSITIVE, GenerationMode.NEGATIVE)
+
+
+def ask_all(service: str, examples: int, derandomize: bool) -> list[str]:
+    """Send so many requests of each mode to each operation; the operations."""
+    description = schemathesis.openapi.from_url(f"{service}/openapi.json")
+    operations = [found.ok() for found in description.get_all_operations()]
+    for operation in operations:
+        for mode in MODES:
+            ask(operation, mode, examples, derandomize)
+    return [operation.label for operation in operations]
+
+
+def ask(operation: Any, mode: GenerationMode, examples: int, derandomize: bool) -> None:
+    @settings(
+        max_examples=examples,
+        deadline=None,
+        derandomize=derandomize,
+        database=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(case=operation.as_strategy(generation_mode=mode))
+    def answers_as_described(case: Any) -> None:
+        case.call_and_validate(excluded_checks=LEFT_OUT, timeout=30)
+
+    # A call without anything to fill in cannot be made wrongly.
+    with contextlib.suppress(Unsatisfiable) if mode is GenerationMode.NEGATIVE else contextlib.nullcontext():
+        answers_as_described()
+
+
+def test_every_call_answers_as_described(service: str) -> None:
+    found = ask_all(service, 3, derandomize=True)
+    assert {"POST /v1/solve", "POST /v1/batches", "DELETE /v1/jobs/{id}", "GET /v1/jobs/{id}/events"} <= set(found)
+
+
+@pytest.mark.nightly
+def test_every_call_answers_as_described_to_thousands_of_requests(service: str) -> None:
+    ask_all(service, 2000, derandomize=False)
