@@ -1,0 +1,61 @@
+"""Documents made up at random: token soup, broken formulas, odd shapes, and some that mean something."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Iterator
+from typing import Any
+
+TOKENS = (
+    *"+-*/^()=,;'!|<>[]{}&$#@%~`\\\"?:._ ", "**", "''", "x", "y", "t", "k", "x'", "y'", "x''", "x_dot", "2", "0", "1/3", "1e9",
+    "0.1", "sin", "cos", "exp", "log", "sqrt", "tan", "atan", "sin(", "\\frac{", "}{", "\\dot{x}", "\\sin", "\\sqrt[3]{",
+    "diff(x, t)", "Derivative(", "A(x)", "A'(x)", "pi", "e", "I", "lambda", "import", "\u00b2", "\u2212", "\u03b8", "\u221a",
+    "\u200b", "9" * 40, "x" * 60,
+)  # fmt: skip
+GOOD = ("-x", "-k*x", "x*y'", "sin(x)", "x'^2/(1+y^2)", "-x^3+t", "y'/x", "exp(-x)*y'", "k/x^2", "0", "A(x)*x'", "sqrt(1+x'^2)")
+ODD: tuple[Any, ...] = (None, True, 0, -1, 1.5, "", "x", [], {}, [[]], {"x": {}}, "\u0000", ["x", "x"], 10**30, "a" * 5000)
+KEYS = ("name", "coordinates", "equations", "parameters", "functions", "time_dependent_lagrangian", "ansatz", "options",
+        "lagrangian", "constraints", "associated", "colour", "")  # fmt: skip
+
+
+def formula(dice: random.Random) -> str:
+    """Soup, a good one, or a good one with some characters changed."""
+    kind = dice.random()
+    if kind < 0.45:
+        return "".join(dice.choice(TOKENS) for _ in range(dice.randint(1, 12)))
+    good = dice.choice(GOOD)
+    if kind < 0.5:
+        return good
+    text = list(good + dice.choice(("", "+" + dice.choice(GOOD), "*" + dice.choice(GOOD))))
+    for _ in range(dice.randint(1, 3)):
+        place = dice.randrange(len(text) + 1)
+        text[place : place + dice.randint(0, 2)] = dice.choice(TOKENS)
+    return "".join(text)
+
+
+def document(dice: random.Random) -> Any:
+    """A system of two coordinates, with a key of another shape now and then."""
+    found: dict[str, Any] = {
+        "coordinates": ["x", "y"],
+        "equations": {"x": formula(dice), "y": formula(dice) if dice.random() < 0.5 else "0"},
+        "parameters": ["k"],
+        "functions": {"A": ["x"]},
+    }
+    if dice.random() < 0.1:
+        found["equations"] = "; ".join(formula(dice) for _ in range(2))
+    if dice.random() < 0.2:
+        found[dice.choice(KEYS)] = dice.choice(ODD)
+    return found if dice.random() < 0.98 else dice.choice(ODD)
+
+
+def lines(count: int, seed: int) -> Iterator[bytes]:
+    """Lines of a batch; some are cut off or hold a byte that does not belong there."""
+    dice = random.Random(seed)
+    for _ in range(count):
+        line = json.dumps(document(dice)).encode()
+        if dice.random() < 0.03:
+            line = line[: dice.randrange(1, len(line) + 1)]
+        if dice.random() < 0.02:
+            line = line.replace(b"x", bytes([dice.randrange(128, 256)]), 1)
+        yield line
