@@ -49,6 +49,7 @@ class Rotation:
     turning: tuple[int, ...]
     generator: tuple[tuple[Expression, ...], ...]
     form: tuple[tuple[Expression, ...], ...]
+    inverse: tuple[tuple[Expression, ...], ...]
     explanation: str
 
     def terms(self) -> list[Expression]:
@@ -84,6 +85,7 @@ def rotation(member: PaperClass) -> Rotation:
         turning,
         tuple(map(tuple, generator)),
         tuple(map(tuple, form)),
+        tuple(map(tuple, _inverse(form, turning, masses))),
         text,
     )
 
@@ -138,6 +140,22 @@ def _fill_plane(
     form[i][i] = tidied(multiply(masses[i], u[i]))
     form[i][j] = form[j][i] = tidied(multiply(masses[j], u[j]))
     form[j][j] = tidied(negate(multiply(masses[j], u[i])))
+
+
+def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression]) -> Matrix:
+    """S^-1 = c D^-1 S D^-1 on the places J, as S is a multiple of a reflection; 0 elsewhere."""
+    size = len(masses)
+    found: Matrix = [[ZERO] * size for _ in range(size)]
+    if not turning:
+        return found
+    first = turning[0]
+    # (S D^-1 S)_ee = S_ee / c
+    square = add(*(divide(power(form[first][k], 2), masses[k]) for k in turning))
+    scale = tidied(divide(masses[first], square))
+    for i in turning:
+        for j in turning:
+            found[i][j] = tidied(divide(multiply(scale, form[i][j]), multiply(masses[i], masses[j])))
+    return found
 
 
 def _explanation(turning: Sequence[str], driver: str) -> str:

@@ -60,7 +60,7 @@ def _look_at_scene(document: Any) -> None:
 
 
 def _look_at_system(document: Any) -> None:
-    importlib.import_module("inverse_service.service.translate").to_schema(document)
+    importlib.import_module("inverse_service.service.documents").look(document)
 
 
 def _look_at_object(document: Any) -> None:
@@ -80,8 +80,8 @@ def label_of(result: Any) -> str:
 
 
 KINDS: Final[dict[str, Kind]] = {
-    "solve": Kind("solve", "inverse_service.service.solving", _solve, _look_at_system, limit_is_answer=True),
-    "check": Kind("check", "inverse_service.service.solving", _check, _look_at_object),
+    "solve": Kind("solve", "inverse_service.service.documents", _solve, _look_at_system, limit_is_answer=True),
+    "check": Kind("check", "inverse_service.service.documents", _check, _look_at_object),
     "simulate": Kind("simulate", "inverse_service.service.simulating", _simulate, _look_at_scene),
     "work-precision": Kind(
         "work-precision", "inverse_service.service.work_precision", _work_precision, _look_at_scene

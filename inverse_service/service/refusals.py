@@ -14,9 +14,20 @@ from inverse_service.service.reading import escape
 
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
-KEYS = "name, coordinates, equations, parameters, functions, time_dependent_lagrangian, ansatz, series_order"
+KEYS = (
+    "name, coordinates, equations, parameters, functions, time_dependent_lagrangian, ansatz, series_order, "
+    "special_cases"
+)
+KEYS_NONHOLONOMIC = (
+    "name, coordinates, lagrangian, constraints, parameters, functions, associated, multiples, "
+    "time_dependent_lagrangian, ansatz, series_order"
+)
 EXPECTED = {
     "": "an object with coordinates and equations",
+    "lagrangian": "a formula written as text",
+    "constraints": """a list of constraints such as ["x' - R*cos(phi)*theta'"], or one text""",
+    "associated": '"first", "second", "third" or "search"',
+    "multiples": """an object such as {"x": "mu*(x' - R*theta')"}, or a list of such objects""",
     "name": "a text",
     "coordinates": 'a list of names such as ["x", "y"]',
     "equations": "an object of formulas by coordinate, a list of equations or one text",
@@ -25,6 +36,7 @@ EXPECTED = {
     "time_dependent_lagrangian": "true or false",
     "ansatz": """a list of terms such as ["y'^2/x'"]""",
     "series_order": f"a whole number from 1 to {MAX_SERIES_ORDER}",
+    "special_cases": "true or false",
 }
 
 
@@ -36,27 +48,31 @@ class DocumentRefused(InputError):
         self.places = places
 
 
-def places_of(error: ValidationError) -> tuple[Place, ...]:
-    """At most MAX_PLACES faults in the order of the document; never a value of the input."""
+def places_of(error: ValidationError, nonholonomic: bool = False) -> tuple[Place, ...]:
+    """At most MAX_PLACES faults in the order of the document; never a value of the input.
+
+    `nonholonomic` says that the document was read as a Lagrangian with constraints.
+    """
     found = error.errors(include_url=False, include_input=False, include_context=True)
-    return tuple(_place(fault) for fault in found[:MAX_PLACES])
+    return tuple(_place(fault, nonholonomic) for fault in found[:MAX_PLACES])
 
 
-def _place(fault: Mapping[str, Any]) -> Place:
+def _place(fault: Mapping[str, Any], nonholonomic: bool) -> Place:
     steps = [step for step in fault["loc"] if step not in NOT_IN_THE_DOCUMENT]
     pointer = "".join(f"/{escape(step)}" for step in steps)
     code = "limit" if fault["type"].endswith("too_long") else "bad-input"
-    return Place(_sentence(fault, steps), pointer, None, code)
+    return Place(_sentence(fault, steps, nonholonomic), pointer, None, code)
 
 
-def _sentence(fault: Mapping[str, Any], steps: list[Any]) -> str:
+def _sentence(fault: Mapping[str, Any], steps: list[Any], nonholonomic: bool) -> str:
     top = str(steps[0]) if steps else ""
     kind, context = fault["type"], fault.get("ctx", {})
     where = f"'{'/'.join(escape(step) for step in steps)}'" if steps else "The document"
     if kind == "missing":
         return f"The key {where} is missing; it must be {EXPECTED.get(top, 'there')}."
     if kind == "extra_forbidden":
-        return f"The key {where} is not known here; a system has the keys {KEYS}."
+        what, keys = ("nonholonomic system", KEYS_NONHOLONOMIC) if nonholonomic else ("system", KEYS)
+        return f"The key {where} is not known here; a {what} has the keys {keys}."
     if kind.endswith("too_long"):
         return f"{where} is too long: at most {context['max_length']} {_counted(kind)} are accepted."
     if kind.endswith("too_short"):
@@ -71,7 +87,7 @@ def _counted(kind: str) -> str:
 def _expected(steps: list[Any]) -> str:
     if len(steps) <= 1:
         return EXPECTED.get(str(steps[0]) if steps else "", "a text")
-    if steps[0] in ("equations", "ansatz"):
+    if steps[0] in ("equations", "ansatz", "constraints", "multiples"):
         return "a formula written as text"
     if steps[0] == "parameters":
         return 'a number written as text or as a number, such as "1/2"' if isinstance(steps[1], str) else "a name"

@@ -16,7 +16,7 @@ from inverse_service.service.kinds import KINDS, label_of
 from inverse_service.service.outcome import Outcome, Place
 from inverse_service.service.reading import read_json
 
-ENGINE = ("inverse_service.service.solving",)
+ENGINE = ("inverse_service.service.documents",)
 
 
 def load_engine() -> None:
@@ -78,9 +78,9 @@ def _guarded(name: str, *arguments: Any) -> Outcome:
 
 
 def _call(name: str, *arguments: Any) -> Any:
-    from inverse_service.service import solving
+    from inverse_service.service import documents
 
-    return getattr(solving, name)(*arguments)
+    return getattr(documents, name)(*arguments)
 
 
 def guard(function: Callable[..., Any], *arguments: Any) -> Outcome:

@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from api_schemas.nonholonomic import NonholonomicDocument
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
     ConditionsPart,
@@ -34,6 +35,8 @@ from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.refusals import DocumentRefused, places_of
 
+AnyDocument = SystemDocument | NonholonomicDocument
+
 
 def to_schema(document: Any) -> SystemDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
@@ -54,7 +57,7 @@ def to_system(schema: SystemDocument) -> SecondOrderSystem:
     )
 
 
-def to_ansatz(schema: SystemDocument, system: SecondOrderSystem) -> tuple[Expression, ...]:
+def to_ansatz(schema: AnyDocument, system: SecondOrderSystem) -> tuple[Expression, ...]:
     """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
     functions = {function.name: function.arguments for function in system.functions}
     names = Names(system.coordinates, tuple(schema.parameters), functions)
@@ -91,7 +94,7 @@ def to_parse_answer(system: SecondOrderSystem) -> ParseAnswer:
     )
 
 
-def to_understood(system: SecondOrderSystem, schema: SystemDocument) -> UnderstoodSystem:
+def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> UnderstoodSystem:
     """The `system` part of a result: canonical equations beside the document as given."""
     pairs = list(zip(system.coordinates, system.accelerations, strict=True))
     return UnderstoodSystem(
@@ -105,17 +108,17 @@ def to_understood(system: SecondOrderSystem, schema: SystemDocument) -> Understo
     )
 
 
-def to_result(solution: Solution, schema: SystemDocument) -> ResultDocument:
+def to_result(solution: Solution, schema: AnyDocument) -> ResultDocument:
     """The result document; `with_time` is filled where the other question has another answer."""
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time
     return ResultDocument(
         system=to_understood(solution.system, schema),
         question="L(t, q, q')" if answers_time(solution, schema.time_dependent_lagrangian) else "L(q, q')",
-        **_answer_fields(main, solution.system) | {"certificate": _certificate(main, time)},
+        **answer_fields(main, solution.system) | {"certificate": _certificate(main, time)},
         verdict_with_time=time.verdict if time is not None else None,
         conditions=_conditions(solution.conditions),
-        with_time=None if other is None else OtherAnswer(**_answer_fields(other, solution.system)),
+        with_time=None if other is None else OtherAnswer(**answer_fields(other, solution.system)),
         provenance={"program": "inverse-service", "version": __version__, **_plain(solution.provenance)},
     )
 
@@ -152,7 +155,8 @@ def _certificate(main: Answer, time: Answer | None) -> dict[str, Any] | None:
     return None if certificate is None else _plain(certificate)
 
 
-def _answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
+def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
+    """One answer as the fields of a result."""
     lagrangian, space = answer.lagrangian, answer.space
     return {
         "verdict": answer.verdict,

@@ -1,0 +1,208 @@
+"""The Nonholonomic document, and the part of a result that answers it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, StringConstraints, Tag
+
+from api_schemas.base import Document
+from api_schemas.problem import ParseAnswer, ParsedFormula
+from api_schemas.result import (
+    Checked,
+    ExplanationStep,
+    Formula,
+    HamiltonianPart,
+    LagrangianPart,
+    ResultDocument,
+    Verdict,
+)
+from api_schemas.sizes import MAX_COORDINATES, MAX_EQUATIONS, MAX_FUNCTIONS, MAX_TITLE_CHARACTERS
+from api_schemas.system import (
+    MAX_ANSATZ_TERMS,
+    MAX_SERIES_ORDER,
+    Arguments,
+    Name,
+    Parameters,
+    Text,
+    shape,
+)
+from api_schemas.system import Formula as FormulaText
+
+MAX_FAMILIES = 20
+Kind = Literal["first", "second", "third", "search"]
+Constraints = Annotated[
+    Annotated[list[Text], Field(min_length=1, max_length=MAX_EQUATIONS), Tag("<list>")]
+    | Annotated[Text, Tag("<text>")],
+    Discriminator(shape),
+]
+Multiples = Annotated[dict[Name, FormulaText], Field(min_length=1, max_length=MAX_COORDINATES)]
+Families = Annotated[
+    Annotated[Multiples, Tag("<mapping>")]
+    | Annotated[list[Multiples], Field(min_length=1, max_length=MAX_FAMILIES), Tag("<list>")],
+    Discriminator(shape),
+]
+
+
+class NonholonomicDocument(Document):
+    """A Lagrangian with constraints linear in the velocities.
+
+    `constraints`: formulas that are zero, or equations; a list, or one text with semicolons.
+    `associated`: which associated system is decided; left out: first, second and third.
+    `multiples`: what is added to the accelerations of the associated system (the first, if none is
+    named), for each coordinate a formula that vanishes on the constraints; a list of such objects is a
+    list of systems, each decided.
+    The other keys are those of a System document.
+    """
+
+    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)]
+    lagrangian: Text
+    constraints: Constraints
+    parameters: Parameters = Field(default_factory=list)
+    functions: Annotated[dict[Name, Arguments], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
+    associated: Kind | None = None
+    multiples: Families | None = None
+    time_dependent_lagrangian: bool | None = None
+    ansatz: Annotated[list[Text], Field(max_length=MAX_ANSATZ_TERMS)] = Field(default_factory=list)
+    series_order: Annotated[int, Field(ge=1, le=MAX_SERIES_ORDER, strict=True)] | None = None
+    special_cases: bool = False
+
+
+class NonholonomicParseAnswer(ParseAnswer):
+    """What was understood; `equations` are the accelerations of the motion, by the free velocities."""
+
+    lagrangian: ParsedFormula
+    constraints: list[ParsedFormula]
+
+
+class MotionPart(Document):
+    """The reduced equations: first order for `dependent` coordinates, second order for `free` ones.
+
+    `accelerations` are those of all coordinates, `multipliers` the lambda_a of d/dt(dL/dv) - dL/dq =
+    lambda_a w^a, one for each constraint; all contain the velocities of free coordinates only.
+    """
+
+    free: list[str]
+    dependent: list[str]
+    first_order: dict[str, Formula]
+    second_order: dict[str, Formula]
+    accelerations: dict[str, Formula]
+    multipliers: list[Formula]
+
+
+class IntegrabilityPart(Document):
+    """How many of the constraints are holonomic in disguise; `growth` are the ranks of the derived flag."""
+
+    holonomic: bool
+    integrable: int
+    count: int
+    growth: list[int]
+    integrals: list[Formula]
+    statement: str
+
+
+class MeasurePart(Document):
+    """The invariant measure: `density` N for dq dp, p the momenta of the free velocities; `in_velocities` for dq du."""
+
+    status: Literal["found", "does_not_exist", "not_found"]
+    density: Formula | None = None
+    in_velocities: Formula | None = None
+    statement: str
+
+
+class FirstIntegralPart(Formula):
+    """A function that is constant along the motion."""
+
+    name: str
+
+
+class ClassPart(Document):
+    """Membership of the class s' = -A(r1) r2'; the roles of the coordinates, A, N and K if it is a member."""
+
+    member: bool
+    statement: str
+    r1: str | None = None
+    r2: str | None = None
+    s: list[str] = Field(default_factory=list)
+    A: dict[str, Formula] = Field(default_factory=dict)
+    N: Formula | None = None
+    K: Formula | None = None
+    potential: bool = False
+
+
+class AssociatedPart(Document):
+    """One associated second-order system and its answer; `verdict` is null where the kind is not defined."""
+
+    kind: str
+    defined: bool
+    explanation: str
+    equations: dict[str, str] = Field(default_factory=dict)
+    latex: dict[str, str] = Field(default_factory=dict)
+    verdict: Verdict | None = None
+    verdict_with_time: Verdict | None = None
+    reason: str = ""
+    checked: Checked | None = None
+    lagrangian: LagrangianPart | None = None
+    hamiltonian: HamiltonianPart | None = None
+    certificate: dict[str, Any] | None = None
+    steps: list[ExplanationStep] = Field(default_factory=list)
+
+
+class StatementPart(Document):
+    """One part of the claim that the flow of H holds the motion, and what its test said."""
+
+    text: str
+    verdict: Literal["holds", "fails", "not settled"]
+
+
+class TrajectoryPart(Document):
+    """Both flows in floats from one start: largest difference of positions, of the constraints and of H."""
+
+    time: float
+    step: float
+    parameters: dict[str, float]
+    functions: dict[str, str]
+    start: dict[str, float]
+    difference: float
+    constraint: float
+    energy: float
+
+
+class HamiltonisationPart(Document):
+    """L, H and the constraints in phase space of one Lagrangian of an associated system, with proof.
+
+    `checked` is the independent checker's verdict on the Lagrangian, `holds` says that every statement
+    was confirmed.
+    """
+
+    associated: str
+    label: str
+    lagrangian: Formula
+    hamiltonian: HamiltonianPart | None
+    constraints: list[Formula]
+    checked: Checked
+    statements: list[StatementPart]
+    holds: bool
+    trajectory: TrajectoryPart | None = None
+
+
+class NonholonomicPart(Document):
+    """Everything found out about a nonholonomic system; `main` names the associated system of the main fields."""
+
+    lagrangian: Formula
+    constraints: list[Formula]
+    main: str
+    equations_of_motion: MotionPart
+    integrability: IntegrabilityPart
+    measure_density: MeasurePart
+    first_integrals: list[FirstIntegralPart]
+    paper_class: ClassPart
+    associated: list[AssociatedPart]
+    hamiltonisation: list[HamiltonisationPart]
+
+
+class NonholonomicResult(ResultDocument):
+    """The result of a Nonholonomic document: its main fields answer the associated system `nonholonomic.main`."""
+
+    nonholonomic: NonholonomicPart

@@ -1,0 +1,102 @@
+"""Use cases for Nonholonomic documents, as they run inside a worker process."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any
+
+from api_schemas.nonholonomic import NonholonomicResult
+from api_schemas.result import ResultDocument
+from inverse_service.errors import InputError
+from inverse_service.inverse_problem.nonholonomic_study import (
+    AssociatedAnswer,
+    associated_systems,
+    motion_report,
+    study,
+)
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer, Solution
+from inverse_service.mechanics.nonholonomic_motion import equations_of_motion
+from inverse_service.service import solving, translate
+from inverse_service.service.translate_nonholonomic import (
+    to_families,
+    to_nonholonomic,
+    to_nonholonomic_parse_answer,
+    to_nonholonomic_part,
+    to_nonholonomic_schema,
+)
+
+
+def is_nonholonomic(document: Any) -> bool:
+    """Whether a document is meant as a Lagrangian with constraints."""
+    return isinstance(document, dict) and ("lagrangian" in document or "constraints" in document)
+
+
+def solve_nonholonomic(
+    document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """The result document of a Nonholonomic document; the main fields answer one associated system.
+
+    Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
+    finds our own certificate invalid.
+    """
+    end = time.monotonic() + options.time_limit
+    schema = to_nonholonomic_schema(document)
+    system = to_nonholonomic(schema)
+    families = to_families(schema, system)
+    if schema.associated == "search":
+        raise InputError("searching a family is not there yet: write first, second or third.", "/associated")
+    report, kind = motion_report(system), schema.associated
+    systems = associated_systems(report, kind, families)
+    defined = next((one.system for one in systems if one.system is not None), None)
+    asked = dataclasses.replace(
+        options,
+        time_dependent=schema.time_dependent_lagrangian,
+        time_limit=solving.SHARE_OF_SOLVER * (end - time.monotonic()),
+        ansatz=() if defined is None else translate.to_ansatz(schema, defined),
+        series_order=schema.series_order,
+    )
+    found = study(report, systems, asked, progress)
+    main = found.answers[found.main]
+    if main.solution is None:
+        raise InputError(main.associated.explanation, "/associated")
+    result = translate.to_result(_with_images(main), schema)
+    fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
+    whole = NonholonomicResult(**fields, nonholonomic=to_nonholonomic_part(found))
+    return solving.ordered(solving.checked(whole, end - time.monotonic()))
+
+
+def _with_images(main: AssociatedAnswer) -> Solution:
+    """The solution, its Hamiltonian with the constraints in phase space."""
+    solution = main.solution
+    assert solution is not None
+    autonomous, with_time = _imaged(main, solution.autonomous), _imaged(main, solution.with_time)
+    return dataclasses.replace(solution, autonomous=autonomous, with_time=with_time)
+
+
+def _imaged(main: AssociatedAnswer, answer: Answer | None) -> Answer | None:
+    if answer is None or answer.lagrangian is None or answer.hamiltonian is None:
+        return answer
+    expression = answer.lagrangian.expression
+    images = next((each.found.images for each in main.reports if each.found.lagrangian == expression), None)
+    if images is None:
+        return answer
+    return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=images))
+
+
+def parse_nonholonomic(document: Any) -> dict[str, Any]:
+    """What was understood of a Nonholonomic document; raises InputError."""
+    schema = to_nonholonomic_schema(document)
+    system = to_nonholonomic(schema)
+    to_families(schema, system)
+    return to_nonholonomic_parse_answer(system, equations_of_motion(system)).model_dump(mode="json")
+
+
+def understand_nonholonomic(document: Any) -> dict[str, Any]:
+    """The `system` part of a result: the first associated system; raises InputError."""
+    schema = to_nonholonomic_schema(document)
+    first, *_ = associated_systems(motion_report(to_nonholonomic(schema)), "first")
+    assert first.system is not None
+    return translate.to_understood(first.system, schema).model_dump(mode="json")
