@@ -67,6 +67,8 @@ class Decision:
 
 
 Progress = Callable[[str], None]
+# X, N, Phi for (with_time, seed, order): another way to expand f than from its tree.
+Expander = Callable[[bool, int, int], LocalSystem]
 
 
 @dataclass(slots=True)
@@ -79,6 +81,7 @@ class _Run:
     limits: Limits
     progress: Progress
     expected: int = _FIRST_ORDER
+    expander: Expander | None = None
     history: list[tuple[int, ...]] = field(default_factory=list)
 
 
@@ -89,22 +92,24 @@ def decide(
     limits: Limits | None = None,
     progress: Progress | None = None,
     analysis: Analysis | None = None,
+    expander: Expander | None = None,
 ) -> Decision:
     """Is there a regular L(q, v), or with `time_dependent` a regular L(t, q, v)?
 
     Two points over two primes must agree; `undetermined` with the reason otherwise, and where the
     atoms of f cannot be reduced or a limit is reached. f that contains t asks for L(t, q, v).
+    `expander` takes the place of the expansion of the trees of f, for systems that share work.
     """
     began = time.monotonic()
     with_time = time_dependent or system.depends_on_time
     limits, report = limits or Limits(), progress or (lambda _: None)
     try:
         analysis = analysis or analyse(system)
-        first = _decide_once(_Run(analysis, with_time, 2 * seed, limits, report))
+        first = _decide_once(_Run(analysis, with_time, 2 * seed, limits, report, expander=expander))
         if first.verdict == "undetermined":
             return _timed(first, began)
         # The second run will go as far as the first: it expands f once, to that order.
-        second = _decide_once(_Run(analysis, with_time, 2 * seed + 1, limits, report, first.order))
+        second = _decide_once(_Run(analysis, with_time, 2 * seed + 1, limits, report, first.order, expander))
     except IrreducibleAtoms as problem:
         return _timed(Decision("undetermined", with_time, 0, reason=problem.detail), began)
     return _timed(_agreement(first, second), began)
@@ -135,6 +140,8 @@ def _decide_once(run: _Run) -> Decision:
 
 def _expand(run: _Run, seed: int, order: int) -> LocalSystem:
     """X, N, Phi at the point of this seed, enough for prolongation order `order`."""
+    if run.expander is not None:
+        return run.expander(run.with_time, seed, order)
     system = run.analysis.system
     point = draw_point(run.analysis.tower, seed)
     velocities = [Velocity(name) for name in system.coordinates]
