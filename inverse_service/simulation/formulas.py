@@ -61,7 +61,7 @@ class Formulas:
 
     @cached_property
     def hamiltonian(self) -> Formula:
-        return self.of(self.problem.free_hamiltonian, "the Hamiltonian of a free Lagrangian in closed form")
+        return self.of(self.problem.free_hamiltonian, "the Hamiltonian of a free Lagrangian in closed form (the raw form does without)")
 
     @cached_property
     def accelerations(self) -> list[Formula]:

@@ -117,36 +117,31 @@ def _outcome(
 def _vanished(
     f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, grid: Grid
 ) -> tuple[str, float] | None:
-    """The factor of L~'s denominators that passes 0 in the step that failed, with its value before the step."""
+    """The factor of L~'s denominators that passes 0 about the step that failed, with its value before it."""
     raw = choice.method == "modified" or choice.form == "raw"
     if choice.method not in ("variational", "modified"):
         return None
-    last = at_last(card, run.memory, lane)
-    before, after = _ends(f, card, run, lane, last, grid)
+    points = _way(f, card, run, lane, grid)
     for item in f.denominators:
         if not (raw or item.moves):
             continue
-        first, second = real_value(item.formula, before), real_value(item.formula, after)
-        if not first * second > 0 or abs(second) < 1e-3 * abs(first):
-            return item.text, first
+        values = [real_value(item.formula, point) for point in points]
+        if not min(values) * max(values) > 0 or abs(values[-1]) < 1e-3 * abs(values[1]):
+            return item.text, values[1]
     return None
 
 
-def _ends(
-    f: Formulas, card: Card, run: Run, lane: int, last: dict[str, float], grid: Grid
-) -> tuple[dict[str, float], dict[str, float]]:
-    """(q, v) at the last good point, and where the last velocity carries it in a step and a half."""
+def _way(f: Formulas, card: Card, run: Run, lane: int, grid: Grid) -> list[dict[str, float]]:
+    """(q, v) a step before the last good point, at it, and where its velocity leads in a step and a half."""
     layout = card.layout
-    parameters = {
-        name: float(run.memory[layout.argument_place(name), lane]) for name in layout.arguments if name != "h"
-    }
-    rates = {f"v{k}": last.get(f"d{k}_rate", math.nan) for k in range(f.size)}
-    place = {f"q{k}": last[f"q{k}"] for k in range(f.size)}
-    moved = {
-        f"q{k}": last[f"q{k}"] + 1.5 * grid.step * (rates[f"v{k}"] if math.isfinite(rates[f"v{k}"]) else 0.0)
-        for k in range(f.size)
-    }
-    return {**parameters, **place, **rates}, {**parameters, **moved, **rates}
+    table = {name: float(run.memory[layout.argument_place(name), lane]) for name in layout.arguments if name != "h"}
+    last = at_last(card, run.memory, lane)
+    rates = [last.get(f"d{k}_rate", 0.0) for k in range(f.size)]
+    table |= {f"v{k}": rate for k, rate in enumerate(rates)}
+    return [
+        table | {f"q{k}": last[f"q{k}"] + part * grid.step * rate for k, rate in enumerate(rates)}
+        for part in (-1.0, 0.0, 1.5)
+    ]
 
 
 def _remedy(choice: MethodChoice) -> str:

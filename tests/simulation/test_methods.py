@@ -1,0 +1,233 @@
+"""What every method keeps, and that its settings do what they say."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from inverse_service.benchmark.hard_cases import contact_start, disk_start, particle_start
+from inverse_service.benchmark.problems import (
+    CONTACT,
+    DISK,
+    DISK_CONSTRAINTS,
+    DISK_ENERGY,
+    DISK_THIRD,
+    PARTICLE,
+    PARTICLE_THIRD,
+    PENDULUM,
+    problem,
+)
+from inverse_service.errors import InputError
+from inverse_service.simulation.choices import Grid, MethodChoice, Observable, Observation, Start
+from inverse_service.simulation.methods import available, run
+from inverse_service.simulation.problem import Problem
+
+C = {"c": 1.0}
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.2, 1 / 3, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize(
+    ("what", "start"), [(DISK, disk_start()), (PARTICLE, particle_start()), (DISK_THIRD, disk_start()),
+                        (PARTICLE_THIRD, particle_start())], ids=["disk", "particle", "disk 3", "particle 3"],
+)  # fmt: skip
+@pytest.mark.parametrize("convention", ["momenta", "discrete_constraint"])
+def test_raw_form_and_hamiltonian_form_agree(what: Problem, start: Start, alpha: float, convention: str) -> None:
+    begin = Start(start.positions, start.velocities, convention=convention)
+    grid = Grid(0.02, 30 if what in (DISK, PARTICLE) else 2000)
+    one = run(what, MethodChoice("variational", alpha), begin, grid, C)
+    other = run(what, MethodChoice("variational", alpha, form="raw"), begin, grid, C)
+    assert one.outcome.completed
+    assert other.outcome.completed
+    assert np.abs(one.positions - other.positions).max() < 1e-11
+    assert one.momenta is not None
+    assert other.momenta is not None
+    assert np.abs(one.momenta - other.momenta).max() < 1e-11
+
+
+def test_symmetrised_forms_agree() -> None:
+    for alpha in (0.0, 0.3, 1.0):
+        found = [
+            run(DISK_THIRD, MethodChoice("variational", alpha, True, form=form), disk_start(), Grid(0.05, 400), C)
+            for form in ("hamiltonian", "raw")
+        ]
+        assert all(one.outcome.completed for one in found)
+        assert np.abs(found[0].positions - found[1].positions).max() < 1e-11
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize("symmetrised", [False, True])
+def test_raw_trajectories_solve_the_discrete_euler_lagrange_equations(alpha: float, symmetrised: bool) -> None:
+    """The literal equations D1 L_d + D2 L_d = 0, derivatives by complex steps."""
+    choice = MethodChoice("variational", alpha, symmetrised, form="raw")
+    h, found = 0.02, run(DISK, choice, disk_start(), Grid(0.02, 40), C)
+    parts = (alpha, 1 - alpha) if symmetrised else (alpha,)
+
+    def discrete(first: np.ndarray, second: np.ndarray) -> complex:
+        velocity, total = (second - first) / h, 0j
+        for part in parts:
+            phi = (1 - part) * first[0] + part * second[0]
+            kinetic = velocity[0] ** 2 + velocity[1] ** 2
+            total += 0.5 * (kinetic + (velocity[2] ** 2 / np.cos(phi) + velocity[3] ** 2 / np.sin(phi)) / velocity[0])
+        return total / len(parts)
+
+    q = found.positions
+    for k in range(1, len(q) - 1):
+        for place in range(4):
+            shift = np.zeros(4, dtype=complex)
+            shift[place] = 1e-30j
+            slope = discrete(q[k] + shift, q[k + 1]).imag + discrete(q[k - 1], q[k] + shift).imag
+            assert abs(slope) * 1e30 < 2e-11 / h
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize("symmetrised", [False, True])
+@pytest.mark.parametrize("method", ["nonholonomic", "modified"])
+def test_discrete_constraints_are_kept(method: str, alpha: float, symmetrised: bool) -> None:
+    choice = MethodChoice(method, alpha, symmetrised)
+    start = Start((0.3, 0.0, 0.0, 0.0), (1.0, 0.2, 0.2 * math.cos(0.3), 0.2 * math.sin(0.3)))
+    steps = 20 if symmetrised and method == "modified" else 300
+    found = run(DISK, choice, start, Grid(0.05, steps), C, Observation(observables=DISK_CONSTRAINTS))
+    assert found.outcome.completed, found.outcome
+    assert max(found.maxima.values()) < 1e-14
+
+
+def test_momenta_of_cyclic_coordinates_never_change() -> None:
+    found = run(DISK, MethodChoice("variational", 0.3), disk_start(), Grid(0.1, 1000), C)
+    assert found.momenta is not None
+    assert np.all(found.momenta[:, 1:] == found.momenta[0, 1:])
+
+
+def test_third_type_keeps_its_constraint_exactly() -> None:
+    """p_y = 0 (disk) and p_z = 0 (particle) are discrete Noether momenta, and the start gives them exactly."""
+    for what, start, place in ((DISK_THIRD, disk_start(), 3), (PARTICLE_THIRD, particle_start(), 2)):
+        found = run(what, MethodChoice("variational", 0.5), start, Grid(0.05, 2000), C)
+        assert found.momenta is not None
+        assert np.abs(found.momenta[:, place]).max() < 1e-15
+
+
+def test_energy_of_a_free_hamiltonian_does_not_drift() -> None:
+    energy = Observable("energy", problem("u", lagrangian="1/2*u'^2 - cos(u)").lagrangian)  # type: ignore[arg-type]
+    found = run(PENDULUM, MethodChoice("variational", 0.5), Start((2.0,), (0.3,)), Grid(0.1, 100_000, 100),
+                {"k": 1.0}, Observation(observables=(energy,)))  # fmt: skip
+    series = found.series["energy"]
+    assert found.outcome.completed
+    assert abs(series[-100:].mean() - series[:100].mean()) < 1e-3
+
+
+def test_steps_back_return_to_the_start() -> None:
+    for method, what, start, values in (
+        ("variational", DISK, disk_start(), C), ("nonholonomic", CONTACT, contact_start(), {"k": 0.3}),
+    ):  # fmt: skip
+        for order in (2, 4):
+            choice = MethodChoice(method, 0.5, order=order)
+            there = run(what, choice, start, Grid(0.05, 200), values)
+            assert there.momenta is not None
+            turned = Start(there.positions[-1], momenta=there.momenta[-1])
+            back = run(what, choice, turned, Grid(-0.05, 200), values)
+            assert back.outcome.completed
+            assert np.abs(back.positions[-1] - there.positions[0]).max() < 1e-11
+
+
+def test_compensated_sums_keep_a_million_steps() -> None:
+    """A uniform motion: increments that are no binary fractions add up without loss."""
+    free = problem("u", free="1/2*u'^2", hamiltonian="1/2*p_u^2")
+    found = run(free, MethodChoice("variational", 0.5), Start((0.0,), (1.0,)), Grid(0.1, 1_000_000, 250_000), {})
+    assert np.abs(found.positions[:, 0] / np.array([1.0, 25e3, 5e4, 75e3, 1e5]) - [0, 1, 1, 1, 1]).max() < 4e-16
+
+
+def test_both_references_agree() -> None:
+    from inverse_service.simulation.references import references_agree
+
+    for what, start, values in ((DISK, disk_start(), C), (CONTACT, contact_start(), {"k": 0.3})):
+        agreement = references_agree(what, start, Grid(0.05, 400), values)
+        assert agreement.agree
+        assert agreement.difference < 1e-13
+    singular = problem("x", accelerations=("-1/x^2",))
+    assert not references_agree(singular, Start((1.0,), (0.0,)), Grid(0.05, 40), {}).agree
+
+
+def test_records_are_decimated_and_the_last_step_is_always_there() -> None:
+    every = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(0.1, 1003), C)
+    some = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(0.1, 1003, 100), C)
+    assert np.all(some.times == np.append(every.times[::100], every.times[-1]))
+    assert np.all(some.positions == np.vstack([every.positions[::100], every.positions[-1:]]))
+    assert some.times[-1] == pytest.approx(100.3)
+
+
+def test_maxima_count_every_step() -> None:
+    observed = Observation(observables=(DISK_ENERGY,))
+    every = run(DISK, MethodChoice("variational", 0.0), disk_start(), Grid(0.1, 500), C, observed)
+    some = run(DISK, MethodChoice("variational", 0.0), disk_start(), Grid(0.1, 500, 499), C, observed)
+    assert some.maxima["energy"] == every.maxima["energy"] == np.abs(every.series["energy"]).max()
+
+
+@pytest.mark.parametrize("steps", [0, 1, 2, 3])
+@pytest.mark.parametrize("every", [1, 2, 7])
+def test_short_runs(steps: int, every: int) -> None:
+    found = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(0.1, steps, every), C)
+    assert found.outcome.completed
+    assert found.times[-1] == pytest.approx(0.1 * steps)
+    assert len(found.times) == len(found.positions) == len(found.velocities if found.velocities is not None else [])
+
+
+def test_a_run_can_be_stopped() -> None:
+    found = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(1e-6, 10**9, 10**6), C, stop=lambda: True)
+    assert found.outcome.kind == "cancelled"
+
+
+def test_what_a_problem_lacks_is_said() -> None:
+    assert available(CONTACT) == ("nonholonomic", "runge_kutta", "reference", "heyoka")
+    assert "variational" in available(DISK)
+    with pytest.raises(InputError, match="needs a free Lagrangian"):
+        run(CONTACT, MethodChoice("variational"), contact_start(), Grid(0.1, 10), {"k": 1.0})
+    without = problem("u", free="1/2*u'^2")
+    with pytest.raises(InputError, match="the raw form does without"):
+        run(without, MethodChoice("variational"), Start((0.0,), (1.0,)), Grid(0.1, 10), {})
+    raw = MethodChoice("variational", form="raw")
+    assert run(without, raw, Start((0.0,), (1.0,)), Grid(0.1, 10), {}).outcome.completed
+
+
+@pytest.mark.parametrize(
+    ("choice", "grid", "values", "message"),
+    [
+        (MethodChoice("magic"), Grid(0.1, 1), C, "no method"),
+        (MethodChoice("variational", 1.5), Grid(0.1, 1), C, "alpha"),
+        (MethodChoice("variational", float("nan")), Grid(0.1, 1), C, "alpha"),
+        (MethodChoice("variational", 0.5, order=3), Grid(0.1, 1), C, "order"),
+        (MethodChoice("variational", 0.3, order=4), Grid(0.1, 1), C, "symmetric"),
+        (MethodChoice("variational", form="other"), Grid(0.1, 1), C, "form"),
+        (MethodChoice("runge_kutta", order=3), Grid(0.1, 1), C, "order"),
+        (MethodChoice("variational"), Grid(0.0, 1), C, "step"),
+        (MethodChoice("variational"), Grid(float("inf"), 1), C, "step"),
+        (MethodChoice("variational"), Grid(float("nan"), 1), C, "step"),
+        (MethodChoice("variational"), Grid(0.1, -1), C, "steps"),
+        (MethodChoice("variational"), Grid(0.1, 1), {}, "parameter c"),
+        (MethodChoice("variational"), Grid(0.1, 1), {"c": float("nan")}, "parameter c"),
+    ],
+)
+def test_senseless_choices_are_refused(
+    choice: MethodChoice, grid: Grid, values: dict[str, float], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        run(DISK, choice, disk_start(), grid, values)
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        (Start((0.3, 0.0), (1.0, 0.5)), "4 numbers"),
+        (Start((0.3, 0.0, 0.0, 0.0)), "velocities or momenta"),
+        (Start((float("nan"), 0.0, 0.0, 0.0), (1.0, 0.5, 0.5, 0.5)), "finite"),
+    ],
+)
+def test_senseless_starts_are_refused(start: Start, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        run(DISK, MethodChoice("variational"), start, Grid(0.1, 1), C)
+
+
+def test_a_redundant_constraint_is_refused() -> None:
+    twice = problem("x y", lagrangian="1/2*(x'^2 + y'^2)", constraints=("x' - y'", "2*x' - 2*y'"), free="x'^2 + y'^2")
+    with pytest.raises(InputError, match="not independent"):
+        run(twice, MethodChoice("modified"), Start((0.0, 0.0), (1.0, 1.0)), Grid(0.1, 1), {})
