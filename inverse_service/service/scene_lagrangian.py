@@ -15,9 +15,15 @@ from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, walk
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.mechanics.associated_systems import KINDS, AssociatedSystem, associated
 from inverse_service.mechanics.legendre import legendre
+from inverse_service.mechanics.nonholonomic_geometry import frames, geometry
+from inverse_service.mechanics.nonholonomic_motion import exact_motion
+from inverse_service.mechanics.nonholonomic_system import NonholonomicSystem
+from inverse_service.mechanics.paper_class import recognised
 from inverse_service.service.reading import escape
 from inverse_service.service.scene_numbers import number_of
 from inverse_service.service.scene_system import MechanicalSystem, formula
@@ -30,7 +36,6 @@ from inverse_service.simulation.free_check import keeps_motion
 from inverse_service.simulation.regular_motion import regular_accelerations
 from inverse_service.simulation.scene import FreeLagrangian, Scene, Unavailable
 
-ASSOCIATED = ("first", "second", "third")
 SOLVE_SECONDS = 15.0
 Exact = ExactMotion | NoExactMotion
 
@@ -58,7 +63,7 @@ def _found(
     constants: Mapping[str, float],
     pointer: str,
 ) -> FreeLagrangian | Unavailable:
-    if wanted is not None and wanted not in ASSOCIATED:
+    if wanted is not None and wanted not in KINDS:
         return _given(scene, system, wanted, constants, pointer, "given in the scene")
     if not scene.constraints and scene.lagrangian is not None:
         return _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
@@ -130,19 +135,45 @@ def _of_associated(
         found = _given(scene, system, known, constants, "/system", source)
         if isinstance(found, FreeLagrangian):
             return found
-    if system.document is None:
-        return Unavailable("The system has no document that the solver could be asked about.")
-    question = dict(system.document) | {"time_dependent_lagrangian": False}
-    if scene.lagrangian is not None:
-        question["associated"] = which
+    question = _question(scene, which)
+    if isinstance(question, Unavailable):
+        return question
     text, reason = _solved(question)
+    what = f"the {which} associated system" if scene.lagrangian is not None else "the system"
     if text is None:
-        what = f"the {which} associated system" if scene.lagrangian is not None else "the system"
         return Unavailable(f"No free Lagrangian was found for {what}: {reason} Use the other methods.")
-    found_by = f"found by the solver for the {which} associated system" if scene.lagrangian is not None else (
-        "found by the solver"
-    )  # fmt: skip
-    return _given(scene, system, text, constants, "/system", found_by)
+    return _given(scene, system, text, constants, "/system", f"found by the solver for {what}")
+
+
+def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
+    """What the solver is asked: the equations of the scene, or those of an associated system with its effects."""
+    accelerations = scene.accelerations
+    if accelerations is None:
+        try:
+            found = _associated(scene, which)
+        except InputError as error:
+            return Unavailable(f"The {which} associated system is not defined: {error.detail}")
+        if found.system is None:
+            return Unavailable(found.explanation)
+        accelerations = found.system.accelerations
+    texts = {name: to_text(f) for name, f in zip(scene.coordinates, accelerations, strict=True)}
+    used = {node.name for f in accelerations for node in walk(f) if isinstance(node, Symbol)}
+    return {
+        "coordinates": list(scene.coordinates),
+        "equations": texts,
+        "parameters": [name for name in scene.values if name in used],
+        "time_dependent_lagrangian": False,
+    }
+
+
+def _associated(scene: Scene, which: str) -> AssociatedSystem:
+    assert scene.lagrangian is not None
+    given = NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
+    parts = geometry(given)
+    member, reason = recognised(parts)
+    motion = exact_motion(parts, member.frame if member is not None else frames(parts)[0])
+    kind = next(kind for kind in KINDS if kind == which)
+    return associated(motion, member, reason, kind)
 
 
 def _catalogued(catalogue_name: str | None, which: str) -> str | None:

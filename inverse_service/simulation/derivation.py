@@ -89,7 +89,7 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
 
 def _exact(scene: Scene) -> ExactMotion | NoExactMotion:
     if scene.lagrangian is None:
-        return NoExactMotion("No exact solution is known for a system that is given by its equations.")
+        return NoExactMotion("The system is given by its equations.")
     return exact_motion(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 
 

@@ -1,8 +1,10 @@
 """What a scene observes: formulas for the kernel, and numbers made of the recorded points.
 
-    energy        E = v L_v - L of the original system at the point and velocity of the discrete Lagrangian;
-                  max_energy_error = max |E_k/E_0 - 1| over all steps, E_0 the energy of the initial data
-    constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all steps
+    energy        E = v L_v - L of the original system; max_energy_error = max |E_k/E_0 - 1|, E_0 that of the initial
+                  data, over all steps at the point and velocity of the discrete Lagrangian (of order 2 at best),
+                  max_energy_error_at_points at the recorded points with the velocities of the momenta
+    constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all steps, and
+                  max_constraint_at_points = max |w(q_k) v_k| with v_k from the momenta of a variational method
     momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k - p_0|
     matching_circle   circles of the first and last revolution, distance to the exact circle
     phase         angle by which the chords of the path are ahead of those of the true path
@@ -65,8 +67,9 @@ def observables(scene: Scene) -> tuple[Observable, ...]:
 
 def observation_of(scene: Scene) -> Observation:
     """What the integrator records for a scene."""
+    momenta_used = bool({"momenta", "energy", "constraints"} & set(scene.observe))
     return Observation(
-        momenta="momenta" in scene.observe, velocities="velocities" in scene.observe, observables=observables(scene)
+        momenta=momenta_used, velocities="velocities" in scene.observe, observables=observables(scene)
     )
 
 
@@ -96,10 +99,24 @@ def energy_numbers(trajectory: Trajectory, start: float) -> dict[str, Any]:
     return numbers | ({} if start else {"energy_error_is": "absolute, because the energy of the start is 0"})
 
 
+def point_energy(scene: Scene, positions: Array, velocities: Array) -> Array:
+    """E(q_k, v_k) at the recorded points, (m,)."""
+    assert scene.lagrangian is not None
+    table = table_of(scene.coordinates, positions, velocities, scene.values)
+    return array_value(energy(scene.lagrangian, scene.coordinates), table)
+
+
+def point_constraints(scene: Scene, positions: Array, velocities: Array) -> dict[str, Any]:
+    """max |w(q_k) v_k| of all constraints over the recorded points."""
+    table = table_of(scene.coordinates, positions, velocities, scene.values)
+    defects = [float(np.nanmax(np.abs(array_value(w, table)))) for w in scene.constraints]
+    return {"max_constraint_at_points": max(defects)}
+
+
 def constraint_numbers(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     """The greatest defect of all constraints over all steps, and each one's."""
     each = {f"constraint_{k}": trajectory.maxima[f"constraint_{k}"] for k in range(1, len(scene.constraints) + 1)}
-    return {"max_constraint": max(each.values(), default=0.0), "max_constraint_each": list(each.values())}
+    return {"max_constraint": max(each.values(), default=None), "max_constraint_each": list(each.values())}
 
 
 def momentum_numbers(trajectory: Trajectory, conserved: Mapping[int, str]) -> dict[str, Any]:

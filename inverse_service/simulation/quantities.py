@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,51 +20,52 @@ from inverse_service.simulation.observing import (
     error_numbers,
     momentum_numbers,
     phase_numbers,
+    point_constraints,
+    point_energy,
     start_energy,
 )
+from inverse_service.simulation.point_velocities import point_velocities
 from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.scene import Scene, Unavailable
+from inverse_service.simulation.scene import Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, true_rows
 
 Array = NDArray[np.float64]
 
 
-def observed_quantities(
-    scene: Scene,
-    trajectory: Trajectory,
-    problem: Problem | None,
-    truth: Truth | Unavailable | None,
-    seconds: dict[str, float],
-) -> tuple[dict[str, Any], dict[str, Array]]:
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """One run as it is observed: `problem` is None for the exact solution, `values` hold the free constants too."""
+
+    scene: Scene
+    requested: Requested
+    trajectory: Trajectory
+    problem: Problem | None
+    values: Mapping[str, float]
+    truth: Truth | Unavailable | None
+
+
+def observed_quantities(run: Observed, seconds: dict[str, float]) -> tuple[dict[str, Any], dict[str, Array]]:
     """Numbers and columns of every observed quantity, none of any other; `seconds` gets what each took."""
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
-    true = true_rows(truth, scene.grid, trajectory.times) if isinstance(truth, Truth) else None
+    scene, truth = run.scene, run.truth
+    true = true_rows(truth, scene.grid, run.trajectory.times) if isinstance(truth, Truth) else None
     for name in scene.observe:
         with _timed(seconds, name):
-            found, columns = _quantity(name, scene, trajectory, problem, true, truth)
+            found, columns = _quantity(name, run, true)
             numbers |= found
             series |= columns
     return numbers, series
 
 
-def _quantity(
-    name: str,
-    scene: Scene,
-    trajectory: Trajectory,
-    problem: Problem | None,
-    true: Array | None,
-    truth: Truth | Unavailable | None,
-) -> tuple[dict[str, Any], dict[str, Array]]:
+def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, Any], dict[str, Array]]:
+    scene, trajectory, problem, truth = run.scene, run.trajectory, run.problem, run.truth
     positions = trajectory.positions
     if name == "energy":
-        start = start_energy(scene)
-        if start is None:
-            return {"max_energy_error": None, "energy_note": "The system has no Lagrangian, so no energy."}, {}
-        return energy_numbers(trajectory, start), {"energy": trajectory.series["energy_error"] + start}
+        return _energy(run)
     if name == "constraints":
         columns = {key: column for key, column in trajectory.series.items() if key.startswith("constraint_")}
-        return constraint_numbers(scene, trajectory), columns
+        return constraint_numbers(scene, trajectory) | _point_constraints(run), columns
     if name == "momenta" and problem is not None:
         columns = {} if trajectory.momenta is None else _columns("p_", scene, trajectory.momenta)
         return momentum_numbers(trajectory, conserved_momenta(scene, problem)), columns
@@ -77,6 +79,37 @@ def _quantity(
     if name in ("phase", "error"):
         return _compared(name, scene, positions, true, truth)
     return {}, {}
+
+
+def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The discrete energy; for compositions, which it cannot measure, that at the points takes its place."""
+    start = start_energy(run.scene)
+    if start is None:
+        return {"max_energy_error": None, "energy_note": "The system has no Lagrangian, so no energy."}, {}
+    numbers = energy_numbers(run.trajectory, start)
+    series = run.trajectory.series["energy_error"] + start
+    velocities = _point_velocities(run)
+    if velocities is not None:
+        points = point_energy(run.scene, run.trajectory.positions, velocities)
+        errors = np.abs(points - start) / (abs(start) or 1.0)
+        numbers["max_energy_error_at_points"] = float(np.nanmax(errors))
+        if run.requested.choice is not None and run.requested.choice.order > 2:
+            numbers |= {"max_energy_error": float(np.nanmax(errors)), "final_energy_error": float(errors[-1])}
+            series = points
+    return numbers, {"energy": series}
+
+
+def _point_constraints(run: Observed) -> dict[str, Any]:
+    if run.requested.method != "variational" or not run.scene.constraints:
+        return {}
+    velocities = _point_velocities(run)
+    return {} if velocities is None else point_constraints(run.scene, run.trajectory.positions, velocities)
+
+
+def _point_velocities(run: Observed) -> Array | None:
+    if run.problem is None:
+        return None
+    return point_velocities(run.scene, run.problem, run.requested.method, run.trajectory, dict(run.values))
 
 
 def _compared(

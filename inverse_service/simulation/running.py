@@ -18,7 +18,7 @@ from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.quantities import observed_quantities
+from inverse_service.simulation.quantities import Observed, observed_quantities
 from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, exact_trajectory, true_motion
 
@@ -88,7 +88,8 @@ def run_method(
     if isinstance(found, Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
-    numbers, series = observed_quantities(scene, found, problem, truth, seconds)
+    observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
+    numbers, series = observed_quantities(observed, seconds)
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, known)
 
 
@@ -96,7 +97,7 @@ def _integrated(
     scene: Scene, requested: Requested, problem: Problem, free: FreeLagrangian | None, stop: Stop | None
 ) -> Trajectory | Unavailable:
     assert requested.choice is not None
-    values = dict(scene.values) | (dict(free.constants) if free else {}) | dict(requested.constants)
+    values = values_of(scene, requested, free)
     observation = observation_of(scene)
     if observation.observables and "energy" in scene.observe:
         values[ENERGY_START] = start_energy(scene) or 0.0
@@ -106,6 +107,11 @@ def _integrated(
         return run(problem, requested.choice, start, scene.grid, values, observation, stop)
     except InputError as error:
         return Unavailable(error.detail)
+
+
+def values_of(scene: Scene, requested: Requested, free: FreeLagrangian | None) -> dict[str, float]:
+    """Numbers of all parameters, the free constants of the method too."""
+    return dict(scene.values) | (dict(free.constants) if free else {}) | dict(requested.constants)
 
 
 def start_of(

@@ -64,7 +64,8 @@ def true_motion(scene: Scene, derived: Derived) -> Truth | Unavailable:
 def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable:
     """The exact solution as a trajectory, at the recorded times."""
     if not isinstance(derived.exact, ExactMotion):
-        return Unavailable(f"No exact solution is known here. {derived.exact.reason if derived.exact else ''}".strip())
+        reason = derived.exact.reason if derived.exact is not None else "It was not asked for."
+        return Unavailable(f"No exact solution is known for this scene. {reason}")
     begun = time.perf_counter()
     times = recorded_times(scene.grid)
     try:
