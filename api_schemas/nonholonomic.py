@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, StringConstraints, Tag
 
 from api_schemas.base import Document
+from api_schemas.family_search import FamilySearchOptions, SearchPart
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
     Checked,
@@ -50,7 +51,9 @@ class NonholonomicDocument(Document):
     `constraints`: formulas that are zero, or equations; a list, or one text with semicolons.
     `associated`: which associated system is decided; left out: first, second and third.
     `multiples`: what is added to the accelerations of the associated system (the first, if none is
-    named), for each coordinate a formula that vanishes on the constraints; a list of such objects is a
+    `search`: with "associated": "search", which families and how many members of each.
+    The other keys are those of a System document.
+ coordinate a formula that vanishes on the constraints; a list of such objects is a
     list of systems, each decided.
     The other keys are those of a System document.
     """
@@ -62,6 +65,7 @@ class NonholonomicDocument(Document):
     parameters: Parameters = Field(default_factory=list)
     functions: Annotated[dict[Name, Arguments], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
     associated: Kind | None = None
+    search: FamilySearchOptions | None = None
     multiples: Families | None = None
     time_dependent_lagrangian: bool | None = None
     ansatz: Annotated[list[Text], Field(max_length=MAX_ANSATZ_TERMS)] = Field(default_factory=list)
@@ -206,3 +210,4 @@ class NonholonomicResult(ResultDocument):
     """The result of a Nonholonomic document: its main fields answer the associated system `nonholonomic.main`."""
 
     nonholonomic: NonholonomicPart
+    search: SearchPart | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from inverse_service.cli.family_search_pages import family_search_latex
 from inverse_service.cli.special_cases_pages import special_cases_latex
 from inverse_service.cli.text_page import asks_for_time, verdict_sentence
 
@@ -22,6 +23,8 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
     lines += _answer(result, asks_for_time(result), explain)
     if result["with_time"] is not None:
         lines += _answer(result["with_time"], True, explain)
+    if result.get("search") is not None:
+        lines += family_search_latex(result["search"])
     if result.get("special_cases") is not None:
         lines += special_cases_latex(result["special_cases"])
     return "\n".join([*lines, r"\end{document}"]) + "\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from inverse_service.cli.family_search_pages import family_search_lines
 from inverse_service.cli.special_cases_pages import special_cases_lines
 
 LONG = 300
@@ -23,6 +24,8 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
         lines += ["", *_answer(result["with_time"], True, explain)]
     elif result["verdict_with_time"] is not None and not asks_for_time(result):
         lines += ["", verdict_sentence(result["verdict_with_time"], True)]
+    if result.get("search") is not None:
+        lines += ["", *family_search_lines(result["search"])]
     if result.get("special_cases") is not None:
         lines += ["", *special_cases_lines(result["special_cases"])]
     if explain:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from api_schemas.nonholonomic import NonholonomicResult
+from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicResult
 from api_schemas.result import ResultDocument
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.nonholonomic_study import (
@@ -18,8 +18,10 @@ from inverse_service.inverse_problem.nonholonomic_study import (
 )
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
+from inverse_service.mechanics.associated_systems import AssociatedSystem
 from inverse_service.mechanics.nonholonomic_motion import equations_of_motion
 from inverse_service.service import solving, translate
+from inverse_service.service.nonholonomic_search import searched
 from inverse_service.service.translate_nonholonomic import (
     to_families,
     to_nonholonomic,
@@ -27,6 +29,9 @@ from inverse_service.service.translate_nonholonomic import (
     to_nonholonomic_part,
     to_nonholonomic_schema,
 )
+
+# Of the time for all, what a search among associated systems may take.
+SHARE_OF_SEARCH = 0.6
 
 
 def is_nonholonomic(document: Any) -> bool:
@@ -46,15 +51,19 @@ def solve_nonholonomic(
     schema = to_nonholonomic_schema(document)
     system = to_nonholonomic(schema)
     families = to_families(schema, system)
-    if schema.associated == "search":
-        raise InputError("searching a family is not there yet: write first, second or third.", "/associated")
-    report, kind = motion_report(system), schema.associated
-    systems = associated_systems(report, kind, families)
+    report, kind, part = motion_report(system), schema.associated, None
+    if kind == "search":
+        _refuse_multiples(schema)
+        limit = SHARE_OF_SEARCH * (end - time.monotonic())
+        one, part = searched(report, schema, options.seed, limit, progress)
+        systems: tuple[AssociatedSystem, ...] = (one,)
+    else:
+        systems = associated_systems(report, kind, families)
     defined = next((one.system for one in systems if one.system is not None), None)
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
-        time_limit=solving.SHARE_OF_SOLVER * (end - time.monotonic()),
+        time_limit=_share(schema) * (end - time.monotonic()),
         ansatz=() if defined is None else translate.to_ansatz(schema, defined),
         series_order=schema.series_order,
     )
@@ -63,9 +72,23 @@ def solve_nonholonomic(
     if main.solution is None:
         raise InputError(main.associated.explanation, "/associated")
     result = translate.to_result(_with_images(main), schema)
+    if schema.special_cases:
+        assert main.associated.system is not None
+        result = solving.with_special_cases(result, main.associated.system, asked, (end, progress))
     fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
-    whole = NonholonomicResult(**fields, nonholonomic=to_nonholonomic_part(found))
+    whole = NonholonomicResult(**fields, nonholonomic=to_nonholonomic_part(found), search=part)
     return solving.ordered(solving.checked(whole, end - time.monotonic()))
+
+
+def _share(schema: NonholonomicDocument) -> float:
+    return solving.SHARE_BESIDE_CASES if schema.special_cases else solving.SHARE_OF_SOLVER
+
+
+def _refuse_multiples(schema: NonholonomicDocument) -> None:
+    if schema.multiples is not None:
+        raise InputError(
+            'multiples and "associated": "search" do not go together: leave one of them out.', "/multiples"
+        )
 
 
 def _with_images(main: AssociatedAnswer) -> Solution:

@@ -20,7 +20,7 @@ KEYS = (
 )
 KEYS_NONHOLONOMIC = (
     "name, coordinates, lagrangian, constraints, parameters, functions, associated, multiples, "
-    "time_dependent_lagrangian, ansatz, series_order"
+    "search, time_dependent_lagrangian, ansatz, series_order, special_cases"
 )
 EXPECTED = {
     "": "an object with coordinates and equations",
@@ -37,6 +37,7 @@ EXPECTED = {
     "ansatz": """a list of terms such as ["y'^2/x'"]""",
     "series_order": f"a whole number from 1 to {MAX_SERIES_ORDER}",
     "special_cases": "true or false",
+    "search": """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",
 }
 
 

@@ -46,11 +46,11 @@ def solve_document(
     solution = solve(system, asked, progress)
     result = translate.to_result(solution, schema)
     if schema.special_cases:
-        result = _with_special_cases(result, system, asked, (end, progress))
+        result = with_special_cases(result, system, asked, (end, progress))
     return ordered(checked(result, end - time.monotonic()))
 
 
-def _with_special_cases(
+def with_special_cases(
     result: ResultDocument,
     system: SecondOrderSystem,
     asked: SolveOptions,

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -63,3 +67,38 @@ def test_progress_counts_up_to_all(processes: int) -> None:
     forked_map(lambda k: k, list(range(10)), progress=said.append, processes=processes)
     assert said[-1] == 10
     assert said == sorted(said)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux ends children with their parent")
+def test_children_die_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    program = (
+        "import os, time\n"
+        "from inverse_service.inverse_problem.families.forked import forked_map\n"
+        "def work(k):\n"
+        f"    open(f'{tmp_path}/{{os.getpid()}}', 'w').close()\n"
+        "    time.sleep(60)\n"
+        "forked_map(work, [0, 1], processes=2)\n"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", program])
+    try:
+        wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
+    finally:
+        parent.kill()
+        parent.wait()
+    numbers = [int(path.name) for path in tmp_path.iterdir()]
+    assert len(numbers) == 2
+    wait_for(lambda: not any(is_running(number) for number in numbers))
+
+
+def is_running(number: int) -> bool:
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{number}/status").read_text()
+    except OSError:
+        return False
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 20.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "what was waited for did not happen"
+        time.sleep(0.02)
