@@ -198,7 +198,7 @@ class NonholonomicPart(Document):
     constraints: list[Formula]
     main: str
     equations_of_motion: MotionPart
-    integrability: IntegrabilityPart
+    integrable: IntegrabilityPart
     measure_density: MeasurePart
     first_integrals: list[FirstIntegralPart]
     paper_class: ClassPart

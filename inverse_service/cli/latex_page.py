@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from inverse_service.cli.family_search_pages import family_search_latex
+from inverse_service.cli.nonholonomic_pages import nonholonomic_latex
 from inverse_service.cli.special_cases_pages import special_cases_latex
 from inverse_service.cli.text_page import asks_for_time, verdict_sentence
 
@@ -18,6 +19,8 @@ SPECIAL = {
 def latex_page(result: dict[str, Any], explain: bool) -> str:
     """The whole document, ending with a newline."""
     lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb}", r"\begin{document}"]
+    if result.get("nonholonomic") is not None:
+        lines += nonholonomic_latex(result["nonholonomic"])
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(_display, result["system"]["latex"].values())]
     lines += _answer(result, asks_for_time(result), explain)

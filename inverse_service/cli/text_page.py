@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from inverse_service.cli.family_search_pages import family_search_lines
+from inverse_service.cli.nonholonomic_pages import nonholonomic_lines
 from inverse_service.cli.special_cases_pages import special_cases_lines
 
 LONG = 300
@@ -19,7 +20,9 @@ SENTENCES = {
 
 def text_page(result: dict[str, Any], explain: bool) -> str:
     """The whole page, ending with a newline."""
-    lines = [*_system(result["system"]), *_answer(result, asks_for_time(result), explain)]
+    part = result.get("nonholonomic")
+    lines = [] if part is None else [*nonholonomic_lines(part), ""]
+    lines += [*_system(result["system"]), *_answer(result, asks_for_time(result), explain)]
     if result["with_time"] is not None:
         lines += ["", *_answer(result["with_time"], True, explain)]
     elif result["verdict_with_time"] is not None and not asks_for_time(result):

@@ -184,7 +184,8 @@ def _answered(
     if one.system is None:
         return AssociatedAnswer(one, None)
     end = time.monotonic() + options.time_limit
-    known = _known(report, one, end) if options.time_dependent is not True else ()
+    free = options.time_dependent is not True and not options.ansatz
+    known = _known(report, one, end) if free else ()
     if known:
         solution = solution_with(one.system, known, options)
         return AssociatedAnswer(

@@ -15,12 +15,13 @@ from fractions import Fraction
 from itertools import combinations
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_derivations import Derivation, sum_of
 from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.mechanics.nonholonomic_system import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic_writing import readable
 from inverse_service.mechanics.quotient_matrices import determinant, reduced_rows, weight
@@ -132,7 +133,7 @@ def _lagrangian_parts(
     mass = tuple(tuple(by[j](momenta[i]) for j in range(n)) for i in range(n))
     for i in range(n):
         for j in range(n):
-            if any(not by[k](mass[i][j]).is_zero for k in range(n)):
+            if _holds_velocity(ring, mass[i][j], by):
                 raise InputError(
                     f"the Lagrangian is not quadratic in the velocities ({names[i]}' enters otherwise): write a "
                     "kinetic energy of degree 2, terms linear in the velocities, and a potential.",
@@ -153,6 +154,13 @@ def _lagrangian_parts(
     return mass, linear, kinetic - rest
 
 
+def _holds_velocity(ring: ExactRing, element: Quotient, by: Sequence[Derivation]) -> bool:
+    """Whether a velocity enters, if only by its sign as in v/sqrt(v^2), whose derivative is zero."""
+    if any(not derivative(element).is_zero for derivative in by):
+        return True
+    return any(isinstance(node, Velocity) for node in walk(quotient_tree(ring, element)))
+
+
 def _less(first: Quotient, terms: Sequence[Quotient]) -> Quotient:
     for term in terms:
         first = first - term
@@ -168,7 +176,7 @@ def _constraint_parts(
     by = [ring.partial(1 + n + k) for k in range(n)]
     row = tuple(by[k](value) for k in range(n))
     for k, entry in enumerate(row):
-        if any(not derivative(entry).is_zero for derivative in by):
+        if _holds_velocity(ring, entry, by):
             raise InputError(
                 f"constraint {place + 1} is not linear in the velocities ({names[k]}' enters otherwise): only "
                 "constraints w_i(q) v^i + c(q) = 0 are accepted.",

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     ZERO,
@@ -109,7 +110,7 @@ def _fill_space(
     """M and S on the places J: a reflection that takes u to a multiple of the first unit vector of J."""
     first, others = turning[0], turning[1:]
     rho = tidied(add(*(multiply(masses[k], power(u[k], 2)) for k in turning)))
-    norm, root = square_root(rho), square_root(masses[first])
+    norm, root = collect(square_root(rho)), collect(square_root(masses[first]))
     height = multiply(root, u[first])
     below = add(norm, height)
     for k in others:

@@ -98,7 +98,7 @@ def to_nonholonomic_part(study: Study) -> NonholonomicPart:
 def _motion_fields(report: MotionReport) -> dict[str, Any]:
     return {
         "equations_of_motion": _motion(report.motion),
-        "integrability": _integrability(report),
+        "integrable": _integrability(report),
         "measure_density": _measure(report),
         "first_integrals": [
             FirstIntegralPart(name=each.name, text=to_text(each.expression), latex=to_latex(each.expression))

@@ -1,0 +1,98 @@
+"""The nonholonomic part of a result for people: plain text and LaTeX."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.tree import Symbol
+
+LONG = 300
+VERDICTS = {
+    "variational": "variational",
+    "not_variational": "not variational",
+    "undetermined": "undetermined",
+    None: "not defined",
+}
+
+
+def nonholonomic_lines(part: dict[str, Any]) -> Iterator[str]:
+    """The motion, what it keeps, the associated systems and the Hamiltonisations, line by line."""
+    motion = part["equations_of_motion"]
+    yield "Nonholonomic motion:"
+    yield from (f"  {name}'' = {_short(found['text'])}" for name, found in motion["second_order"].items())
+    yield from (f"  {name}' = {_short(found['text'])}" for name, found in motion["first_order"].items())
+    yield from (f"  lambda_{k} = {_short(found['text'])}" for k, found in enumerate(motion["multipliers"], 1))
+    yield from _kept(part)
+    yield ""
+    yield "Associated second-order systems:"
+    for one in part["associated"]:
+        yield f"  {one['kind']}: {_verdict(one)}"
+        if not one["defined"]:
+            yield f"    {one['explanation']}"
+    yield from _hamiltonisations(part["hamiltonisation"])
+    yield ""
+    yield f"The rest is about the associated system '{part['main']}':"
+
+
+def _kept(part: dict[str, Any]) -> Iterator[str]:
+    yield ""
+    yield part["paper_class"]["statement"]
+    yield part["integrable"]["statement"]
+    yield from (f"  constant: {found['text']}" for found in part["integrable"]["integrals"])
+    measure = part["measure_density"]
+    yield measure["statement"]
+    if measure["density"] is not None:
+        yield f"  N = {_short(measure['density']['text'])}"
+    yield from (f"  {one['name']}: {_short(one['text'])}" for one in part["first_integrals"])
+
+
+def _verdict(one: dict[str, Any]) -> str:
+    checked = f" (independent check: {one['checked']})" if one["checked"] is not None else ""
+    return VERDICTS[one["verdict"]] + checked
+
+
+def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
+    for one in reports:
+        yield ""
+        yield f"Hamiltonisation by the {one['associated']} system, {one['label']}:"
+        yield f"  L = {_short(one['lagrangian']['text'])}"
+        if one["hamiltonian"] is not None:
+            yield f"  H = {_short(one['hamiltonian']['text'])}"
+        yield from (f"  constraint {_short(found['text'])} = 0" for found in one["constraints"])
+        yield from (f"  {each['verdict']}: {each['text']}" for each in one["statements"])
+        flow = one["trajectory"]
+        if flow is not None:
+            yield (
+                f"  both flows over t = {flow['time']:g} from one start: positions differ by at most "
+                f"{flow['difference']:.1e}, constraints by {flow['constraint']:.1e}, H by {flow['energy']:.1e}"
+            )
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONG else f"({len(text)} characters; see --format json)"
+
+
+def nonholonomic_latex(part: dict[str, Any]) -> Iterator[str]:
+    """The equations of motion, N, and L, H and constraints of each Hamiltonisation."""
+    motion = part["equations_of_motion"]
+    yield "The nonholonomic motion is"
+    yield from (rf"\[ \ddot{{{name}}} = {found['latex']} \]" for name, found in _lettered(motion["second_order"]))
+    yield from (rf"\[ \dot{{{name}}} = {found['latex']} \]" for name, found in _lettered(motion["first_order"]))
+    density = part["measure_density"]["density"]
+    if density is not None:
+        yield "and its invariant measure has the density"
+        yield rf"\[ N = {density['latex']} \]"
+    for one in part["hamiltonisation"]:
+        yield f"By the {one['associated']} associated system:"
+        yield rf"\[ L = {one['lagrangian']['latex']} \]"
+        if one["hamiltonian"] is not None:
+            yield rf"\[ H = {one['hamiltonian']['latex']} \]"
+        yield from (rf"\[ {found['latex']} = 0 \]" for found in one["constraints"])
+
+
+def _lettered(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Each coordinate in LaTeX."""
+    for name, found in table.items():
+        yield to_latex(Symbol(name)), found
