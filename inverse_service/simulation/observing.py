@@ -141,6 +141,7 @@ def circle_numbers(points: Array, exact: Array | None) -> dict[str, Any]:
         "centre_last": list(drift.last.centre),
         "centre_drift": drift.centre_drift,
         "misfit": drift.first.misfit,
+        "shape_misfit": _shape(points),
         "revolutions": drift.revolutions,
         "through_three_points": _three(points, drift),
     }
@@ -151,6 +152,12 @@ def circle_numbers(points: Array, exact: Array | None) -> dict[str, Any]:
         numbers["exact_radius"] = reference.radius
         numbers["max_radial_distance"] = float(radial_distance(points, reference).max())
     return {"circle": numbers}
+
+
+def _shape(points: Array) -> float | None:
+    """How far the whole path is from one circle of its own, over its radius: centre and radius do not enter."""
+    whole = least_squares_circle(points)
+    return None if whole is None else float(radial_distance(points, whole).max())
 
 
 def _three(points: Array, drift: CircleDrift) -> dict[str, Any] | None:

@@ -1,0 +1,267 @@
+"""Scenes give the known figures, compute what they name and nothing else, and say how each method ended."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from inverse_service.codegen.compiled import kernel_text
+from inverse_service.service.reading import read_json
+from inverse_service.service.scene_lagrangian import finder
+from inverse_service.service.scene_reading import read_scene
+from inverse_service.service.scene_refusals import scene_schema
+from inverse_service.service.simulating import MOST_POINTS, run_document, simulate, simulate_tables
+from inverse_service.simulation.derivation import derive, problem_of
+from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.observing import ENERGY_START, observation_of
+from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.schemes import program_of
+
+SCENES = Path(__file__).parents[2] / "docs" / "scenes"
+
+
+def scene(name: str, **changes: Any) -> dict[str, Any]:
+    found: dict[str, Any] = read_json((SCENES / f"{name}.json").read_bytes())
+    return {key: value for key, value in (copy.deepcopy(found) | changes).items() if value is not None}
+
+
+def by_label(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {method["label"]: method for method in result["methods"]}
+
+
+@pytest.fixture(scope="module")
+def table() -> dict[str, dict[str, Any]]:
+    return by_label(simulate(scene("disk-table")))
+
+
+# Radial distance, radius change, energy, constraint: to 5 %, or half a unit of the last digit known; None is round-off.
+KNOWN = {
+    "variational-0": (1.8e-1, -9e-5, 4.2e-2, 1.2e-2),
+    "variational-0.5": (3.4e-3, 3e-7, 1.8e-3, 5e-4),
+    "variational-1": (9.8e-2, 6e-4, 3.6e-2, 1e-2),
+    "nonholonomic-0": (0.97, -0.998, 0.60, None),
+    "nonholonomic-0.5": (3.3e-3, None, None, None),
+    "nonholonomic-1": (797, 530, 3.8e5, None),
+}
+
+
+@pytest.mark.parametrize("label", KNOWN)
+def test_the_disk_gives_the_known_figures(label: str, table: dict[str, dict[str, Any]]) -> None:
+    found = table[label]
+    circle = found["circle"]
+    measured = (circle["max_radial_distance"], circle["radius_change"], found["max_energy_error"],
+                found["max_constraint"])  # fmt: skip
+    assert found["outcome"] == "completed"
+    assert found["steps"] == 500
+    for value, known in zip(measured, KNOWN[label], strict=True):
+        assert value == pytest.approx(known, rel=0.051) if known is not None else abs(value) < 2e-12
+
+
+def test_drift_phase_and_trajectory_are_told_apart(table: dict[str, dict[str, Any]]) -> None:
+    """A spiral keeps the phase, the variational circle loses it; at 1/2 the nonholonomic circle keeps everything."""
+    assert table["nonholonomic-0"]["max_phase_error"] == pytest.approx(0.1)
+    assert abs(table["variational-0"]["final_phase_error"]) > 0.5
+    assert table["nonholonomic-0.5"]["max_phase_error"] < 1e-12
+    assert table["nonholonomic-0.5"]["circle"]["centre_drift"] < 1e-12
+    assert table["nonholonomic-1"]["circle"]["centre_drift"] > 40
+    assert table["variational-0"]["max_momentum_drift"] < 1e-14
+
+
+@pytest.mark.parametrize(("alpha", "ratio"), [
+    (0, 0.996669443519), ("1/3", 0.998888991766), ("1/2", 1.0), (1, 1.003341686156),
+])  # fmt: skip
+def test_the_radius_ratio_of_each_step_is_exact(alpha: Any, ratio: float) -> None:
+    document = scene("disk-table", step=0.1, steps=40, time=None, observe=["trajectory"])
+    document["methods"] = [{"method": "nonholonomic", "alpha": alpha}]
+    theta = simulate_tables(document)["tables"].popitem()[1]["theta"]
+    rolled = theta[1:] - theta[:-1]
+    assert rolled[1:] / rolled[:-1] == pytest.approx(ratio, abs=1e-11)
+
+
+def test_small_constants_take_the_variational_error_away() -> None:
+    """The misfit of the shape is proportional to C."""
+    misfits = []
+    for constant in ("1", "1/100", "10^-8"):
+        document = scene("disk-table", constants={"C_x": constant, "C_y": constant}, start="momenta")
+        document["methods"] = [{"method": "variational", "alpha": 0}]
+        misfits.append(simulate(document)["methods"][0]["circle"]["shape_misfit"])
+    assert misfits[0] / misfits[1] == pytest.approx(100, rel=0.2)
+    assert misfits[1] / misfits[2] == pytest.approx(1e6, rel=0.2)
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*.json")), ids=lambda path: path.stem)
+def test_every_scene_of_the_docs_is_read(path: Path) -> None:
+    read_scene(scene_schema(read_json(path.read_bytes())))
+
+
+def test_the_scene_of_the_contract_runs() -> None:
+    found = by_label(simulate(scene("disk", steps=400)))
+    assert list(found) == ["variational-0", "nonholonomic-0", "modified-0", "exact", "reference"]
+    assert found["reference"]["max_error"] < 1e-11
+    assert found["nonholonomic-0"]["circle"]["radius_last"] < 0.9
+    stopped = found["modified-0"]["stopped"]
+    # For these data 1 + cos phi + sin phi, the singular set of the modified method, is reached at phi = pi.
+    assert found["modified-0"]["outcome"] == "singular"
+    assert stopped["time"] == pytest.approx(math.pi - 0.1, abs=0.1)
+    assert "determinant" in stopped["quantity"]
+    assert "smaller free constants" in stopped["remedy"]
+
+
+def kernel(document: dict[str, Any]) -> str:
+    """The text of the kernel of the first method."""
+    schema = scene_schema(document)
+    found, system = read_scene(schema)
+    derived = derive(found, finder(schema, system, None))
+    problem, choice = problem_of(found, found.methods[0], derived), found.methods[0].choice
+    assert isinstance(problem, Problem)
+    assert choice is not None
+    problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
+    return kernel_text(program_of(Formulas(problem), choice, observation_of(found)))
+
+
+def test_without_potential_the_kernel_has_no_potential_term() -> None:
+    pendulum = {
+        "system": {"coordinates": ["u"], "lagrangian": "u'^2/2 - exp(u)"},
+        "initial": {"positions": {"u": 0}, "velocities": {"u": 1}},
+        "step": 0.1, "steps": 10, "methods": ["nonholonomic"],
+    }  # fmt: skip
+    whole, bare = kernel(pendulum), kernel(pendulum | {"effects": ["kinetic"]})
+    assert "exp" in whole
+    assert "exp" not in bare
+    assert len(bare) < len(whole)
+
+
+def test_an_unobserved_quantity_costs_no_instruction() -> None:
+    document = scene("disk", methods=["nonholonomic"], observe=["trajectory"])
+    plain = kernel(document)
+    assert kernel(document | {"observe": ["trajectory", "matching_circle"]}) == plain
+    energy = kernel(document | {"observe": ["energy"]})
+    both = kernel(document | {"observe": ["energy", "constraints"]})
+    assert plain.count("\n") < energy.count("\n") < both.count("\n")
+
+
+def test_what_no_method_and_no_observable_needs_is_not_derived() -> None:
+    found, _ = run_document(scene("disk", methods=["nonholonomic"], observe=["trajectory"], steps=10), None, 60)
+    assert found.derived.seconds == {}
+    assert found.truth is None
+    result = simulate(scene("disk", methods=["nonholonomic"], observe=["energy"], steps=10))
+    method = result["methods"][0]
+    assert result["derived"] == []
+    assert "max_energy_error" in method
+    assert not {"max_constraint", "circle", "max_error", "free_lagrangian"} & set(method)
+    assert set(method["points"]["columns"]) == {"t", "energy"}
+    assert set(method["seconds"]) == {"compile", "run", "energy"}
+
+
+def test_results_are_plain_json_whatever_happens() -> None:
+    document = scene("disk-table", step=3, steps=50, time=None)
+    document["methods"] += ["modified", "exact", "reference", {"method": "variational", "form": "raw"}]
+    result = simulate(document)
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    outcomes = {method["label"]: method["outcome"] for method in result["methods"]}
+    assert outcomes["exact"] == "completed"
+    stopped = [m for m in result["methods"] if m["outcome"] not in ("completed", "unavailable")]
+    assert stopped
+    assert all(m["stopped"]["remedy"] or m.get("reason") for m in stopped)
+
+
+def test_a_start_on_the_zero_of_a_constraint_is_no_hindrance() -> None:
+    """sin(phi) = 0 at the start: the momenta are limits of 0/0."""
+    document = scene("disk", steps=200, observe=["error", "constraints"])
+    document["initial"]["positions"]["phi"] = 0
+    document["initial"]["velocities"]["theta"] = "1/4"
+    document["methods"] = [{"method": "variational", "alpha": a} for a in (0, "1/2", 1)]
+    for method in simulate(document)["methods"]:
+        assert method["outcome"] == "completed"
+        assert method["max_error"] < 0.1
+
+
+def test_a_system_that_is_not_variational_says_so_and_the_rest_runs() -> None:
+    document = scene("disk", steps=50, methods=["variational", "nonholonomic"], observe=["error"])
+    document["terms"], document["effects"] = {"spring": "-x^2/2"}, ["constraints", "spring"]
+    found = by_label(simulate(document))
+    assert found["variational-0.5"]["outcome"] == "unavailable"
+    assert "not variational" in found["variational-0.5"]["reason"]
+    assert found["nonholonomic-0.5"]["max_error"] < 1e-3
+    assert found["nonholonomic-0.5"]["error_against"] == "reference"
+    assert found["nonholonomic-0.5"]["error_uncertainty"] < 1e-11
+
+
+def test_a_free_lagrangian_of_another_motion_is_refused() -> None:
+    from inverse_service.errors import InputError
+
+    wrong = "phi'^2/2 + theta'^2/2 + (x'^2/sin(phi) + y'^2/cos(phi))/(2*phi')"
+    with pytest.raises(InputError, match="no solution of this Lagrangian") as refused:
+        simulate(scene("disk", methods=["variational"], free_lagrangian=wrong, steps=10))
+    assert refused.value.pointer == "/free_lagrangian"
+    right = "phi'^2/2 + theta'^2/2 + (C_x*x'^2/cos(phi) + C_y*y'^2/sin(phi))/(2*phi')"
+    given = simulate(scene("disk", methods=["variational"], free_lagrangian=right, constants={"C_x": 1, "C_y": 1}))
+    own = simulate(scene("disk", methods=["variational"]))
+    assert given["methods"][0]["max_error"] == pytest.approx(own["methods"][0]["max_error"], rel=1e-6)
+    with pytest.raises(InputError, match="no constant 'C_z': its constants are C_x, C_y"):
+        simulate(scene("disk", methods=["variational"], constants={"C_z": 1}, steps=10))
+
+
+def test_the_third_lagrangian_keeps_the_constraint_through_zero() -> None:
+    document = scene("particle", steps=400, free_lagrangian="third", methods=["variational"])
+    document["initial"] = {"positions": {"x": -1, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1}}
+    method = simulate(document)["methods"][0]
+    assert method["outcome"] == "completed"
+    assert method["free_lagrangian_source"] == "the known Lagrangian of the third associated system"
+    assert method["max_constraint_at_points"] < 1e-13
+
+
+def test_a_solve_result_is_simulated_with_its_lagrangian() -> None:
+    from inverse_service.inverse_problem.options import SolveOptions
+    from inverse_service.service.solving import solve_document
+
+    result = solve_document({"coordinates": ["x"], "equations": {"x": "-4*x"}}, SolveOptions(time_limit=20))
+    document = {
+        "system": {"result": result}, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": 0.01, "time": 1, "methods": ["variational"], "observe": ["error"],
+    }  # fmt: skip
+    method = simulate(document)["methods"][0]
+    assert method["free_lagrangian_source"] == "the result given"
+    assert method["max_error"] < 1e-4
+
+
+def test_series_are_thinned_and_say_how() -> None:
+    result = simulate(scene("disk", methods=["nonholonomic"], observe=["trajectory"], steps=9000))
+    points = result["methods"][0]["points"]
+    assert points["every"] == 5
+    assert len(points["columns"]["t"]) <= MOST_POINTS
+    assert points["columns"]["t"][1] == pytest.approx(0.25)
+
+
+def test_the_last_step_counts_whatever_the_rhythm_of_records() -> None:
+    document = scene("disk", methods=["nonholonomic", "exact"], observe=["error"], steps=47, record_every=10)
+    found = simulate_tables(document)
+    assert found["tables"]["nonholonomic-0.5"]["t"][-1] == pytest.approx(47 * 0.05)
+    errors = by_label(found["result"])
+    assert 0 < errors["nonholonomic-0.5"]["final_error"] < 1e-2
+    assert errors["exact"]["max_error"] == 0
+
+
+def test_a_run_near_its_time_limit_stops_and_says_so() -> None:
+    document = scene("disk", methods=["nonholonomic"], observe=["trajectory"], steps=100_000_000)
+    method = simulate(document, time_limit=0.5)["methods"][0]
+    assert method["outcome"] == "cancelled"
+    assert method["steps"] < 100_000_000
+
+
+def test_one_coordinate_has_no_circle() -> None:
+    document = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.1, "steps": 5,
+        "methods": ["variational"], "observe": ["matching_circle", "phase", "energy", "constraints"],
+    }  # fmt: skip
+    result = simulate(document)
+    assert result["circle_coordinates"] is None
+    assert result["methods"][0]["circle"] is None
+    assert result["methods"][0]["max_constraint"] is None
