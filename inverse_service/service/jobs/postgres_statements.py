@@ -15,7 +15,7 @@ from inverse_service.service.jobs.states import FINAL, JobStatus
 
 COLUMNS = (
     "id", "kind", "document", "options", "status", "client", "priority", "created", "started", "finished",
-    "attempt", "crashes", "restarts", "revision", "sequence",
+    "attempt", "crashes", "restarts", "revision", "sequence", "wall", "cpu", "memory",
 )  # fmt: skip
 LISTED = ", ".join(f"jobs.{name}" for name in COLUMNS)
 SELECT = f"SELECT {LISTED}"
@@ -116,16 +116,15 @@ def claim(connection: Connection, owner: str, limit: int, excluded: Sequence[str
 
 def heartbeat(connection: Connection, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
     """Renew the claims that are still this owner's; the ids of the others."""
-    ids = sorted(id for id, _ in running)
-    attempts = dict(running)
+    ids = sorted({id for id, _ in running})
     _locked(connection, ids)
     rows = connection.execute(
         f"UPDATE jobs SET heartbeat = {NOW} WHERE id = ANY(%s) AND owner = %s AND status = 'running' "
         "RETURNING id, attempt",
         (ids, owner),
     ).fetchall()
-    kept = {row["id"] for row in rows if row["attempt"] == attempts[row["id"]]}
-    return [id for id, _ in running if id not in kept]
+    kept = {(row["id"], row["attempt"]) for row in rows}
+    return [id for id, attempt in running if (id, attempt) not in kept]
 
 
 def end(connection: Connection, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage) -> bool:

@@ -12,6 +12,7 @@ import sqlite3
 import threading
 import time
 import uuid
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -64,11 +65,12 @@ class Supervisor:
         self._ended: queue.SimpleQueue[_Ended | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._beaten = time.monotonic()
+        self._doubtful = False
 
     def start(self) -> None:
         """Take back what a dead service left behind, then work."""
         self._take_back(0.0 if self._store.exclusive else LEASE)
-        self._store.on_change(lambda id: self._wake.set())
+        self._store.on_change(self._changed)
         work = [self._claim_loop, self._tick_loop, *[self._finish_loop] * FINISHERS]
         self._threads = [threading.Thread(target=w, name=f"jobs-{k}", daemon=True) for k, w in enumerate(work)]
         for thread in self._threads:
@@ -186,18 +188,35 @@ class Supervisor:
                 self.events.flush()
                 if time.monotonic() - self._beaten > HEARTBEAT:
                     self._beat()
+                elif self._doubtful:
+                    self._keep()
             except (sqlite3.Error, InverseServiceError, OSError):
                 log.exception("the store does not answer")
 
     def _beat(self) -> None:
-        """Keep the claims; stop what another front end dismissed or took over."""
+        """Keep the claims, and take back those of a front end that is gone."""
         self._beaten = time.monotonic()
-        with self._lock:
-            running = [(job.id, job.attempt) for job, _ in self._running.values()]
-        for id in self._store.heartbeat(self._owner, running):
-            self.cancel(id)
+        self._keep()
         if not self._store.exclusive:
             self._take_back(LEASE)
+
+    def _keep(self) -> None:
+        """Keep the claims; stop what another front end dismissed or took over."""
+        self._doubtful = False
+        with self._lock:
+            running = dict(self._running)
+        lost = set(self._store.heartbeat(self._owner, list(running)))
+        runs = Counter(id for id, _ in running)
+        for (id, _), (_, task) in running.items():
+            if id in lost and runs[id] == 1:  # with two, the later run may be ours
+                task.cancel()
+
+    def _changed(self, id: str) -> None:
+        """A job changed; where another front end may have dismissed it, look before the next heartbeat."""
+        self._wake.set()
+        if not self._store.exclusive:
+            with self._lock:
+                self._doubtful = self._doubtful or any(job.id == id for job, _ in self._running.values())
 
     def _take_back(self, lease: float) -> None:
         for job in self._store.recover(None, lease):
