@@ -1,6 +1,7 @@
 """Run the benchmark: tables on standard output, and with --output as Markdown and JSON files.
 
-`lagrangians` as the first word runs the benchmark of the search for closed forms instead.
+`lagrangians` as the first word runs the benchmark of the search for closed forms instead, `service`
+the one of the service under load.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from inverse_service.benchmark import families, lagrangians, tables
 from inverse_service.benchmark.cold_start import cold_starts
 from inverse_service.benchmark.decision_benchmark import comparisons, medians
 from inverse_service.benchmark.growth import against_order, against_size
+from inverse_service.benchmark.peers_benchmark import against_peers, summary
 
-PARTS = ("decision", "size", "order", "cold")
+PARTS = ("decision", "peers", "size", "order", "cold")
 Section = tuple[str, list[Any]]  # Markdown, rows
 
 
@@ -36,6 +38,12 @@ def decision_section(options: argparse.Namespace) -> Section:
     rows = medians(found)
     head = "## The decision beside a plain SymPy pipeline"
     return f"{head}\n\n{tables.medians_table(rows)}\n{tables.comparison_table(found)}", [*rows, *found]
+
+
+def peers_section(options: argparse.Namespace) -> Section:
+    rows = against_peers(options.limit, report)
+    head = "## The decision beside tools that complete PDE systems"
+    return f"{head}\n\n{summary(rows)}\n{tables.peers_table(rows)}", list(rows)
 
 
 def size_section(options: argparse.Namespace) -> Section:
@@ -61,6 +69,7 @@ def cold_section(options: argparse.Namespace) -> Section:
 
 SECTIONS: dict[str, Callable[[argparse.Namespace], Section]] = {
     "decision": decision_section,
+    "peers": peers_section,
     "size": size_section,
     "order": order_section,
     "cold": cold_section,
@@ -100,5 +109,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["lagrangians"]:
         lagrangians.main(sys.argv[2:])
+    elif sys.argv[1:2] == ["service"]:
+        from inverse_service.benchmark import service
+
+        service.main(sys.argv[2:])
+    elif sys.argv[1:2] == ["cluster"]:
+        from inverse_service.benchmark import cluster_benchmark
+
+        cluster_benchmark.main(sys.argv[2:])
     else:
         main()
