@@ -17,7 +17,8 @@ class Job(Document):
     """One piece of work. `id` is a hash of engine version, canonical document and options.
 
     `progress` holds what is known while the job runs (stage, order, family, counts); `result` is
-    there when it is successful, `problem` when it failed. Times are seconds since 1970.
+    there when it is successful, `problem` when it failed. Times are seconds since 1970; `usage`:
+    seconds of wall clock and processor, peak memory in MiB, of the run that gave the answer.
     """
 
     id: str
@@ -29,6 +30,7 @@ class Job(Document):
     created: float | None = None
     started: float | None = None
     finished: float | None = None
+    usage: dict[str, float] = Field(default_factory=dict)
     links: dict[str, str] = Field(default_factory=dict)
 
     @property

@@ -61,6 +61,7 @@ def job_fields(job: Job, engine: Engine) -> dict[str, Any]:
         "created": job.created,
         "started": job.started,
         "finished": job.finished,
+        "usage": {"wall": round(job.wall, 4), "cpu": round(job.cpu, 4), "memory": round(job.memory, 1)},
         "links": {"self": address(job), "events": f"{address(job)}/events", "page": f"/results/{job.id}"},
     }
 

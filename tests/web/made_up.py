@@ -8,13 +8,15 @@ from collections.abc import Iterator
 from typing import Any
 
 TOKENS = (
-    *"+-*/^()=,;'!|<>[]{}&$#@%~`\\\"?:._ ", "**", "''", "x", "y", "t", "k", "x'", "y'", "x''", "x_dot", "2", "0", "1/3", "1e9",
-    "0.1", "sin", "cos", "exp", "log", "sqrt", "tan", "atan", "sin(", "\\frac{", "}{", "\\dot{x}", "\\sin", "\\sqrt[3]{",
-    "diff(x, t)", "Derivative(", "A(x)", "A'(x)", "pi", "e", "I", "lambda", "import", "\u00b2", "\u2212", "\u03b8", "\u221a",
-    "\u200b", "9" * 40, "x" * 60,
+    *"+-*/^()=,;'!|<>[]{}&$#@%~`\\\"?:._ ", "**", "''", "x", "y", "t", "k", "x'", "y'", "x''", "x_dot", "2", "0", "1/3",
+    "1e9", "0.1", "sin", "cos", "exp", "log", "sqrt", "tan", "atan", "sin(", "\\frac{", "}{", "\\dot{x}", "\\sin",
+    "\\sqrt[3]{", "diff(x, t)", "Derivative(", "A(x)", "A'(x)", "pi", "e", "I", "lambda", "import", "\u00b2", "\u2212",
+    "\u03b8", "\u221a", "\u200b", "9" * 40, "x" * 60,
 )  # fmt: skip
-GOOD = ("-x", "-k*x", "x*y'", "sin(x)", "x'^2/(1+y^2)", "-x^3+t", "y'/x", "exp(-x)*y'", "k/x^2", "0", "A(x)*x'", "sqrt(1+x'^2)")
-ODD: tuple[Any, ...] = (None, True, 0, -1, 1.5, "", "x", [], {}, [[]], {"x": {}}, "\u0000", ["x", "x"], 10**30, "a" * 5000)
+GOOD = ("-x", "-k*x", "x*y'", "sin(x)", "x'^2/(1+y^2)", "-x^3+t", "y'/x", "exp(-x)*y'", "k/x^2", "0", "A(x)*x'",
+        "sqrt(1+x'^2)")  # fmt: skip
+ODD: tuple[Any, ...] = (None, True, 0, -1, 1.5, "", "x", [], {}, [[]], {"x": {}}, "\u0000", ["x", "x"], 10**30,
+                        "a" * 5000)  # fmt: skip
 KEYS = ("name", "coordinates", "equations", "parameters", "functions", "time_dependent_lagrangian", "ansatz", "options",
         "lagrangian", "constraints", "associated", "colour", "")  # fmt: skip
 

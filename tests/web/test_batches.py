@@ -41,9 +41,18 @@ def test_each_line_is_answered_once_with_its_id(client: httpx.Client) -> None:
 
 
 def test_bad_lines_are_problem_objects_and_the_rest_goes_on(client: httpx.Client) -> None:
-    lines = ['{"id": 7, "coordinates"', "[]", json.dumps({"id": "q", **system("q")}), "", json.dumps(system(2, id="ok")),
-             json.dumps(system(3, id="ok")), json.dumps({"id": "k", "colour": 1}), '{"id": "n", "equations": NaN}']  # fmt: skip
-    found = {line["line"]: line for line in results(client, client.post("/v1/batches", content="\n".join(lines), headers=NDJSON))}
+    lines = [
+        '{"id": 7, "coordinates"',
+        "[]",
+        json.dumps(system("q", id="q")),
+        "",
+        json.dumps(system(2, id="ok")),
+        json.dumps(system(3, id="ok")),
+        json.dumps({"id": "k", "colour": 1}),
+        '{"id": "n", "equations": NaN}',
+    ]
+    response = client.post("/v1/batches", content="\n".join(lines), headers=NDJSON)
+    found = {line["line"]: line for line in results(client, response)}
     assert sorted(found) == [1, 2, 3, 5, 6, 7, 8]
     assert found[5]["verdict"] == "variational"
     for number in (1, 2, 3, 6, 7, 8):
@@ -55,8 +64,8 @@ def test_bad_lines_are_problem_objects_and_the_rest_goes_on(client: httpx.Client
 
 def test_equal_documents_are_computed_once(client: httpx.Client) -> None:
     def computed() -> float:
-        text = client.get("/metrics").text
-        return sum(float(line.rsplit(" ", 1)[1]) for line in text.splitlines() if line.startswith("inverse_service_jobs_total"))
+        lines = client.get("/metrics").text.splitlines()
+        return sum(float(line.rsplit(" ", 1)[1]) for line in lines if line.startswith("inverse_service_jobs_total"))
 
     before = computed()
     documents = [system(99, name="the same", id=k) for k in range(20)]

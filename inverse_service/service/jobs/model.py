@@ -33,7 +33,8 @@ class Job:
     `attempt` counts the runs and marks who may write: a result of an earlier attempt is dropped.
     `crashes` counts workers that died by themselves, `restarts` deaths of the whole service, both
     since the question was asked. `body` is the JSON of the result (successful) or of the problem
-    document (failed), read only where it is asked for. `revision` counts the answers.
+    document (failed), read only where it is asked for. `revision` counts the answers. `wall`, `cpu`
+    (seconds) and `memory` (MiB) are what the run took that gave the answer.
     """
 
     id: str
@@ -51,6 +52,9 @@ class Job:
     restarts: int = 0
     revision: int = 0
     sequence: int = 0
+    wall: float = 0.0
+    cpu: float = 0.0
+    memory: float = 0.0
     body: bytes | None = None
 
     @property

@@ -12,7 +12,7 @@ from inverse_service.service.jobs.states import FINAL, JobStatus
 
 COLUMNS = (
     "id", "kind", "document", "options", "status", "client", "priority", "created", "started", "finished",
-    "attempt", "crashes", "restarts", "revision", "sequence",
+    "attempt", "crashes", "restarts", "revision", "sequence", "wall", "cpu", "memory",
 )  # fmt: skip
 SELECT = f"SELECT {', '.join('jobs.' + name for name in COLUMNS)}"
 AGAIN = (

@@ -16,9 +16,10 @@ NEXT: Final[dict[JobStatus, frozenset[JobStatus]]] = {
     "failed": frozenset({"accepted"}),
     "dismissed": frozenset({"accepted"}),
 }
-# A job whose worker dies this often by itself is failed; so is one that saw the service die so often.
+# A job whose worker dies this often by itself is failed. The death of the service is seldom the fault of a
+# job, which may only have been next in line; the bound ends the loop of one that takes the service along.
 MAX_CRASHES: Final = 3
-MAX_RESTARTS: Final = 10
+MAX_RESTARTS: Final = 100
 
 
 def may_become(now: JobStatus, then: JobStatus) -> bool:
