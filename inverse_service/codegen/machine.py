@@ -12,14 +12,19 @@ import llvmlite.binding as llvm
 from inverse_service.codegen.digests import processor_features
 
 
-@lru_cache(maxsize=1)
 def _target_machine() -> Any:
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
+    """A new one each time: an engine takes its target machine for its own and ends it with itself."""
+    _initialize()
     target = llvm.Target.from_default_triple()
     return target.create_target_machine(
         cpu=llvm.get_host_cpu_name(), features=processor_features(), opt=3, reloc="pic", codemodel="jitdefault"
     )
+
+
+@lru_cache(maxsize=1)
+def _initialize() -> None:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
 
 
 def object_code(ir: str) -> bytes:
@@ -37,20 +42,22 @@ def object_code(ir: str) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A loaded kernel; `call(memory, weights, control, record)` takes addresses and lets go of Python's lock."""
+    """A loaded kernel; it lives as long as its engine."""
 
     engine: Any
-    call: Any
+    function: Any
+
+    def call(self, memory: int, weights: int, control: int, record: int) -> None:
+        """Run the kernel on these addresses; Python's lock is free meanwhile."""
+        self.function(memory, weights, control, record)
 
 
 def load(code: bytes) -> Machine:
     """The kernel of an object file, ready to be called."""
-    machine = _target_machine()
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     address = engine.get_function_address("kernel")
     if not address:
         raise OSError("the object file has no kernel")
-    function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(address)
-    return Machine(engine, function)
+    return Machine(engine, ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(address))

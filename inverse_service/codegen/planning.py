@@ -162,3 +162,22 @@ def determinant(rows: Sequence[Sequence[Formula]]) -> Formula:
         if entry != ZERO
     ]
     return sum(terms, ZERO)
+
+
+def used_only(statements: Sequence[Statement], formulas: Sequence[Formula]) -> tuple[Statement, ...]:
+    """The statements without assignments that nothing after them needs."""
+    needed = {name for formula in formulas for name in free_names(formula)}
+    kept: list[Statement] = []
+    for statement in reversed(statements):
+        if isinstance(statement, Assign):
+            if statement.name not in needed:
+                continue
+            needed |= free_names(statement.formula)
+        elif isinstance(statement, Solve):
+            entries = [entry for row in statement.jacobian for entry in row]
+            limits = [statement.limit] if statement.limit is not None else []
+            needed |= {name for part in (*statement.residuals, *entries, *limits) for name in free_names(part)}
+        else:
+            needed |= {name for part in statement.formulas for name in free_names(part)}
+        kept.append(statement)
+    return tuple(reversed(kept))

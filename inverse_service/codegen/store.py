@@ -31,9 +31,15 @@ def cache_directory(environment: Mapping[str, str] = os.environ, platform: str =
 def read(digest: str) -> tuple[dict[str, Any], bytes] | None:
     """(what was noted, object code) of an entry, None where there is none that is whole."""
     try:
-        return _unpacked((cache_directory() / f"{digest}.kernel").read_bytes(), digest)
+        path = cache_directory() / f"{digest}.kernel"
+        return _unpacked(path.read_bytes(), digest) if _is_ours(path) else None
     except (OSError, ValueError, RuntimeError):
         return None
+
+
+def _is_ours(path: Path) -> bool:
+    """Machine code is run only where nobody else could have put it."""
+    return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()
 
 
 def _unpacked(content: bytes, digest: str) -> tuple[dict[str, Any], bytes] | None:

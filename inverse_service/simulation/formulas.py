@@ -61,7 +61,8 @@ class Formulas:
 
     @cached_property
     def hamiltonian(self) -> Formula:
-        return self.of(self.problem.free_hamiltonian, "the Hamiltonian of a free Lagrangian in closed form (the raw form does without)")
+        what = "the Hamiltonian of a free Lagrangian in closed form (the raw form does without)"
+        return self.of(self.problem.free_hamiltonian, what)
 
     @cached_property
     def accelerations(self) -> list[Formula]:

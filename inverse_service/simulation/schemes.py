@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from inverse_service.codegen.algebra import ALPHA, HALF, ONE, STEP, Formula, contains, number, symbol, translate
-from inverse_service.codegen.planning import plan
+from inverse_service.codegen.planning import plan, used_only
 from inverse_service.codegen.program import Assign, Iterate, Program, Statement, Watch
 from inverse_service.errors import InputError
 from inverse_service.integrators.gauss_legendre import collocation
@@ -237,9 +237,10 @@ def _point_program(
 ) -> Program:
     state = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation.observables)
+    needed = [*changes, *(formula for _, formula in observed)]
     return Program(
-        state=state, arguments=("h", "a", *f.parameters), statements=statements, updates=tuple(changes),
-        observed=observed, forces=forces,
+        state=state, arguments=("h", "a", *f.parameters), statements=used_only(statements, needed),
+        updates=tuple(changes), observed=observed, forces=forces,
     )  # fmt: skip
 
 
@@ -256,16 +257,20 @@ def _program(
     known = _assigned(statements)
     places = range(f.size) if momenta is None else momenta
     state = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
-    updates = tuple(None if known.get(change) == number(0) else change for change in changes)
+    updates = tuple(None if number(0) in (change, known.get(change)) else change for change in changes)
     q, d = f.symbols("q"), f.symbols("d")
+    displacement = tuple(d) if observation.velocities else ()
+    observed = tuple(_observed(f, item, choice, q, d) for item in observation.observables)
+    needed = [*(u for u in updates if u is not None), *displacement]
+    needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return Program(
         state=state,
         arguments=("h", "a", *f.parameters),
-        statements=statements,
-        updates=tuple(None if update == number(0) else update for update in updates),
+        statements=used_only(statements, needed),
+        updates=updates,
         watches=tuple(watches),
-        displacement=tuple(d) if observation.velocities else (),
-        observed=tuple(_observed(f, item, choice, q, d) for item in observation.observables),
+        displacement=displacement,
+        observed=observed,
         forces=0 if any(not isinstance(statement, Assign) for statement in statements) else 1,
     )
 

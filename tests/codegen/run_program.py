@@ -1,0 +1,67 @@
+"""Programs run for the tests: a formula as the increment of one state variable."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from inverse_service.codegen.algebra import Formula
+from inverse_service.codegen.c_writer import CWriter
+from inverse_service.codegen.compiled import Card, card_of, kernel_text
+from inverse_service.codegen.kernel import Kernel
+from inverse_service.codegen.machine import load, object_code
+from inverse_service.codegen.program import Program
+
+GCC = shutil.which("gcc")
+
+
+def program_for(formulas: Sequence[Formula], arguments: Sequence[str]) -> Program:
+    """State s0, s1, ... each with its formula as increment."""
+    state = tuple(f"s{k}" for k in range(len(formulas)))
+    return Program(state, ("h", *arguments), (), tuple(formulas))
+
+
+def call(function: object, card: Card, memory: np.ndarray, steps: int = 1, weights: Sequence[float] = (1.0,)) -> int:
+    """Run; the number of steps done."""
+    substeps = np.array(weights)
+    control = np.array([steps, len(substeps), 10**9, 10**9, 0, 0, 0], dtype=np.int64)
+    record = np.zeros((1, len(card.layout.columns), memory.shape[1]))
+    function(memory.ctypes.data, substeps.ctypes.data, control.ctypes.data, record.ctypes.data)  # type: ignore[operator]
+    return int(control[4])
+
+
+def memory_for(card: Card, lanes: Sequence[Mapping[str, float]]) -> np.ndarray:
+    memory = np.zeros((card.layout.size, len(lanes)))
+    for lane, values in enumerate(lanes):
+        for name in card.layout.arguments:
+            memory[card.layout.argument_place(name), lane] = values.get(name, 1.0)
+        for name, value in values.items():
+            if name in card.layout.persistent:
+                memory[card.layout.place(name), lane] = value
+    return memory
+
+
+def values_of(formulas: Sequence[Formula], lanes: Sequence[Mapping[str, float]]) -> np.ndarray:
+    """(formulas, lanes): the formulas' values as the compiled kernel computes them."""
+    names = sorted({name for values in lanes for name in values})
+    program = program_for(formulas, names)
+    card = card_of(program, len(lanes))
+    memory = memory_for(card, lanes)
+    machine = load(object_code(kernel_text(program, len(lanes))))
+    call(machine.call, card, memory)
+    return np.array([memory[card.layout.place(name)] for name in program.state])
+
+
+def compiled_c(program: Program, folder: Path) -> object:
+    """The same program through gcc."""
+    source, library = folder / "kernel.c", folder / "kernel.so"
+    source.write_text(Kernel(program, CWriter()).write(), encoding="utf-8")  # type: ignore[arg-type]
+    subprocess.run(
+        [str(GCC), "-O2", "-ffp-contract=off", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True
+    )
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(("kernel", ctypes.CDLL(str(library))))

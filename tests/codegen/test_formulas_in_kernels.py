@@ -1,0 +1,113 @@
+"""Formulas have the same value in a kernel as in forty digits."""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+import symengine
+from mpmath import mp
+
+from inverse_service.codegen.algebra import names_of, symbol, translate
+from inverse_service.errors import InputError
+from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Expression, Symbol
+from tests.codegen.run_program import GCC, call, card_of, compiled_c, memory_for, program_for, values_of
+
+FORMULAS = [
+    "x + 2*y - 3", "-x", "-x - y", "x*y/(1 + x^2)", "1/x/y", "-1/(x*y)", "x^3*y^-2", "(x + y)^7", "sqrt(x)*y",
+    "1/sqrt(x)", "x^(3/2)", "x^(-5/2)", "x^y", "x^0.3", "exp(x)", "exp(-x^2)", "log(x)", "sin(x)", "cos(x)*sin(x)",
+    "tan(x)", "cot(x)", "sec(x)", "csc(x)", "sinh(x)", "cosh(x)", "tanh(x)", "sech(x)", "csch(x)", "coth(x)", "atan(x)",
+    "asinh(x)", "asin(x/4)", "acos(x/4)", "acosh(3 + x)", "atanh(x/4)", "pi*x", "x/3", "sin(x + y)/cos(x + y)^2",
+    "x*y + x*y*pi", "(x + y)*(x + y + 1)/(x + y)", "sin(x)^2 + cos(x)^2", "1e100*x/1e100", "x - x",
+]  # fmt: skip
+POINTS = [{"c0": 0.7, "c1": 1.3}, {"c0": 1.9, "c1": -0.4}, {"c0": 2.5, "c1": 3.1}, {"c0": 1e-3, "c1": 0.2}]
+
+
+def tree_of(text: str) -> Expression:
+    return read_formula(text, Names((), ("x", "y")))
+
+
+def exact(tree: Expression, point: dict[str, float]) -> float:
+    with mp.workdps(40):
+        return float(evaluate(tree, {Symbol("x"): mp.mpf(point["c0"]), Symbol("y"): mp.mpf(point["c1"])}))
+
+
+@pytest.mark.parametrize("lanes", [1, 4])
+def test_values_agree_with_forty_digits(lanes: int) -> None:
+    table = names_of((), ("x", "y"))
+    trees = [tree_of(text) for text in FORMULAS]
+    formulas = [translate(tree, table) for tree in trees]
+    groups = [POINTS] if lanes == 4 else [[point] for point in POINTS]
+    for group in groups:
+        for text, tree, row in zip(FORMULAS, trees, values_of(formulas, group), strict=True):
+            for value, point in zip(row, group, strict=True):
+                expected = exact(tree, point)
+                assert value == pytest.approx(expected, rel=2e-14, abs=1e-15), (text, point)
+
+
+def test_sine_and_cosine_are_good_to_two_units() -> None:
+    """Small and large arguments, multiples of pi/2, beyond the fast range, and what is not finite."""
+    generator = random.Random(1)
+    points = [generator.uniform(-10, 10) for _ in range(4000)]
+    points += [generator.uniform(-6e7, 6e7) for _ in range(4000)]
+    points += [k * math.pi / 2 for k in range(-2000, 2000)]
+    points += [10.0**k for k in range(-300, 300, 7)] + [0.0, -0.0, 5e-324, 6.7108864e7, 6.7108865e7, 1.7e308]
+    points += [0.0] * (-len(points) % 8)
+    x = symbol("x")
+    worst = 0.0
+    from inverse_service.codegen.compiled import kernel_text
+    from inverse_service.codegen.machine import load, object_code
+
+    for lanes in (1, 8):
+        program = program_for([symengine.sin(x), symengine.cos(x)], ["x"])
+        card = card_of(program, lanes)
+        machine = load(object_code(kernel_text(program, lanes)))
+        for first in range(0, len(points), lanes):
+            group = points[first : first + lanes]
+            memory = memory_for(card, [{"x": value} for value in group])
+            call(machine.call, card, memory)
+            for row, function in ((4, math.sin), (5, math.cos)):
+                for lane, value in enumerate(group):
+                    expected = function(value)
+                    worst = max(worst, abs(memory[row, lane] - expected) / math.ulp(expected))
+    assert worst <= 2.0
+    assert np.isnan(values_of([symengine.sin(x)], [{"x": float("inf")}])).all()
+
+
+@pytest.mark.skipif(GCC is None, reason="no gcc")
+def test_c_and_llvm_agree(tmp_path: Path) -> None:
+    table = names_of((), ("x", "y"))
+    formulas = [translate(tree_of(text), table) for text in FORMULAS]
+    program = program_for(formulas, ["c0", "c1"])
+    card = card_of(program)
+    function = compiled_c(program, tmp_path)
+    for point in POINTS:
+        memory = memory_for(card, [point])
+        assert call(function, card, memory) == 1
+        ours = values_of(formulas, [point])
+        theirs = np.array([memory[card.layout.place(name)] for name in program.state])
+        assert np.allclose(ours, theirs, rtol=1e-13, atol=1e-14)
+
+
+def test_what_has_no_formula_is_refused() -> None:
+    names = Names(("x",), (), {"A": ("x",)})
+    with pytest.raises(InputError, match="The function A has no formula"):
+        translate(read_formula("A(x)", names), names_of(("x",), ()))
+    with pytest.raises(InputError, match="t is neither"):
+        translate(read_formula("x + t", names), names_of(("x",), ()))
+    with pytest.raises(InputError, match="accelerations"):
+        translate(read_formula("x''", names), names_of(("x",), ()))
+
+
+def test_names_of_the_user_never_reach_the_kernel() -> None:
+    """A parameter called alpha, h or sin's twin is a number like any other."""
+    table = names_of(("a", "d0", "h"), ("alpha", "q0", "weights"))
+    assert {str(value) for value in table.values()} == {
+        "pi", "c0", "c1", "c2", "p0", "p1", "p2", "q0", "q1", "q2", "v0", "v1", "v2",
+    }  # fmt: skip
