@@ -82,6 +82,9 @@ class Executor(Protocol):
     def submit(self, call: Call, report: Report | None = None) -> Running:
         """Run the call; returns at once."""
 
+    def fault(self) -> str:
+        """Why nothing can run now, in a sentence; empty where it can."""
+
     def stop(self) -> None:
         """End everything at once; tasks not done end as cancelled."""
 
@@ -126,6 +129,10 @@ class Workers:
         if refused:
             running.end(Outcome("crash", detail="The worker processes are stopped."))
         return running
+
+    def fault(self) -> str:
+        """Without threads there are no processes."""
+        return "" if self._threads and not self._stopped else "The worker processes are stopped."
 
     def run(self, task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float) -> Outcome:
         """`submit` and wait."""

@@ -57,9 +57,11 @@ class Engine:
         self._store: JobStore | None = None
 
     def open(self) -> None:
-        """Open the store; raises InputError where it cannot be used."""
+        """Open the store, and the cluster where there is one; raises InputError where one cannot be used."""
         if self._store is None:
             self._store = open_store(self.settings.database)
+            if self.settings.cluster is not None:
+                self._working.start()
 
     def start(self) -> None:
         """Start processes and threads; call on the loop and thread that live as long as the service."""
@@ -188,6 +190,7 @@ class Engine:
             found.append("The service stops.")
         if not self.supervisor.is_working():
             found.append("The jobs are not looked after.")
+        found += [fault for fault in [self._working.fault()] if fault]
         found += await self._store_faults()
         call = Call(tasks.ping_task, (), PING_DEADLINE)
         ping = asyncio.wrap_future(self._quick.submit(call).outcome)

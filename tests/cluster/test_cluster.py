@@ -61,7 +61,7 @@ def test_a_task_is_answered_from_another_process(cluster: Cluster) -> None:
     assert found.status == "done"
     assert found.value != os.getpid()
     assert cluster.capacity == 2
-    assert cluster.is_ready
+    assert cluster.fault() == ""
 
 
 def test_the_deadline_holds_in_c_and_memory_is_bounded(cluster: Cluster) -> None:
@@ -134,6 +134,7 @@ def test_a_batch_is_answered_once_a_line(machines: processes.Cluster, tmp_path: 
     assert [answer["id"] for answer in answers if "error" in answer] == ["line 7"]
 
 
+@pytest.mark.slow
 def test_the_service_solves_on_the_cluster(machines: processes.Cluster, tmp_path: Path) -> None:
     environment = {
         **os.environ,

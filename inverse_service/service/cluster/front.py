@@ -74,13 +74,16 @@ class Cluster:
         """The threads of all workers, at least one: what is submitted waits for a worker to come."""
         return max(1, self._threads)
 
-    @property
-    def is_ready(self) -> bool:
-        """Whether the scheduler answers and has a worker."""
-        return self._client is not None and self._client.status == "running" and self._threads > 0
+    def fault(self) -> str:
+        """The scheduler may be away, or without workers."""
+        if self._stopped or self._client is None or self._scheduler_lost or self._client.status != "running":
+            return "The cluster's scheduler does not answer."
+        return "" if self._threads else "The cluster has no worker."
 
     def start(self) -> None:
-        """Connect. Raises InputError: no scheduler answers, or a worker has another program."""
+        """Connect; once. Raises InputError: no scheduler answers, or a worker has another program."""
+        if self._client is not None:
+            return
         _silence_dask()
         try:
             self._client = self._connected()
@@ -93,6 +96,7 @@ class Cluster:
             self._refuse_strangers()
         except InputError:
             _close(self._client)
+            self._client = None
             raise
         self._steward.start()
 
