@@ -32,7 +32,7 @@ def find_real_point(expressions: Sequence[Expression], variables: Sequence[Varia
             for attempt in range(_TRIES_PER_SCALE):
                 table: RealTable = {name: _draw(generator, mpmath.mpf(scale), attempt % 2 == 0) for name in names}
                 table[RADIAN] = mpmath.mpf(1)
-                if _is_defined(expressions, table):
+                if is_defined(expressions, table):
                     return table
     return None
 
@@ -42,7 +42,8 @@ def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath
     return magnitude if positive or generator.random() < 0.5 else -magnitude
 
 
-def _is_defined(expressions: Sequence[Expression], table: RealTable) -> bool:
+def is_defined(expressions: Sequence[Expression], table: RealTable) -> bool:
+    """Whether all have finite values at the point."""
     try:
         return all(mpmath.isfinite(evaluate(expression, table)) for expression in expressions)
     except NoRealValue:

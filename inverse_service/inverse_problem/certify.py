@@ -6,16 +6,19 @@ from typing import Any
 
 import mpmath
 
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
-from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision import Decision
 from inverse_service.inverse_problem.power_series import count, is_rational, regular_series
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 FORMAT = "inverse-service/certificate/1"
 _DIGITS = 20
+_SEED = 3
 # Series are written for so many coordinates, with so many coefficients.
 _MOST_COORDINATES = 4
 _MOST_COEFFICIENTS = 5_000
@@ -23,7 +26,18 @@ _MOST_COEFFICIENTS = 5_000
 
 def of_lagrangian(analysis: Analysis, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
     """L itself is the proof."""
-    return _head(analysis, with_time, "variational", "lagrangian") | {"lagrangian": to_text(lagrangian)}
+    table = _point_of(analysis, to_kernels(lagrangian))
+    head = _head(analysis.system, table, with_time, "variational", "lagrangian")
+    return head | {"lagrangian": to_text(lagrangian)}
+
+
+def _point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:
+    """A real point at which f and L are defined: that of f, where L is defined there too."""
+    table = analysis.real_point
+    if table is not None and is_defined([lagrangian], table):
+        return table
+    variables = variables_of(analysis.system)
+    return find_real_point([*analysis.accelerations, lagrangian], variables, _SEED) or table
 
 
 def of_decision(
@@ -36,13 +50,13 @@ def of_decision(
     """
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
-        head = _head(analysis, decision.with_time, "not_variational", "nonexistence")
+        head = _head(analysis.system, analysis.real_point, decision.with_time, "not_variational", "nonexistence")
         return head | {"order": decision.order, "rows": rows}
     if decision.verdict != "variational" or decision.symbol is None:
         raise ValueError("only a definite decision has a certificate")
     # The dimension stopped falling between order - 1 and order.
     order = decision.order - 1
-    head = _head(analysis, decision.with_time, "variational", "existence")
+    head = _head(analysis.system, analysis.real_point, decision.with_time, "variational", "existence")
     data = {
         "order": order,
         "degree": decision.degree,
@@ -70,15 +84,17 @@ def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> di
         return {}
 
 
-def _head(analysis: Analysis, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+def _head(
+    system: SecondOrderSystem, table: RealTable | None, with_time: bool, claim: str, kind: str
+) -> dict[str, Any]:
     head = {
         "format": FORMAT,
-        "system": _system(analysis.system),
+        "system": _system(system),
         "question": "time_dependent" if with_time else "autonomous",
         "claim": claim,
         "kind": kind,
     }
-    near = _near(analysis)
+    near = _near(system, table)
     return head | {"near": near} if near else head
 
 
@@ -92,9 +108,8 @@ def _system(system: SecondOrderSystem) -> dict[str, Any]:
     }
 
 
-def _near(analysis: Analysis) -> dict[str, str]:
+def _near(system: SecondOrderSystem, table: RealTable | None) -> dict[str, str]:
     """A real point of the domain that the verdict speaks of."""
-    table, system = analysis.real_point, analysis.system
     if table is None:
         return {}
     names: list[tuple[str, Symbol | Velocity]] = [(name, Symbol(name)) for name in (*system.coordinates, "t")]

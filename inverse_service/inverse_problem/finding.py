@@ -18,6 +18,7 @@ from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.verification import explain_positive
 from inverse_service.mechanics.legendre import legendre
+from inverse_service.mechanics.legendre_velocity_forms import in_velocity_forms
 
 # The order of the series that is written out, and how many coefficients it may have.
 _SERIES_ORDER = 2
@@ -104,6 +105,8 @@ def hamiltonian_of(lagrangian: Expression, names: Sequence[str]) -> Hamiltonian 
         transform = legendre(lagrangian, names)
     except InputError:
         return None
+    if transform.implicit:
+        transform = in_velocity_forms(lagrangian, transform, names)
     return Hamiltonian(
         transform.hamiltonian, transform.momenta, transform.implicit, (), transform.symbols, transform.note
     )

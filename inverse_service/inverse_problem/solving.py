@@ -29,6 +29,7 @@ from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.inverse_problem.search.divergence import is_free_of_divergence
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.mechanics.conditions import conditions
@@ -119,6 +120,8 @@ def _is_complete(answer: Answer) -> bool:
 
 def _with_time_instead(work: _Work, autonomous: Answer) -> Answer:
     """Where L(q, v) was not found or has no closed H: an L(t, q, v) that is better, if there is one."""
+    if autonomous.lagrangian is not None and is_free_of_divergence(work.analysis, work.options.seed):
+        return autonomous  # no factor e^(ct) is asked for, so the search would go the same way
     decision = _decide(work, with_time=True)
     if decision.verdict != "variational":
         return autonomous

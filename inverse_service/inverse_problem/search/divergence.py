@@ -16,11 +16,13 @@ from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import evaluate
 from inverse_service.algebra.primes import reconstruct
 from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Apply, Expression
+from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism
-from inverse_service.inverse_problem.search.sampling import letter_table, make_sampler
+from inverse_service.inverse_problem.search.sampling import Sampler, letter_table, make_sampler
 from inverse_service.inverse_problem.search.terms import Monomial, monomial_tree, times
 
 _BOUND = 1_000
@@ -47,6 +49,16 @@ def divergence_factor(material: Material, seed: int) -> Monomial | None:
     k, c = found[0]
     rate = times(material.parameter_monomials[k], frozenset([(TIME, Fraction(1))]))
     return frozenset([(Apply("exp", monomial_tree(rate)), c)])
+
+
+def is_free_of_divergence(analysis: Analysis, seed: int) -> bool:
+    """Whether div_v f vanishes at a random point."""
+    try:
+        point = draw_point(analysis.tower, seed)
+        connection, _ = connection_and_endomorphism(Sampler(analysis, analysis.tower, analysis.real_point), point)
+    except (IrreducibleAtoms, SingularPoint, ValueError):
+        return False
+    return sum(row[i] for i, row in enumerate(connection)) % point.prime == 0
 
 
 def _solve(

@@ -14,7 +14,10 @@ from dataclasses import replace
 
 import mpmath
 
+from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.real_point import RealTable, find_real_point
+from inverse_service.algebra.series import derivative, value_at_point
+from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
@@ -72,7 +75,10 @@ def is_even(material: Material) -> bool:
 def holomorphic_lagrangians(material: Material, seed: int, ladder: Ladder) -> Sequence[Expression]:
     """Re L(z, z') and Im L(z, z') for the Lagrangians of the real system, verified to 40 digits."""
     system, table = material.analysis.system, material.analysis.real_point
+    jacobian, prime = _jacobian(material, seed)
     for structure in _structures(system.coordinates) if table is not None else ():
+        if not _fulfils_cauchy_riemann(jacobian, prime, system.coordinates, structure):
+            continue
         reduced = _real_system(system, structure)
         if reduced is None or table is None or not _is_continuation(system, reduced, structure, table):
             continue
@@ -124,6 +130,31 @@ def _values(structure: Structure) -> dict[Expression, ComplexTree]:
         table[Symbol(x)] = ComplexTree(Symbol(x), multiply(number(s), Symbol(y)))
         table[Velocity(x)] = ComplexTree(Velocity(x), multiply(number(s), Velocity(y)))
     return table
+
+
+def _jacobian(material: Material, seed: int) -> tuple[list[list[int]], int]:
+    """(df_i/d(q, v) at a random point, the prime)."""
+    analysis = material.analysis
+    point = draw_point(analysis.tower, seed)
+    expansion = Expansion(point, [*material.motion.coordinates, *material.motion.velocities], 1)
+    series = [expansion.expand(f) for f in analysis.accelerations]
+    slopes = [[value_at_point(derivative(f, k)) for k in range(2 * material.motion.size)] for f in series]
+    return slopes, point.prime
+
+
+def _fulfils_cauchy_riemann(
+    jacobian: Sequence[Sequence[int]], prime: int, names: Sequence[str], structure: Structure
+) -> bool:
+    """d(f_x + i s f_y)/d(conjugate of X + i S Y) = 0 at the point for all pairs, of coordinates and of velocities."""
+    n = len(names)
+    for x, y, s in structure:
+        first, second = jacobian[names.index(x)], jacobian[names.index(y)]
+        for other, partner, t in structure:
+            for shift in (0, n):
+                a, b = names.index(other) + shift, names.index(partner) + shift
+                if (first[a] - s * t * second[b]) % prime or (t * first[b] + s * second[a]) % prime:
+                    return False
+    return True
 
 
 def _is_continuation(

@@ -60,7 +60,7 @@ def applies(material: Material) -> bool:
 
 def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:
     """Lagrangians with symbolic coefficients from the parts of one without parameters."""
-    deadline = time.monotonic() + _SECONDS
+    deadline = time.process_time() + _SECONDS
     generator = random.Random(f"parameters {seed}")
     special = _specialised(material.analysis, _draw(material, generator))
     outcome = ladder(special, material.motion.with_time, seed, _SECONDS)
@@ -103,7 +103,7 @@ def _generalised(
         while len(data) < 2 * len(monomials) + _SPARE:
             values = _draw(material, generator)
             coefficients = _coefficients(material, support, values, seed)
-            if coefficients is None or time.monotonic() > deadline:
+            if coefficients is None or time.process_time() > deadline:
                 return None
             data.append((values, coefficients))
         quotients = [_interpolated(material, monomials, data, k) for k in range(len(support))]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.search import decoupled, one_coordinate, parameters
+from inverse_service.inverse_problem.search import decoupled, one_coordinate, other_coordinates, parameters
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.holomorphic import (
     complex_logarithm_lagrangians,
@@ -50,6 +50,7 @@ SPECIALISTS: tuple[Specialist, ...] = (
     Specialist("real and imaginary parts of complex Lagrangians", 3.6, is_even, holomorphic_lagrangians),
     Specialist("decoupled blocks one by one", 3.7, decoupled.applies, decoupled.propose),
     Specialist("symbolic parameters by interpolation", 4.5, parameters.applies, parameters.propose),
+    Specialist("other coordinates", 3.5, other_coordinates.applies, other_coordinates.propose),
     Specialist("parts of z' log z', complex velocities", 9.6, is_plural, _alone(complex_logarithm_lagrangians)),
     Specialist("uniform damping, e^(ct) L_0", 1.8, is_damped, damped_lagrangians),
     Specialist(

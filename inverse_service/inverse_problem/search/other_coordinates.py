@@ -1,0 +1,134 @@
+"""Lagrangians found in other coordinates and carried back.
+
+A regular Lagrangian stays one under a change of coordinates. Where a change that f suggests makes f
+shorter, the whole search is made for the system in the new coordinates.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.collecting_trees import merge_powers
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    rebuild,
+    substitute,
+    walk,
+)
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.search.coordinate_changes import Change, suggested
+from inverse_service.inverse_problem.search.deadline import check
+from inverse_service.inverse_problem.search.found import Ladder
+from inverse_service.inverse_problem.search.material import Material
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_SECONDS = 20.0
+_MOST_CHANGES = 2
+_TERMS, _SECONDS_TO_SIMPLIFY = 500, 0.3
+
+
+def applies(material: Material) -> bool:
+    """Whether f suggests other coordinates."""
+    return bool(suggested(material))
+
+
+def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:
+    """Lagrangians of the system in the shortest of the suggested coordinates, in the given ones again."""
+    for change, system in _shorter(material)[:_MOST_CHANGES]:
+        found = ladder(analyse(system), material.motion.with_time, seed, _SECONDS)
+        if found is not None:
+            table = _table(change.new, system.coordinates)
+            carried = [substitute(tree, table) for tree in found.lagrangians]
+            return [merge_powers(tree) for tree in carried]
+    return []
+
+
+def _shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
+    """The changes that make f shorter, the best first, with the system in the new coordinates."""
+    system = material.analysis.system
+    settled = [_settled(f, system.coordinates) for f in system.accelerations]
+    own = min(_size(system.accelerations), _size(settled))
+    found = [(change, other) for change, other in _transformed(material) if _size(other.accelerations) < own]
+    return sorted(found, key=lambda pair: _size(pair[1].accelerations))
+
+
+def _size(trees: Sequence[Expression]) -> int:
+    return sum(1 for tree in trees for _ in walk(tree))
+
+
+def _transformed(material: Material) -> Iterator[tuple[Change, SecondOrderSystem]]:
+    for change in suggested(material):
+        check()
+        try:
+            yield change, transformed(material.analysis.system, change)
+        except (ArithmeticError, ValueError):
+            continue
+
+
+def transformed(system: SecondOrderSystem, change: Change) -> SecondOrderSystem:
+    """The system in the new coordinates: Q'' = W_q f + (W_qq v) v with q = psi(Q)."""
+    names = system.coordinates
+    forces = dict(zip(names, system.accelerations, strict=True))
+    table: dict[Expression, Expression] = {**_table(change.old, names), **change.functions}
+    accelerations = []
+    for name in names:
+        rate = _rate(change.new[name], names) if name in change.new else Velocity(name)
+        along = [multiply(differentiate(rate, Velocity(other)), forces[other]) for other in names]
+        whole = add(_rate(rate, names), *along)
+        placed = substitute(to_kernels(whole) if change.functions else whole, table)
+        accelerations.append(_settled(placed, names))
+    return replace(system, accelerations=tuple(accelerations))
+
+
+def _rate(tree: Expression, names: Sequence[str]) -> Expression:
+    """sum v dF/dq."""
+    return add(ZERO, *(multiply(differentiate(tree, Symbol(name)), Velocity(name)) for name in names))
+
+
+def _table(functions: Mapping[str, Expression], names: Sequence[str]) -> dict[Expression, Expression]:
+    """Each coordinate that changes, and its velocity, as functions of the others."""
+    table: dict[Expression, Expression] = {}
+    for name, tree in functions.items():
+        table[Symbol(name)] = tree
+        table[Velocity(name)] = _rate(tree, names)
+    return table
+
+
+def _settled(tree: Expression, names: Sequence[str]) -> Expression:
+    """The tree as factored quotients, arguments of functions and radicands first."""
+    return _quotient(_inside(collect(tree), names), names)
+
+
+def _inside(tree: Expression, names: Sequence[str]) -> Expression:
+    tree = rebuild(tree, lambda part: _inside(part, names))
+    if isinstance(tree, Apply):
+        return Apply(tree.function, _quotient(tree.argument, names))
+    if isinstance(tree, Power) and isinstance(tree.exponent, Number) and tree.exponent.value.denominator > 1:
+        return Power(_quotient(tree.base, names), tree.exponent)
+    return tree
+
+
+def _quotient(tree: Expression, names: Sequence[str]) -> Expression:
+    symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    try:
+        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, time.monotonic() + _SECONDS_TO_SIMPLIFY))
+        return quotient_tree(ring, ring.value(tree))
+    except (TooLarge, ZeroDivisionError):
+        return tree
