@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 from collections.abc import Callable
 from typing import Any
@@ -10,7 +11,6 @@ from inverse_service.cli.exits import ExitCode
 from inverse_service.errors import InputError
 from inverse_service.settings import read_settings
 
-LARGEST_HEADER = 32_768
 EXAMPLE = '{"coordinates": ["x"], "equations": {"x": "-x"}}'
 
 
@@ -22,6 +22,7 @@ def serve_http(host: str, port: int) -> ExitCode:
 
     from inverse_service.web import journal
     from inverse_service.web.application import create_application
+    from inverse_service.web.headers import LARGEST_HEADERS
 
     journal.begin(settings.log_level)
     application = create_application(settings)
@@ -36,10 +37,12 @@ def serve_http(host: str, port: int) -> ExitCode:
         server_header=False,
         timeout_graceful_shutdown=5,
         timeout_keep_alive=30,
-        h11_max_incomplete_event_size=LARGEST_HEADER,
+        h11_max_incomplete_event_size=LARGEST_HEADERS,
     )
     server = uvicorn.Server(configuration)
     _tell_of_the_end(server, application.state.engine.close_streams)
+    # uvicorn ends in order and then raises the signal once more, which is no fault.
+    signal.signal(signal.SIGTERM, lambda number, frame: None)
     server.run(sockets=[listener])
     return ExitCode.DONE
 

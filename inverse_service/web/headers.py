@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from starlette.datastructures import MutableHeaders
+from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from inverse_service.service.problem_documents import as_bytes, problem_document
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -19,9 +22,11 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 
+LARGEST_HEADERS = 32_768
+
 
 class SecurityHeaders:
-    """Adds HEADERS to every response that does not set them itself."""
+    """Adds HEADERS to every response that does not set them itself; refuses requests with too large ones (431)."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -29,6 +34,10 @@ class SecurityHeaders:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
+            return
+
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > LARGEST_HEADERS:
+            await _too_large(scope, receive, send)
             return
 
         async def send_with_headers(message: Message) -> None:
@@ -39,3 +48,10 @@ class SecurityHeaders:
             await send(message)
 
         await self.app(scope, receive, send_with_headers)
+
+
+async def _too_large(scope: Scope, receive: Receive, send: Send) -> None:
+    detail = f"The headers have more than {LARGEST_HEADERS} bytes; send less."
+    content = as_bytes(problem_document(431, "headers-too-large", detail))
+    response = Response(content, 431, headers=HEADERS, media_type="application/problem+json")
+    await response(scope, receive, send)

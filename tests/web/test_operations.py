@@ -1,0 +1,174 @@
+"""Keys, bounds for each client, logs, a second service on one database, and an end with open streams."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from inverse_service.settings import hash_of_key
+
+NAMES = [f"x{k}" for k in range(8)]
+TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
+HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
+EASY = {"coordinates": ["x"], "equations": {"x": "-x"}}
+ALICE, BOB = {"Authorization": "Bearer alice-key"}, {"X-API-Key": "bob-key"}
+ASYNC = {"Prefer": "respond-async"}
+COMMAND = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+
+
+@dataclass(frozen=True)
+class Guarded:
+    """A service with keys and small bounds."""
+
+    process: subprocess.Popen[str]
+    address: str
+    environment: dict[str, str]
+    log: Path
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
+    folder = tmp_path_factory.mktemp("guarded")
+    environment = os.environ | {
+        "INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"),
+        "INVERSE_SERVICE_API_KEYS": f"alice:{hash_of_key('alice-key')}, bob:{hash_of_key('bob-key')}",
+        "INVERSE_SERVICE_CLIENT_QUEUE": "3",
+        "INVERSE_SERVICE_CLIENT_RUNNING": "1",
+        "INVERSE_SERVICE_WORKERS": "2",
+        "INVERSE_SERVICE_CORS_ORIGINS": "https://a.example",
+    }
+    log = folder / "log"
+    with (
+        log.open("wb") as stream,
+        subprocess.Popen(COMMAND, stdout=subprocess.PIPE, stderr=stream, text=True, env=environment) as process,
+    ):
+        assert process.stdout is not None
+        yield Guarded(process, process.stdout.readline().strip(), environment, log)
+        process.kill()
+
+
+@pytest.fixture(scope="module")
+def client(guarded: Guarded) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=guarded.address, timeout=30) as client:
+        yield client
+
+
+def test_without_a_good_key_nothing_under_v1_is_answered(client: httpx.Client) -> None:
+    for headers in ({}, {"Authorization": "Bearer wrong"}, {"Authorization": "Basic alice-key"}, {"X-API-Key": ""}):
+        for call in (client.get("/v1/jobs", headers=headers), client.post("/v1/solve", json=EASY, headers=headers)):
+            assert (call.status_code, call.json()["type"]) == (401, "urn:inverse-service:problem:key")
+            assert call.headers["www-authenticate"].startswith("Bearer")
+    end = time.monotonic() + 60
+    while client.get("/readyz").status_code == 503 and time.monotonic() < end:
+        time.sleep(0.1)
+    for place in ("/livez", "/readyz", "/metrics", "/openapi.json"):
+        assert client.get(place).status_code == 200
+    assert client.get("/v1/jobs", headers=ALICE).status_code == 200
+
+
+def test_a_client_sees_and_cancels_its_own_jobs_only(client: httpx.Client) -> None:
+    place = client.post("/v1/solve", json=HARD | {"name": "alice's"}, headers=ALICE | ASYNC).headers["location"]
+    identifier = place.rpartition("/")[2]
+    assert identifier in {job["id"] for job in client.get("/v1/jobs", headers=ALICE).json()["jobs"]}
+    assert identifier not in {job["id"] for job in client.get("/v1/jobs", headers=BOB).json()["jobs"]}
+    assert client.delete(place, headers=BOB).status_code == 403
+    assert client.delete(place, headers=ALICE).json()["status"] == "dismissed"
+
+
+def test_a_client_with_too_many_open_jobs_is_told_to_wait_and_others_are_not(client: httpx.Client) -> None:
+    def ask(k: int, who: dict[str, str]) -> httpx.Response:
+        return client.post("/v1/solve", json=HARD | {"name": f"many {k}"}, headers=who | ASYNC)
+
+    places = [ask(k, ALICE).headers["location"] for k in range(3)]
+    refused = ask(3, ALICE)
+    assert (refused.status_code, refused.json()["type"]) == (429, "urn:inverse-service:problem:too-many-jobs")
+    assert int(refused.headers["retry-after"]) > 0
+    # One job of a client runs at a time: the other worker is free for bob.
+    begin = time.monotonic()
+    assert client.post("/v1/solve", json=EASY, headers=BOB | {"Prefer": "wait=20"}).status_code == 200
+    assert time.monotonic() - begin < 15
+    statuses = [client.get(place, headers=ALICE).json()["status"] for place in places]
+    assert sorted(statuses) == ["accepted", "accepted", "running"]
+    for place in places:
+        client.delete(place, headers=ALICE)
+    assert ask(3, ALICE).status_code == 202
+
+
+def test_another_page_may_call_where_the_settings_say_so(client: httpx.Client) -> None:
+    headers = {"Origin": "https://a.example", "Access-Control-Request-Method": "DELETE"}
+    answer = client.options("/v1/jobs/0", headers=headers)
+    assert answer.headers["access-control-allow-origin"] == "https://a.example"
+    assert "DELETE" in answer.headers["access-control-allow-methods"]
+    assert "access-control-allow-origin" not in client.get("/livez", headers={"Origin": "https://b.example"}).headers
+
+
+def test_every_answer_tells_the_browser_to_be_strict(client: httpx.Client) -> None:
+    for place in ("/livez", "/v1/jobs", "/nothing"):
+        headers = client.get(place).headers
+        assert "default-src 'none'" in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+        assert "server" not in headers
+
+
+def test_a_header_of_a_hundred_kilobytes_is_refused(client: httpx.Client) -> None:
+    assert client.get("/livez", headers={"X-Long": "a" * 100_000}).status_code == 431
+
+
+def test_a_second_service_on_the_same_database_says_so(guarded: Guarded) -> None:
+    run = subprocess.run(COMMAND, capture_output=True, text=True, env=guarded.environment, timeout=60)
+    assert run.returncode == 2
+    assert "INVERSE_SERVICE_DATABASE" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+def test_the_log_is_json_with_the_ids_of_jobs(client: httpx.Client, guarded: Guarded) -> None:
+    response = client.post("/v1/solve", json=EASY, headers=BOB | {"Prefer": "wait=20"})
+    identifier = response.headers["location"].rpartition("/")[2]
+    records = [json.loads(line) for line in guarded.log.read_text().splitlines()]
+    ended = [record for record in records if record.get("job") == identifier]
+    assert ended[-1]["what"] == "job ended"
+    assert {"time", "level", "where", "kind", "outcome", "wall", "cpu", "memory", "attempt"} <= set(ended[-1])
+    assert "alice-key" not in guarded.log.read_text()
+
+
+def test_a_stopped_service_ends_its_streams_and_keeps_its_jobs(client: httpx.Client, guarded: Guarded) -> None:
+    place = client.post("/v1/solve", json=HARD | {"name": "open"}, headers=BOB | ASYNC).headers["location"]
+    found: list[Any] = []
+
+    def listen() -> None:
+        with httpx.stream("GET", guarded.address + place + "/events", headers=BOB, timeout=30) as stream:
+            found.extend(stream.iter_lines())
+
+    def wait() -> None:
+        document = HARD | {"name": "waiting"}
+        headers = BOB | {"Prefer": "wait=20"}
+        found.append(httpx.post(guarded.address + "/v1/solve", json=document, headers=headers, timeout=30).status_code)
+
+    threads = [threading.Thread(target=work) for work in (listen, wait)]
+    for thread in threads:
+        thread.start()
+    time.sleep(1.0)
+    begin = time.monotonic()
+    guarded.process.send_signal(signal.SIGTERM)
+    assert guarded.process.wait(20) == 0
+    assert time.monotonic() - begin < 15
+    for thread in threads:
+        thread.join(10)
+    assert 202 in found
+    with subprocess.Popen(COMMAND, stdout=subprocess.PIPE, text=True, env=guarded.environment) as again:
+        assert again.stdout is not None
+        address = again.stdout.readline().strip()
+        assert httpx.get(address + place, headers=BOB, timeout=30).json()["status"] in ("accepted", "running")
+        again.kill()
