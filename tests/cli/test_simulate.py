@@ -1,0 +1,128 @@
+"""`simulate` and `work-precision`: files that other programs read, exit codes, one sentence on standard error."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inverse_service.cli.application import run
+
+SCENES = Path(__file__).parents[2] / "docs" / "scenes"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def engine() -> None:
+    """Processes are forked from this one: load the engine once, not in each of them."""
+    import inverse_service.service.work_precision  # noqa: F401
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Any:
+    def run_command(*arguments: str, given: bytes = b"") -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["inverse-service", *arguments])
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given)))
+        with pytest.raises(SystemExit) as ended:
+            run()
+        out, err = capfd.readouterr()
+        return int(ended.value.code or 0), out, err
+
+    return run_command
+
+
+def short(name: str, **changes: Any) -> bytes:
+    return json.dumps(json.loads((SCENES / f"{name}.json").read_text()) | changes).encode()
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.json"
+    path.write_bytes(short("disk", steps=40))
+    return path
+
+
+def test_a_directory_gets_tables_figures_and_a_summary(call: Any, scene_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "out"
+    code, out, _ = call("simulate", str(scene_file), "--output", str(folder))
+    assert code == 0
+    assert "nonholonomic-0" in out
+    summary = json.loads((folder / "summary.json").read_text())
+    labels = ["variational-0", "nonholonomic-0", "modified-0", "exact", "reference"]
+    assert [method["label"] for method in summary["methods"]] == labels
+    for method in summary["methods"]:
+        assert method["outcome"] == "completed"
+        assert method["steps"] == 40
+        assert set(method["circle"]) >= {"radius_first", "radius_last", "centre_drift"}
+        assert method["max_energy_error"] >= 0
+        assert method["max_constraint"] >= 0
+        rows = list(csv.reader((folder / f"{method['label']}.csv").read_text().splitlines()))
+        assert rows[0] == ["t", "phi", "theta", "x", "y"]
+        with np.load(folder / f"{method['label']}.npz") as archive:
+            columns = dict(archive)
+        assert np.array(rows[1:], dtype=float)[:, 3].tolist() == columns["x"].tolist()
+        assert len(columns["t"]) == 41
+        assert set(columns) >= {"energy", "constraint_1", "error"}
+    for figure in summary["figures"]:
+        assert figure["caption"].endswith(".")
+        for name in figure["files"]:
+            first = (folder / name).read_bytes()[:300]
+            assert first.startswith(b"\x89PNG") if name.endswith("png") else b"<svg" in first or b"<?xml" in first
+    assert {name for figure in summary["figures"] for name in figure["files"]} == {
+        f"{name}.{ending}" for name in ("path", "energy", "constraints", "error") for ending in ("svg", "png")
+    }
+
+
+def test_without_a_directory_the_summary_is_printed(call: Any) -> None:
+    code, out, err = call("simulate", "-", given=short("disk", steps=5, methods=["exact"]))
+    assert (code, err) == (0, "")
+    assert "points" not in json.loads(out)["methods"][0]
+
+
+def test_yaml_scenes_are_read(call: Any, tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "system: {coordinates: [x], lagrangian: \"x'^2/2 - x^2/2\"}\n"
+        "initial: {positions: {x: 1}, velocities: {x: 0}}\nstep: 0.1\nsteps: 5\nmethods: [variational]\n"
+    )
+    code, out, _ = call("simulate", str(path))
+    assert code == 0
+    assert json.loads(out)["methods"][0]["steps"] == 5
+
+
+def test_bad_scenes_end_with_two_and_a_sentence(call: Any, tmp_path: Path) -> None:
+    code, out, err = call("simulate", "-", given=short("disk", steps=-1))
+    assert (code, out) == (2, "")
+    assert "/steps" in err
+    assert "Traceback" not in err
+    code, _, err = call("simulate", str(tmp_path / "none.json"))
+    assert code == 2
+    code, _, err = call("work-precision", "-", given=short("disk", step_sizes=[1, 2]))
+    assert code == 2
+    assert "at least 8" in err
+
+
+def test_no_method_that_gets_through_is_exit_one(call: Any) -> None:
+    scene = short("disk", steps=5, terms={"spring": "-x^2"}, effects=["constraints", "spring"], methods=["exact"])
+    code, out, _ = call("simulate", "-", given=scene)
+    assert code == 1
+    assert json.loads(out)["methods"][0]["outcome"] == "unavailable"
+
+
+def test_work_precision_writes_table_json_and_figure(call: Any, tmp_path: Path) -> None:
+    scene = short("particle-work-precision", time=2, repeats=1, methods=["variational", "nonholonomic", "exact"])
+    code, out, _ = call("work-precision", "-", "--output", str(tmp_path), given=scene)
+    assert code == 0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names >= {f"work-precision.{ending}" for ending in ("json", "csv", "txt", "svg", "png")}
+    found = json.loads((tmp_path / "work-precision.json").read_text())
+    assert found["conclusion"] in out
+    assert [method["label"] for method in found["methods"]] == ["variational-0.5", "nonholonomic-0.5"]
+    rows = list(csv.reader((tmp_path / "work-precision.csv").read_text().splitlines()))
+    assert len(rows) == 1 + sum(len(method["settings"]) for method in found["methods"])
+    assert rows[0][:4] == ["label", "step", "steps", "relative_error"]

@@ -1,0 +1,108 @@
+"""Error against work: orders come out, the floor ends a curve, failures keep their reason and are not drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from inverse_service.service.figures.precision import precision_figure
+from inverse_service.service.reading import read_json
+from inverse_service.service.work_precision import work_precision
+from inverse_service.simulation.choices import MethodChoice
+from inverse_service.simulation.precision import Setting, _with_floor
+from inverse_service.simulation.precision_reading import measured_order, seconds_to
+from inverse_service.simulation.scene import Requested
+
+SCENES = Path(__file__).parents[2] / "docs" / "scenes"
+METHOD = Requested("variational-0.5", "variational", "0.5", MethodChoice("variational"))
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Any]:
+    scene = read_json((SCENES / "particle-work-precision.json").read_bytes())
+    scene["repeats"] = 2
+    scene["methods"] += [{"method": "modified", "alpha": 0, "constants": {"C_y": 10**6, "C_z": -(10**6)}}]
+    return work_precision(scene)
+
+
+def test_measured_orders_are_those_of_the_methods(found: dict[str, Any]) -> None:
+    orders = {method["label"]: method["measured_order"] for method in found["methods"]}
+    for kind in ("variational", "nonholonomic"):
+        assert orders[f"{kind}-0.5"] == pytest.approx(2, abs=0.1)
+        assert orders[f"{kind}-0.5-order4"] == pytest.approx(4, abs=0.1)
+        assert orders[f"{kind}-0.5-order6"] == pytest.approx(6, abs=0.15)
+    assert orders["runge-kutta-order4"] == pytest.approx(4, abs=0.1)
+
+
+def test_every_method_has_every_step_with_all_columns(found: dict[str, Any]) -> None:
+    for method in found["methods"]:
+        steps = [setting["steps"] for setting in method["settings"]]
+        assert len(steps) >= 8
+        assert steps == sorted(set(steps))
+        for setting in method["settings"]:
+            if setting["reason"]:
+                assert setting["error"] is None
+                assert setting["best_seconds"] is None
+            else:
+                assert setting["first_seconds"] >= setting["compile_seconds"] >= 0
+                assert 0 < setting["best_seconds"] <= setting["median_seconds"]
+                assert setting["force_evaluations"] > 0
+
+
+def test_what_failed_is_listed_and_not_drawn(found: dict[str, Any]) -> None:
+    failed = [line for line in found["failed"] if line["label"] == "modified-0"]
+    settings = next(method for method in found["methods"] if method["label"] == "modified-0")["settings"]
+    assert len(failed) == sum(1 for setting in settings if setting["reason"])
+    figure, caption = precision_figure(found)
+    lines = {line.get_label(): line for line in figure.axes[0].get_lines()}
+    for method in found["methods"]:
+        drawn = [s for s in method["settings"] if s["best_seconds"] and not s["at_floor"] and s["error"]]
+        assert len(lines[method["label"]].get_xdata()) == len(drawn)
+    styles = {(line.get_linestyle(), line.get_marker()) for line in lines.values()}
+    assert len(styles) >= min(len(lines), 8)
+    assert found["conclusion"] in caption
+
+
+def test_the_conclusion_says_where_the_variational_method_loses(found: dict[str, Any]) -> None:
+    assert "variational method loses" in found["conclusion"]
+    assert found["truth"] == {"against": "exact", "uncertainty": 0.0}
+    assert {"processor", "cores", "python", "numpy"} <= set(found["machine"])
+
+
+def setting(step: float, error: float | None, best: float = 1.0) -> Setting:
+    return Setting(METHOD, step, round(1 / step), error, "" if error is not None else "failed", 0.0, 0.0, best, best, 1,
+                   1, 1)  # fmt: skip
+
+
+def test_a_curve_ends_at_the_round_off_floor() -> None:
+    errors = [1e-4, 1e-8, 1e-12, 3e-15, 2e-15, 4e-15, 1e-15]
+    marked = _with_floor([setting(2.0**-k, error) for k, error in enumerate(errors)], 1.0)
+    assert [one.at_floor for one in marked] == [False] * 4 + [True] * 3
+
+
+def test_a_curve_that_still_falls_is_drawn_whole() -> None:
+    marked = _with_floor([setting(2.0**-k, 2.0**-k) for k in range(9)], 1.0)
+    assert not any(one.at_floor for one in marked)
+
+
+def test_a_failed_setting_has_no_floor_and_no_order() -> None:
+    marked = _with_floor([setting(0.5, None), setting(0.25, None)], 1.0)
+    assert not any(one.at_floor for one in marked)
+    assert measured_order(marked, 1.0) is None
+    assert measured_order([], 1.0) is None
+
+
+def test_the_time_to_an_error_is_interpolated() -> None:
+    curve = [setting(0.1, 1e-2, 1.0), setting(0.01, 1e-6, 100.0)]
+    assert seconds_to(curve, 1e-4) == pytest.approx(10)
+    assert seconds_to(curve, 1e-1) == 1.0
+    assert seconds_to(curve, 1e-8) is None
+    assert seconds_to([replace(curve[0], error=None)], 1e-1) is None
+    assert seconds_to([], 1.0) is None
+
+
+def test_an_order_is_the_slope() -> None:
+    assert measured_order([setting(2.0**-k, 1e-3 * 8.0**-k) for k in range(5)], 1.0) == pytest.approx(3)
