@@ -8,15 +8,21 @@ RUN python -m venv /opt/inverse-service \
     && /opt/inverse-service/bin/pip install --no-cache-dir -c constraints.txt .
 
 FROM python:3.11-slim
-RUN useradd --system --uid 10001 --home-dir /nonexistent --shell /usr/sbin/nologin inverse
+RUN useradd --system --uid 10001 --home-dir /nonexistent --shell /usr/sbin/nologin inverse \
+    && install -d -o 10001 -g 10001 -m 0700 /var/lib/inverse-service
 COPY --from=build /opt/inverse-service /opt/inverse-service
-# Works with `docker run --read-only --tmpfs /tmp`: compiled kernels and sockets go to /tmp only.
+# Works with `docker run --read-only --tmpfs /tmp`: compiled kernels and sockets go to /tmp, the jobs to the volume.
 ENV PATH=/opt/inverse-service/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \
     PYTHONUNBUFFERED=1 \
-    NUMBA_CACHE_DIR=/tmp/numba
+    XDG_CACHE_HOME=/tmp/cache \
+    NUMBA_CACHE_DIR=/tmp/numba \
+    MPLCONFIGDIR=/tmp/matplotlib \
+    INVERSE_SERVICE_DATABASE=/var/lib/inverse-service/jobs.sqlite
 USER 10001
+VOLUME /var/lib/inverse-service
 EXPOSE 8000
-HEALTHCHECK --interval=30s --timeout=10s --start-period=30s --retries=3 \
-    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=8)"]
+STOPSIGNAL SIGTERM
+HEALTHCHECK --interval=30s --timeout=15s --start-period=60s --retries=3 \
+    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=12)"]
 CMD ["inverse-service", "serve", "--host", "0.0.0.0", "--port", "8000"]
