@@ -1,9 +1,11 @@
-"""Imported by the server process that forks the workers: loads the engine and solves once.
+"""Imported by the server process that forks the workers: loads the engines and solves once.
 
 The first solve loads the compiled kernels, some 0.4 s. Workers forked afterwards have them.
 """
 
 from __future__ import annotations
+
+import importlib
 
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service import tasks
@@ -11,4 +13,6 @@ from inverse_service.service import tasks
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
 
 tasks.guard(tasks.load_engine)
+# Kernels and formulas of simulation take a second to import.
+tasks.guard(importlib.import_module, "inverse_service.service.simulating")
 tasks.solve_task(SMALL, SolveOptions(time_limit=10.0))
