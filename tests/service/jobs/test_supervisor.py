@@ -1,0 +1,203 @@
+"""What becomes of a job for each way in which its task can end, and when the service dies."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from inverse_service.service import tasks
+from inverse_service.service.jobs.asking import request_of
+from inverse_service.service.jobs.model import Job, JobRequest
+from inverse_service.service.jobs.options import JobOptions, read_options, split_options
+from inverse_service.service.jobs.progress import described
+from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.states import MAX_CRASHES, MAX_RESTARTS
+from inverse_service.service.jobs.supervisor import Supervisor
+from inverse_service.service.outcome import Call, Outcome, Place
+from inverse_service.service.worker_process import Report
+from inverse_service.service.workers import Running
+
+DONE = Outcome("done", tasks.Answer(b'{"verdict": "variational"}', "variational"))
+SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
+
+
+class Scripted:
+    """An executor whose tasks end as they are told to; None: they run until they are cancelled."""
+
+    capacity = 2
+
+    def __init__(self, ends: Callable[[Call], Outcome | None]) -> None:
+        self.calls: list[Call] = []
+        self._ends = ends
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def submit(self, call: Call, report: Report | None = None) -> Running:
+        self.calls.append(call)
+        running = Hanging(call, report)
+        outcome = self._ends(call)
+        if outcome is not None:
+            running.end(outcome)
+        return running
+
+
+class Hanging(Running):
+    """A task that ends when it is cancelled."""
+
+    def cancel(self) -> None:
+        super().cancel()
+        if not self.outcome.done():
+            self.end(Outcome("crash"))
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[SqliteStore]:
+    store = SqliteStore(tmp_path / "jobs.sqlite")
+    yield store
+    store.close()
+
+
+def request(name: str = "") -> JobRequest:
+    return request_of("solve", SYSTEM | {"name": name}, JobOptions())
+
+
+def final(store: SqliteStore, id: str) -> Job:
+    end = time.monotonic() + 10
+    while time.monotonic() < end:
+        job = store.job(id)
+        if job is not None and job.is_final:
+            return job
+        time.sleep(0.002)
+    raise AssertionError("the job does not end")
+
+
+def run(store: SqliteStore, *outcomes: Outcome, understood: Outcome | None = None) -> tuple[Job, dict[str, Any]]:
+    """The job, and its body, when its runs end like this, one after the other."""
+    left = list(outcomes)
+    quick = Scripted(lambda call: understood or Outcome("crash"))
+    supervisor = Supervisor(store, Scripted(lambda call: left.pop(0)), quick)
+    supervisor.start()
+    (job,) = store.submit([request()])
+    job = final(store, job.id)
+    supervisor.stop()
+    assert left == []
+    return job, json.loads(job.body or b"null")
+
+
+def test_a_result_is_stored_as_the_worker_wrote_it(store: SqliteStore) -> None:
+    job, body = run(store, DONE)
+    assert (job.status, body) == ("successful", {"verdict": "variational"})
+
+
+def test_a_refusal_is_a_failed_job_with_its_places(store: SqliteStore) -> None:
+    job, body = run(store, Outcome("refused", places=(Place("No.", "/equations/x", 3),)))
+    assert (job.status, body["status"], body["errors"][0]["column"]) == ("failed", 422, 3)
+
+
+@pytest.mark.parametrize("status", ["deadline", "memory"])
+def test_a_limit_makes_a_system_undetermined_and_names_itself(store: SqliteStore, status: Any) -> None:
+    job, body = run(store, Outcome(status))
+    assert (job.status, body["verdict"]) == ("successful", "undetermined")
+    assert {"deadline": "time limit of 60 s", "memory": "memory limit of 4096 MiB"}[status] in body["reason"]
+
+
+@pytest.mark.parametrize("status", ["crash", "killed"])
+def test_a_worker_that_dies_is_tried_again_until_it_died_three_times(store: SqliteStore, status: Any) -> None:
+    job, _ = run(store, Outcome(status), Outcome(status), DONE)
+    assert (job.status, job.crashes) == ("successful", 2)
+
+
+@pytest.mark.parametrize(("status", "code"), [("crash", 500), ("killed", 422)])
+def test_three_deaths_fail_a_job_with_the_reason(store: SqliteStore, status: Any, code: int) -> None:
+    job, body = run(store, *[Outcome(status, detail="a secret of the inside")] * MAX_CRASHES)
+    assert (job.status, body["status"]) == ("failed", code)
+    assert "again and again" in body["detail"]
+    assert "secret" not in str(body)
+
+
+def test_a_fault_of_ours_is_not_tried_again(store: SqliteStore) -> None:
+    job, body = run(store, Outcome("fault", "KeyError", detail="a secret of the inside"))
+    assert (job.status, body["status"], body["type"].rpartition(":")[2]) == ("failed", 500, "fault")
+    assert "secret" not in str(body)
+
+
+def test_jobs_that_run_when_the_service_stops_run_later(store: SqliteStore) -> None:
+    (job,) = store.submit([request()])
+    supervisor = Supervisor(store, Scripted(lambda call: None), Scripted(lambda call: None))
+    supervisor.start()
+    end = time.monotonic() + 10
+    while supervisor.running == 0 and time.monotonic() < end:
+        time.sleep(0.002)
+    supervisor.stop()
+    found = store.job(job.id)
+    assert found is not None
+    assert (found.status, found.crashes, found.restarts) == ("accepted", 0, 0)
+    assert run(store, DONE)[0].status == "successful"
+
+
+def test_jobs_of_a_service_that_died_run_again_but_not_for_ever(store: SqliteStore) -> None:
+    (job,) = store.submit([request()])
+    for _ in range(MAX_RESTARTS - 1):
+        store.claim("dead", 1)
+        store.recover()
+    found = store.job(job.id)
+    assert found is not None
+    assert found.restarts == MAX_RESTARTS - 1
+    store.claim("dead", 1)
+    supervisor = Supervisor(store, Scripted(lambda call: DONE), Scripted(lambda call: None))
+    supervisor.start()
+    ended = final(store, job.id)
+    supervisor.stop()
+    assert ended.status == "failed"
+    assert "died" in json.loads(ended.body or b"")["detail"]
+
+
+def test_a_cancelled_job_frees_its_worker(store: SqliteStore) -> None:
+    supervisor = Supervisor(store, Scripted(lambda call: None), Scripted(lambda call: None))
+    supervisor.start()
+    (job,) = store.submit([request()])
+    end = time.monotonic() + 10
+    while supervisor.running == 0 and time.monotonic() < end:
+        time.sleep(0.002)
+    store.dismiss(job.id)
+    supervisor.cancel(job.id)
+    while supervisor.running and time.monotonic() < end:
+        time.sleep(0.002)
+    assert supervisor.running == 0
+    assert final(store, job.id).status == "dismissed"
+    supervisor.stop()
+
+
+def test_the_options_of_a_job_reach_its_worker(store: SqliteStore) -> None:
+    executor = Scripted(lambda call: DONE)
+    supervisor = Supervisor(store, executor, Scripted(lambda call: None))
+    supervisor.start()
+    document, given = split_options(SYSTEM | {"options": {"time_limit": 3, "memory_limit": 2000, "seed": 5}})
+    (job,) = store.submit([request_of("solve", document, read_options(given, JobOptions()))])
+    final(store, job.id)
+    supervisor.stop()
+    (call,) = executor.calls
+    assert (call.deadline, call.memory_limit) == (3.0, 2000)
+    assert json.loads(call.arguments[2])["seed"] == 5
+
+
+def test_reports_become_progress() -> None:
+    progress: dict[str, Any] = {}
+    for report in ("decision with time", "prolongation to order 2", "ansatz: quadratic", "ansatz: linear", "check"):
+        progress = described(report, progress)
+        if report.startswith("prolongation"):
+            assert progress == {
+                "question": "L(t, q, q')",
+                "stage": "prolongation",
+                "order": 2,
+                "counts": {"prolongations": 1},
+            }
+    assert (progress["stage"], progress["counts"]) == ("check", {"prolongations": 1, "families": 2})
+    assert described({"stage": "steps", "done": 3}, {}) == {"stage": "steps", "done": 3}
