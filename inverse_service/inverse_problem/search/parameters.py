@@ -45,7 +45,8 @@ _HIGHEST_DEGREE = 3
 _MOST_PARAMETERS = 6
 _MOST_TERMS = 16
 _SPARE = 4
-_SECONDS = 12.0
+# Seconds of processor time for the interpolation, seconds for the search with numbers.
+_SECONDS, _SECONDS_FOR_NUMBERS = 12.0, 30.0
 _BOUND = 10_000
 
 Values = Mapping[str, int]
@@ -63,7 +64,7 @@ def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:
     deadline = time.process_time() + _SECONDS
     generator = random.Random(f"parameters {seed}")
     special = _specialised(material.analysis, _draw(material, generator))
-    outcome = ladder(special, material.motion.with_time, seed, _SECONDS)
+    outcome = ladder(special, material.motion.with_time, seed, _SECONDS_FOR_NUMBERS)
     found = []
     for part in outcome.parts if outcome is not None else ():
         tree = _generalised(material, part, generator, seed, deadline)
