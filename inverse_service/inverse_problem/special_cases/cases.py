@@ -12,8 +12,11 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import (
     ZERO,
+    Apply,
     Arbitrary,
     Expression,
+    Number,
+    Power,
     Symbol,
     add,
     multiply,
@@ -21,6 +24,7 @@ from inverse_service.expressions.tree import (
     power,
     rebuild,
     substitute,
+    walk,
 )
 from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision import Limits, decide
@@ -37,9 +41,10 @@ Progress = Callable[[str], None]
 # Names of the functions that are polynomials: linear ones of one argument, else constants.
 FunctionCase = frozenset[str]
 
-_TERMS, _EXACT_SECONDS, _SEARCH_SECONDS, _DEPTH = 4_000, 3.0, 2.0, 2
+_TERMS, _EXACT_SECONDS, _SEARCH_SECONDS, _DEPTH = 4_000, 3.0, 6.0, 2
 UNDEFINED = "undefined"
 _DIFFERENTIAL = "the {} rests on differential conditions, whose side conditions are not known"
+_DOUBTFUL = "the functions of f that contain parameters may become dependent for further values"
 _WITHOUT_LAGRANGIAN = "variational by existence alone, no closed form shows for which values this may fail"
 
 
@@ -129,6 +134,8 @@ def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Ca
     """Decide the system on a stratum and find where its verdict may change."""
     system = specialised(question, stratum, functions)
     try:
+        if any(_has_no_value(node) for f in system.accelerations for node in walk(f)):
+            raise ZeroDivisionError
         exact_motion(system, 0, Budget())  # refuses a division by zero
         analysis = analyse(system)
         case = _decided(question, analysis, Case(question, stratum, functions, system, None, None))
@@ -139,11 +146,21 @@ def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Ca
         return Case(question, stratum, functions, system, *_undetermined(question), reason=str(problem),
                     unsettled=str(problem))  # fmt: skip
     except ZeroDivisionError:
-        detail = "the equations divide by zero"
+        detail = "the equations have no value here"
         return Case(question, stratum, functions, system, *_undetermined(question), reason=detail, unsettled=UNDEFINED)
     if not system.parameters and not system.functions:
         return case
     return _with_ideals(question, analysis, case)
+
+
+def _has_no_value(node: Expression) -> bool:
+    """1/0, a root of a negative number, or the logarithm of a number that is not positive."""
+    match node:
+        case Power(Number(base), Number(exponent)):
+            return (base == 0 and exponent < 0) or (base < 0 and exponent.denominator % 2 == 0)
+        case Apply("log", Number(value)):
+            return value <= 0
+    return False
 
 
 def _undetermined(question: Question) -> tuple[Verdict | None, Verdict | None]:
@@ -204,7 +221,7 @@ def _negative(question: Question, analysis: Analysis, case: Case) -> Case:
         chosen = smallest_sufficient_set(analysis, question.seed)
         if chosen is not None:
             found = of_conditions(analysis, question.space, chosen.equations, _budget(question), question.seed)
-            return replace(case, ideals=found.ideals)
+            return replace(case, ideals=found.ideals, unsettled=_DOUBTFUL if found.doubtful else "")
     except (TooLarge, IrreducibleAtoms) as problem:
         detail = f"the side conditions could not be computed: {problem}"
         return replace(case, ideals=_of_rank(question, analysis), unsettled=detail)

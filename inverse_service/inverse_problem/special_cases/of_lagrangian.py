@@ -9,21 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flint import fmpq_mpoly
-
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.rational_functions import Budget, Quotient
-from inverse_service.expressions.tree import (
-    TIME,
-    Apply,
-    Arbitrary,
-    Expression,
-    Power,
-    Symbol,
-    Velocity,
-    children,
-    walk,
-)
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.elimination import expanded_determinant
 from inverse_service.inverse_problem.special_cases.side_conditions import Ideal, Reader
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace
@@ -52,9 +40,8 @@ def regularity(
     ring.value(lagrangian)
     reader = Reader.of(ring, space)
     determinant = expanded_determinant(matrix, ring.constant(0), ring.constant(1))
-    inside = _inside_functions(reader)
-    ideals = [*reader.ideals(determinant), *_denominators(reader), *inside]
-    return Regularity(tuple(ideals), not inside or _is_monomial(determinant, reader))
+    ideals = [*reader.ideals(determinant), *_denominators(reader), *reader.inside_functions()]
+    return Regularity(tuple(ideals), not reader.is_doubtful(determinant))
 
 
 def _denominators(reader: Reader) -> list[Ideal]:
@@ -62,39 +49,3 @@ def _denominators(reader: Reader) -> list[Ideal]:
     found = [Quotient(reader.ring.field, denominator, ()) for denominator in reader.ring.field.denominators]
     return [ideal for quotient in found for ideal in reader.ideals(quotient)]
 
-
-def _inside_functions(reader: Reader) -> list[Ideal]:
-    """Where the argument of a function in L, if it holds parameters, vanishes identically."""
-    found = []
-    for index in _with_parameters(reader):
-        tree = reader.ring.trees[index]
-        for argument in children(tree):
-            try:
-                found += reader.ideals(reader.ring.value(argument))
-            except KeyError:
-                found.append(Ideal((), (argument,)))
-    return found
-
-
-def _with_parameters(reader: Reader) -> list[int]:
-    """Generators that are functions or roots of something with a parameter in it."""
-    names = {Symbol(name) for name in reader.space.names}
-    return [
-        index
-        for index, tree in reader.ring.trees.items()
-        if isinstance(tree, Apply | Power) and not isinstance(tree, Arbitrary) and names & set(walk(tree))
-    ]
-
-
-def _is_monomial(quotient: Quotient, reader: Reader) -> bool:
-    """Whether all terms hold the same powers of the generators with parameters inside."""
-    places = _with_parameters(reader)
-    return len({_powers(exponents, places) for exponents in _exponents(quotient.numerator)}) <= 1
-
-
-def _exponents(polynomial: fmpq_mpoly) -> list[tuple[int, ...]]:
-    return [tuple(int(e) for e in exponents) for exponents, _ in polynomial.terms()]
-
-
-def _powers(exponents: tuple[int, ...], places: list[int]) -> tuple[int, ...]:
-    return tuple(exponents[place] for place in places)

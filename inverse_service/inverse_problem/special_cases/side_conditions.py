@@ -19,9 +19,19 @@ from flint import fmpq, fmpq_mpoly
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.exact_trees import polynomial_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient
-from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import (
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+    children,
+    walk,
+)
 from inverse_service.inverse_problem.analysis import Analysis
-from inverse_service.inverse_problem.elimination import Elimination, Linear, eliminate
+from inverse_service.inverse_problem.elimination import Linear, eliminate
 from inverse_service.inverse_problem.explanation import collected
 from inverse_service.inverse_problem.hierarchy import EquationName, equation_terms, hierarchy, tensors_at
 from inverse_service.inverse_problem.pointwise import local_motion
@@ -39,10 +49,10 @@ class Ideal:
 
 @dataclass(frozen=True)
 class SideConditions:
-    """The ideals of an elimination, and polynomials in the parameters by which f itself divides."""
+    """The ideals of an elimination; `doubtful` says that functions in f may hide further special values."""
 
     ideals: tuple[Ideal, ...]
-    domain: tuple[fmpq_mpoly, ...]
+    doubtful: bool
 
 
 def of_conditions(
@@ -58,14 +68,10 @@ def of_conditions(
         for name, terms in equation_terms(condition, tensors[condition], exact.motion.size).items():
             equations[name] = collected(exact.motion.zero, terms)
     reader = Reader.of(exact.ring, space)
-    domain = reader.domain()  # before the elimination adds denominators of its own
     result = eliminate({name: equations[name] for name in names if equations[name]}, table)
-    return SideConditions(tuple(_ideals(result, reader)), domain)
-
-
-def _ideals(result: Elimination, reader: Reader) -> list[Ideal]:
     divisors = [part for step in result.solved for part in (step.content, step.divisor)]
-    return [ideal for part in divisors for ideal in reader.ideals(part)]
+    ideals = [*(ideal for part in divisors for ideal in reader.ideals(part)), *reader.inside_functions()]
+    return SideConditions(tuple(ideals), any(map(reader.is_doubtful, divisors)))
 
 
 @dataclass(frozen=True)
@@ -94,13 +100,51 @@ class Reader:
         jets |= {index for index, tree in ring.trees.items() if tree in arguments} if jets else set()
         return cls(ring, space, kept, frozenset(jets - kept.keys()))
 
-    def domain(self) -> tuple[fmpq_mpoly, ...]:
-        """Denominators of f that hold parameters alone."""
-        read = [self.coefficients(d) for d in self.ring.field.denominators]
-        return tuple(next(iter(parts)) for parts in read if len(parts) == 1 and self._plain(parts[0]))
+    @property
+    def parametric(self) -> list[int]:
+        """Generators that are functions, roots or powers of something with a parameter in it."""
+        names = {Symbol(name) for name in self.space.names}
+        return [
+            index
+            for index, tree in self.ring.trees.items()
+            if isinstance(tree, Apply | Power) and names & set(walk(tree))
+        ]
 
-    def _plain(self, polynomial: fmpq_mpoly) -> bool:
-        return polynomial.context() is self.space.context and not polynomial.is_constant()
+    def inside_functions(self) -> list[Ideal]:
+        """Where what stands in such a function becomes zero or constant, or an exponent a small whole number."""
+        found: list[Ideal] = []
+        for index in self.parametric:
+            tree = self.ring.trees[index]
+            for part in children(tree):
+                found += self._special_values(part, isinstance(tree, Power) and part == children(tree)[1])
+        return found
+
+    def _special_values(self, tree: Expression, is_exponent: bool) -> list[Ideal]:
+        if isinstance(tree, Number):
+            return []
+        try:
+            value = self.ring.value(tree)
+        except (KeyError, ZeroDivisionError):
+            return []
+        if is_exponent:
+            shifted = [value + self.ring.constant(k) for k in range(-3, 3)]
+            return [ideal for each in shifted for ideal in self.ideals(each)]
+        constant = [part for part in self._by_others(value.numerator) if any(part[0])]
+        moving = Ideal(tuple(polynomial for _, polynomial in constant))
+        return [*self.ideals(value), *([moving] if constant and not any(p.is_constant() for _, p in constant) else [])]
+
+    def is_doubtful(self, quotient: Quotient) -> bool:
+        """Whether the element may vanish for parameters at which functions in it become dependent.
+
+        One exp, log, sin or cos of a moving argument is independent of rational functions for all
+        parameters; two with different arguments, roots and powers need not be.
+        """
+        involved = [k for k in self.parametric if quotient.numerator.degrees()[k]]
+        shapes = {tuple(int(exponents[k]) for k in involved) for exponents, _ in quotient.numerator.terms()}
+        if len(shapes) < 2:
+            return False
+        trees = [self.ring.trees[k] for k in involved]
+        return any(isinstance(tree, Power) for tree in trees) or len({children(tree) for tree in trees}) > 1
 
     def ideals(self, quotient: Quotient) -> list[Ideal]:
         """Their zero sets together are where the numerator vanishes identically."""
@@ -112,6 +156,10 @@ class Reader:
 
     def coefficients(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
         """The coefficients in the generators that are no parameters, as polynomials in the parameters."""
+        return [part for _, part in self._by_others(polynomial)]
+
+    def _by_others(self, polynomial: fmpq_mpoly) -> list[tuple[tuple[int, ...], fmpq_mpoly]]:
+        """(exponents of what is no parameter, coefficient)."""
         tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
         for exponents, value in polynomial.terms():
             key = [0] * max(len(self.space.names), 1)
@@ -119,7 +167,7 @@ class Reader:
             for index, place in self.kept.items():
                 key[place], rest[index] = rest[index], 0
             tables.setdefault(tuple(rest), {})[tuple(key)] = value
-        return [self.space.context.from_dict(table) for table in tables.values()]
+        return [(rest, self.space.context.from_dict(table)) for rest, table in tables.items()]
 
     def _functional(self, polynomial: fmpq_mpoly) -> list[Ideal]:
         """One for each common factor of the coefficients, and one for all that is left of them."""

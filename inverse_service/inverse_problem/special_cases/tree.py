@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Arbitrary, Expression, Number, Power, Product, walk
+from inverse_service.expressions.tree import Arbitrary, Expression, Number, Power, Product, Symbol, walk
 from inverse_service.inverse_problem.special_cases.cases import (
     UNDEFINED,
     Case,
@@ -29,6 +29,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 MOST_CASES = 120
 DEEPEST = 8
+LONGEST_CONDITION = 300
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,8 @@ class _Exploration:
     waiting: list[tuple[Stratum, FunctionCase, int]]
     seen: list[tuple[Stratum, FunctionCase]]
     cases: list[Case] = field(default_factory=list)
-    reasons: list[str] = field(default_factory=list)
+    # What is not known, and where.
+    reasons: list[tuple[str, str]] = field(default_factory=list)
 
 
 def special_cases(
@@ -86,7 +88,18 @@ def special_cases(
     while work.waiting and not _stopped(work, most):
         _advance(work)
     root = _tree(question, work.cases)
-    return SpecialCases(question, root, tuple(work.cases), tuple(dict.fromkeys(work.reasons)))
+    return SpecialCases(question, root, tuple(work.cases), tuple(_grouped(work.reasons)))
+
+
+def _grouped(reasons: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """Each reason once, with the first of the cases that it holds for."""
+    table: dict[str, list[str]] = {}
+    for text, where in reasons:
+        table.setdefault(text, []).append(where)
+    for text, places in table.items():
+        named = [place for place in places if place]
+        others = f" and {len(named) - 1} more" if len(named) > 1 else ""
+        yield f"{text} ({named[0]}{others})" if named else text
 
 
 def _constants(system: SecondOrderSystem) -> dict[str, tuple[str, ...]]:
@@ -134,7 +147,7 @@ def _stopped(work: _Exploration, most: int) -> bool:
     if len(work.cases) < most and not over:
         return False
     limit = "the time limit" if over else f"the limit of {most} cases"
-    work.reasons.append(f"{limit} came with {len(work.waiting)} cases not yet examined")
+    work.reasons.append((f"{limit} came with {len(work.waiting)} cases not yet examined", ""))
     return True
 
 
@@ -143,7 +156,8 @@ def _advance(work: _Exploration) -> None:
     stratum, functions, depth = work.waiting.pop(0)
     work.question.progress(f"special cases: {len(work.cases)} examined, {len(work.waiting)} waiting")
     if stratum.unsolved:
-        work.reasons.append(f"not solved for a parameter: {', '.join(equation_texts(stratum, stratum.unsolved))}")
+        text = ", ".join(equation_texts(stratum, stratum.unsolved))
+        work.reasons.append((f"not solved for a parameter: {text}", ""))
         return
     case = examine(work.question, stratum, functions)
     if case.unsettled == UNDEFINED and work.cases:
@@ -152,7 +166,7 @@ def _advance(work: _Exploration) -> None:
     work.reasons += _reasons(case)
     inner = _inside(work.question, case)
     if inner and depth == DEEPEST:
-        work.reasons.append(f"cases {_where(case)} lie beyond the depth {DEEPEST}")
+        work.reasons.append((f"further cases lie beyond the depth {DEEPEST}", _where(case)))
         return
     for piece in inner:
         if not any(functions == f and piece.contains(s) and s.contains(piece) for s, f in work.seen):
@@ -166,19 +180,29 @@ def _inside(question: Question, case: Case) -> list[Stratum]:
     ideals = [ideal.polynomials for ideal in case.ideals if ideal.polynomials]
     ideals += [(factor,) for factor in stratum.excluded]
     if case.unsettled:
-        ideals += [(space.context.gen(space.names.index(name)),) for name in stratum.free]
+        occurring = {node.name for f in case.system.accelerations for node in walk(f) if isinstance(node, Symbol)}
+        ideals += [(space.context.gen(space.names.index(name)),) for name in stratum.free if name in occurring]
     found = [split(space, [*stratum.equations, *polynomials]) for polynomials in ideals]
     return [inner for pieces in found for inner in pieces if not inner.contains(stratum)]
 
 
-def _reasons(case: Case) -> list[str]:
+def _reasons(case: Case) -> list[tuple[str, str]]:
     """Why not all is known inside a case."""
-    found = [f"{_where(case)}: {case.unsettled}"] if case.unsettled else []
+    found = [(case.unsettled, _where(case))] if case.unsettled else []
     for ideal in case.ideals:
         if ideal.functional and not any(_is_covered(case.question, tree) for tree in ideal.functional):
-            text = " and ".join(f"{to_text(tree)} = 0" for tree in ideal.functional)
-            found.append(f"{_where(case)}: not examined where {text}")
+            found.append((f"not examined where {_together(ideal.functional)}", _where(case)))
     return found
+
+
+def _together(trees: Sequence[Expression]) -> str:
+    """Equations that hold together; the first of them where they fill pages."""
+    texts = sorted((f"{to_text(tree)} = 0" for tree in trees), key=len)
+    whole = " and ".join(texts)
+    if len(whole) <= LONGEST_CONDITION:
+        return whole
+    shown = texts[0] if len(texts[0]) <= LONGEST_CONDITION else "a long condition on the functions holds"
+    return shown if len(texts) == 1 else f"{shown} and {len(texts) - 1} more equations hold with it"
 
 
 def _is_covered(question: Question, tree: Expression) -> bool:
