@@ -12,6 +12,7 @@ from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service import tasks
 from inverse_service.service.alone import run_alone
+from inverse_service.service.jobs.options import JobOptions, read_options, split_options
 from inverse_service.service.reading import read_document
 from inverse_service.settings import read_settings
 
@@ -24,10 +25,11 @@ def solve_file(
     """Solve the document in a process of its own and print the result."""
     settings = read_settings()
     limit = time_limit_or(settings.time_limit, time_limit)
-    document = read_document(read_bytes(name), name)
+    document, given = split_options(read_document(read_bytes(name), name))
+    asked = read_options(given, JobOptions(limit, settings.memory_limit, seed))
     if special_cases and isinstance(document, dict):
         document = {**document, "special_cases": True}
-    result = _solve(document, SolveOptions(seed=seed, time_limit=limit), settings.memory_limit)
+    result = _solve(document, SolveOptions(seed=asked.seed, time_limit=asked.time_limit), asked.memory_limit)
     sys.stdout.write(_written(result, form, explain))
     sys.stdout.flush()
     return ExitCode.OPEN if result["verdict"] == "undetermined" else ExitCode.DONE

@@ -189,3 +189,12 @@ def test_a_cold_start_answers_in_two_seconds_or_little_more(tmp_path: Path) -> N
     begin = time.monotonic()
     subprocess.run(command, check=True, capture_output=True)
     assert time.monotonic() - begin < 4  # under 2 s on an idle machine; the tests share theirs
+
+
+def test_options_of_a_document_hold_on_the_command_line_too(call: Any, tmp_path: Path) -> None:
+    good = call("solve", written(tmp_path, OSCILLATOR | {"options": {"seed": 3}}))
+    assert good.code == 0, good.err
+    assert json.loads(good.out)["provenance"]["seed"] == 3
+    bad = call("solve", written(tmp_path, OSCILLATOR | {"options": {"time_limit": 1e9}}))
+    assert (bad.code, bad.out) == (2, "")
+    assert "/options/time_limit" in bad.err

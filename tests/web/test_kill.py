@@ -115,12 +115,16 @@ def send(service: Service, count: int) -> str:
     return place
 
 
-def assert_each_line_is_answered_once(service: Service, place: str, count: int) -> None:
+def assert_each_line_is_answered_once(service: Service, place: str, count: int, most_failed: int = 0) -> None:
+    """Each has a verdict, but for `most_failed` whose worker was killed three times."""
     text = service.client.get(place + "/results", timeout=600).text
     lines = [json.loads(line) for line in text.splitlines()]
     assert Counter(line["id"] for line in lines) == Counter(range(1, count + 1))
-    assert {line.get("verdict", line.get("detail")) for line in lines} <= {"variational", "not_variational"}
-    assert service.batch(place)["counts"] == {"successful": count}
+    failed = [line["detail"] for line in lines if "verdict" not in line]
+    assert all("killed the worker process again and again" in detail for detail in failed)
+    assert len(failed) <= most_failed
+    assert {line["verdict"] for line in lines if "verdict" in line} <= {"variational", "not_variational"}
+    assert service.batch(place)["counts"].get("successful") == count - len(failed)
 
 
 def kill_services(service: Service, count: int, kills: int) -> None:
@@ -144,13 +148,13 @@ def kill_workers(service: Service, count: int, kills: int) -> None:
     place, killed = send(service, count), 0
     dice = random.Random(kills)
     while killed < kills and service.batch(place)["status"] != "successful":
-        time.sleep(dice.uniform(0.0, 0.2))
+        time.sleep(dice.uniform(0.0, 0.6))
         for pid in dice.sample(service.workers(), k=min(1, len(service.workers()))):
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
                 killed += 1
     assert killed > 0
-    assert_each_line_is_answered_once(service, place, count)
+    assert_each_line_is_answered_once(service, place, count, most_failed=killed // 3)
     assert service.kill() == []
 
 
