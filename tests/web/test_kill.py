@@ -149,7 +149,7 @@ def kill_workers(service: Service, count: int, kills: int) -> None:
     dice = random.Random(kills)
     while killed < kills and service.batch(place)["status"] != "successful":
         time.sleep(dice.uniform(0.0, 0.6))
-        for pid in dice.sample(service.workers(), k=min(1, len(service.workers()))):
+        for pid in [dice.choice(found) for found in [service.workers()] if found]:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
                 killed += 1
