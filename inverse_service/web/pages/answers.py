@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.rendering import duration
 
 TENSORS = (("Phi", "Φ", "\\Phi"), ("nabla_Phi", "∇Φ", "\\nabla\\Phi"))
 QUESTIONS = {"L(q, q')": "L(q, q\u2032)", "L(t, q, q')": "L(t, q, q\u2032)"}
@@ -183,10 +184,6 @@ def timing(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
     seconds = provenance.get("seconds")
     if not isinstance(seconds, dict) or not seconds:
         return []
-    rows = [(str(stage), _seconds(value)) for stage, value in seconds.items() if isinstance(value, int | float)]
+    rows = [(str(stage), duration(value)) for stage, value in seconds.items() if isinstance(value, int | float)]
     total = sum(value for value in seconds.values() if isinstance(value, int | float))
-    return [*rows, ("all together", _seconds(total))]
-
-
-def _seconds(value: float) -> str:
-    return f"{value * 1000:.1f} ms" if value < 1 else f"{value:.2f} s"
+    return [*rows, ("all together", duration(total))]

@@ -9,6 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from starlette.responses import HTMLResponse
 
+from inverse_service.expressions.printing_names import greek_letter
 from inverse_service.service.kinds import KINDS
 from inverse_service.web.pages.assets import address
 
@@ -39,6 +40,9 @@ def environment() -> Environment:
     )
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
     found.globals |= {"address": address, "navigation": shown}
+    found.filters["greek"] = lambda name: greek_letter(name) or name
+    found.filters["short_number"] = short_number
+    found.filters["duration"] = duration
     found.filters["code_marks"] = code_marks
     found.filters["capitalized"] = lambda text: text[:1].upper() + text[1:]
     found.filters["progress_text"] = progress_text
@@ -51,6 +55,22 @@ def code_marks(text: str) -> Markup:
         Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(text.split("`"))
     ]
     return Markup("").join(parts)
+
+
+def short_number(value: Any) -> str:
+    """Three digits, powers of ten where they are shorter; a dash for what is no number."""
+    if not isinstance(value, int | float):
+        return "\u2013"
+    return f"{value:.3g}".replace("e-0", "e-").replace("e+0", "e")
+
+
+def duration(seconds: Any) -> str:
+    """Seconds, or ms and microseconds where they are small."""
+    if not isinstance(seconds, int | float):
+        return "\u2013"
+    if seconds < 1e-3:
+        return f"{seconds * 1e6:.3g} \u00b5s"
+    return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"
 
 
 def can_simulate() -> bool:

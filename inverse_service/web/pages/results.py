@@ -9,10 +9,12 @@ import time
 from typing import Any
 
 from fastapi import APIRouter
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from inverse_service.web.pages import answers, cases, exports, typesetting
+from inverse_service.web.engine import Engine
+from inverse_service.web.pages import answers, cases, constrained, exports, figures, simulations, typesetting
 from inverse_service.web.pages.calls import Answer, call
 from inverse_service.web.pages.rendering import can_simulate, page
 
@@ -55,12 +57,65 @@ async def check(request: Request, identifier: str) -> Response:
     return shown(request, answer.value, verdict)
 
 
+@router.post("/results/{identifier}/again")
+async def again(request: Request, identifier: str) -> Response:
+    """The same question asked anew, for work that was cancelled or failed."""
+    engine: Engine = request.app.state.engine
+    job = engine.store.job(identifier, with_body=False) if IDENTIFIER.fullmatch(identifier) else None
+    if job is None:
+        return missing()
+    headers = {"Prefer": "respond-async", "Cache-Control": "no-cache"}
+    await call(request, "POST", f"/v1/{job.kind}", job.document.encode(), headers)
+    return RedirectResponse(f"/results/{identifier}", 303)
+
+
 @router.post("/results/{identifier}/cancel")
 async def cancel(request: Request, identifier: str) -> Response:
     """Stop the work."""
     if IDENTIFIER.fullmatch(identifier):
         await call(request, "DELETE", f"/v1/jobs/{identifier}")
     return RedirectResponse(f"/results/{identifier}", 303)
+
+
+@router.get("/results/{identifier}/figures.json")
+async def figure_data(request: Request, identifier: str) -> Response:
+    """The data of the figures of a simulation."""
+    result = await simulated(request, identifier)
+    return missing() if result is None else simulations.figures_json(result)
+
+
+@router.get("/results/{identifier}/figures/{file}")
+async def figure_file(request: Request, identifier: str, file: str) -> Response:
+    """One figure as SVG or PNG."""
+    result = await simulated(request, identifier)
+    name, _, ending = file.rpartition(".")
+    try:
+        data = await figures.picture(identifier, result or {}, name, ending)
+    except KeyError:
+        return missing()
+    return Response(data, media_type=simulations.PICTURES[ending], headers={"Cache-Control": "private, max-age=3600"})
+
+
+@router.get("/results/{identifier}/data/{file}")
+async def data_file(request: Request, identifier: str, file: str) -> Response:
+    """The columns of one method as CSV or NPZ."""
+    result = await simulated(request, identifier)
+    label, _, ending = file.rpartition(".")
+    method = next((m for m in (result or {}).get("methods", []) if m["label"] == label and m.get("points")), None)
+    if method is None or ending not in ("csv", "npz"):
+        return missing()
+    if ending == "csv":
+        return Response(simulations.csv_of(method), media_type="text/csv")
+    data = await run_in_threadpool(simulations.npz_of, method)
+    return Response(data, media_type="application/zip")
+
+
+async def simulated(request: Request, identifier: str) -> dict[str, Any] | None:
+    """The result of a simulation, None where there is none."""
+    answer = await finished(request, identifier, 0)
+    is_there = answer is not None and answer.value["status"] == "successful" and answer.value["kind"] != "solve"
+    found: dict[str, Any] | None = answer.value["result"] if answer is not None and is_there else None
+    return found
 
 
 async def finished(request: Request, identifier: str, patience: float) -> Answer | None:
@@ -90,6 +145,11 @@ def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = 
         return page("ended.html", 200, active="", job=job)
     if job["kind"] == "solve":
         return solve_result(request, job, check)
+    if job["kind"] in ("simulate", "work-precision"):
+        stored = request.app.state.engine.store.job(job["id"], with_body=False)
+        scene = simulations.pretty(stored.document)
+        make = simulations.simulation_result if job["kind"] == "simulate" else simulations.precision_result
+        return make(request, job, scene)
     return other_result(request, job)
 
 
@@ -110,6 +170,8 @@ def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | 
         main=main,
         other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
         cases=cases.cases_of(found),
+        constrained=constrained.constrained_of(found),
+        search=constrained.search_of(found),
         also=answers.other_question(found),
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
         exports=exports.exports(found, address),

@@ -1,0 +1,132 @@
+"""The nonholonomic part of a result as the page shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from markupsafe import Markup
+
+from inverse_service.expressions.names import Names
+from inverse_service.web.pages import typesetting
+
+
+@dataclass(frozen=True, slots=True)
+class Associated:
+    """One associated system with its verdict and Lagrangian."""
+
+    kind: str
+    verdict: str
+    explanation: str
+    equations: list[Markup]
+    lagrangian: Markup | None
+    hamiltonian: Markup | None
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmed:
+    """That the flow of H holds the motion: its statements with what their tests said."""
+
+    label: str
+    hamiltonian: Markup | None
+    constraints: list[Markup]
+    statements: list[tuple[Markup, str]]
+    holds: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Constrained:
+    """Everything about the constrained system itself."""
+
+    lagrangian: Markup
+    constraints: list[Markup]
+    motion: list[Markup]
+    statements: list[str]
+    facts: list[tuple[str, Markup]]
+    associated: list[Associated]
+    confirmed: list[Confirmed]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """The families of associated systems with their counts, and the variational ones."""
+
+    families: list[Mapping[str, Any]]
+    different: int
+    covered: str
+    found: list[Associated]
+
+
+def constrained_of(result: Mapping[str, Any]) -> Constrained | None:
+    """The part of a result that answers a nonholonomic document, None where there is none."""
+    part = result.get("nonholonomic")
+    if not part:
+        return None
+    names = typesetting.names_of(result["system"])
+    motion = part["equations_of_motion"]
+    lines = [_line(f"{name}''", f["text"], names) for name, f in motion["second_order"].items()]
+    lines += [_line(f"{name}'", f["text"], names) for name, f in motion["first_order"].items()]
+    constraints = [typesetting.formula(f"{w['text']} = 0", names) for w in part["constraints"]]
+    statements = [
+        part["integrable"]["statement"],
+        part["paper_class"]["statement"],
+        part["measure_density"]["statement"],
+    ]
+    return Constrained(
+        typesetting.equation("L", part["lagrangian"]["text"], names),
+        constraints,
+        lines,
+        [statement for statement in statements if statement],
+        _facts(part, names),
+        [_associated(entry["kind"], entry, names) for entry in part["associated"]],
+        [_confirmed(entry, names) for entry in part["hamiltonisation"]],
+    )
+
+
+def _facts(part: Mapping[str, Any], names: Names) -> list[tuple[str, Markup]]:
+    density = part["measure_density"]["density"]
+    found = [("invariant measure N", typesetting.formula(density["text"], names))] if density else []
+    return found + [(f["name"], typesetting.formula(f["text"], names)) for f in part["first_integrals"]]
+
+
+def _line(left: str, right: str, names: Names) -> Markup:
+    return typesetting.formula(f"{left} = {right}", names)
+
+
+def _associated(kind: str, entry: Mapping[str, Any], names: Names) -> Associated:
+    lagrangian, hamiltonian = entry.get("lagrangian"), entry.get("hamiltonian")
+    return Associated(
+        kind,
+        entry.get("verdict") or "",
+        entry.get("explanation") or entry.get("statement") or "",
+        [_line(f"{name}''", text, names) for name, text in entry["equations"].items()],
+        typesetting.equation("L", lagrangian["text"], names) if lagrangian else None,
+        typesetting.equation("H", hamiltonian["text"], names) if hamiltonian else None,
+    )
+
+
+def _confirmed(entry: Mapping[str, Any], names: Names) -> Confirmed:
+    hamiltonian = entry["hamiltonian"]
+    return Confirmed(
+        f"{entry['associated']}: {entry['label']}",
+        typesetting.equation("H", hamiltonian["text"], names) if hamiltonian else None,
+        [typesetting.formula(f"{w['text']} = 0", names) for w in entry["constraints"]],
+        [(typesetting.sentence(s["text"], names)[0], s["verdict"]) for s in entry["statements"]],
+        entry["holds"],
+    )
+
+
+def search_of(result: Mapping[str, Any]) -> Search | None:
+    """The search among associated systems, None where it was not asked for."""
+    part = result.get("search")
+    if not part:
+        return None
+    names = typesetting.names_of(result["system"])
+    found = [_associated(_kind(member), member, names) for member in part["variational"]]
+    return Search(part["families"], part["different"], part["covered"], found)
+
+
+def _kind(member: Mapping[str, Any]) -> str:
+    known: Sequence[str] = member["kinds"]
+    return " and ".join(known) if known else ", ".join(member["families"])

@@ -1,0 +1,216 @@
+"""Figures of a simulation: as data for the page's script, and as pictures where there is none."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import Any
+
+# matplotlib keeps its settings in one place for all threads: it draws in one thread only.
+DRAWING = ThreadPoolExecutor(1, thread_name_prefix="figures")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
+DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
+MOST_POINTS = 800
+DIGITS = 7
+SERIES = {
+    "energy": ("Energy error", "|E/E\u2080 \u2212 1|"),
+    "constraints": ("Constraint defect", "greatest |\u03c9(q) q\u2032|"),
+    "error": ("Trajectory error", "greatest distance from the true motion"),
+}
+
+
+def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """(name, title) of the figures that this result has."""
+    if result["format"].startswith("inverse-service/work-precision"):
+        return [("work-precision", "Work and precision")]
+    observed, found = set(result["observe"]), []
+    if "trajectory" in observed:
+        if result["circle_coordinates"]:
+            found.append(("path", "Path in the plane"))
+        found.append(("coordinates", "Coordinates in time"))
+    return found + [(name, SERIES[name][0]) for name in SERIES if name in observed and _has(result, name)]
+
+
+def _has(result: Mapping[str, Any], name: str) -> bool:
+    return any(series(name, method) for method in result["methods"])
+
+
+def columns_of(method: Mapping[str, Any]) -> Mapping[str, list[float | None]]:
+    """The recorded columns of a method, empty where it has none."""
+    columns: Mapping[str, list[float | None]] = (method.get("points") or {}).get("columns", {})
+    return columns
+
+
+def series(name: str, method: Mapping[str, Any]) -> list[float | None]:
+    """The values of an observed quantity; None where they are zero or unknown, as the axis is logarithmic."""
+    columns = columns_of(method)
+    if name == "energy":
+        start = method.get("energy_start")
+        values = columns.get("energy", [])
+        return [_positive(None if e is None or start is None else (e - start) / (abs(start) or 1.0)) for e in values]
+    if name == "constraints":
+        rows = [column for key, column in columns.items() if key.startswith("constraint_")]
+        return [_positive(max((abs(w) for w in at if w is not None), default=None)) for at in zip(*rows, strict=True)]
+    return [_positive(value) for value in columns.get(name, [])]
+
+
+def _positive(value: float | None) -> float | None:
+    return None if not value else abs(value)
+
+
+def figure_data(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What the script draws: each figure with its axes and its lines."""
+    return [_figure(name, title, result) for name, title in figure_names(result)] + _space(result)
+
+
+def _figure(name: str, title: str, result: Mapping[str, Any]) -> dict[str, Any]:
+    if name == "work-precision":
+        lines = [_precision_line(k, method) for k, method in enumerate(result["methods"])]
+        return _axes(name, title, "steady time in s", "relative error", lines, log_x=True, log_y=True)
+    if name == "path":
+        a, b = result["circle_coordinates"]
+        lines = [_line(k, m, columns_of(m).get(a), columns_of(m).get(b)) for k, m in enumerate(result["methods"])]
+        return _axes(name, title, a, b, lines, equal=True)
+    if name == "coordinates":
+        lines = [
+            {**_line(k, m, columns_of(m).get("t"), columns_of(m).get(c)), "group": c}
+            for k, m in enumerate(result["methods"])
+            for c in result["system"]["coordinates"]
+        ]
+        return _axes(name, title, "t", "", lines, groups=result["system"]["coordinates"])
+    lines = [
+        _line(k, m, columns_of(m).get("t"), series(name, m))
+        for k, m in enumerate(result["methods"])
+        if m["method"] != "exact"
+    ]
+    return _axes(name, title, "t", SERIES[name][1], lines, log_y=True)
+
+
+def _axes(name: str, title: str, x: str, y: str, lines: Sequence[Mapping[str, Any]], **more: Any) -> dict[str, Any]:
+    return {"name": name, "title": title, "x": x, "y": y, "lines": [line for line in lines if line["x"]], **more}
+
+
+def _line(k: int, method: Mapping[str, Any], x: Sequence[Any] | None, y: Sequence[Any] | None) -> dict[str, Any]:
+    every = max(1, math.ceil(len(x or ()) / MOST_POINTS))
+    is_true = method["method"] in ("exact", "reference")
+    return {
+        "label": method["label"],
+        "colour": "ink" if is_true else COLOURS[k % len(COLOURS)],
+        "dash": "solid" if is_true else DASHES[k % len(DASHES)],
+        "x": [_short(value) for value in (x or ())[::every]] if y else [],
+        "y": [_short(value) for value in (y or ())[::every]],
+    }
+
+
+def _precision_line(k: int, method: Mapping[str, Any]) -> dict[str, Any]:
+    good = [s for s in method["settings"] if s["error"] and s["best_seconds"] and not s["at_floor"]]
+    x, y = [s["best_seconds"] for s in good], [s["relative_error"] for s in good]
+    return {**_line(k, {"label": method["label"], "method": method["method"]}, x, y), "markers": True}
+
+
+def _space(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The motion in three dimensions: three coordinates, or the plane and time."""
+    if "trajectory" not in result.get("observe", ()):
+        return []
+    coordinates = result["system"]["coordinates"]
+    pair = result["circle_coordinates"]
+    axes = ["x", "y", "z"] if {"x", "y", "z"} <= set(coordinates) else [*(pair or coordinates[:2]), "t"]
+    if len(axes) != 3:
+        return []
+    lines = []
+    for k, method in enumerate(result["methods"]):
+        columns = columns_of(method)
+        if all(columns.get(axis) for axis in axes):
+            line = _line(k, method, columns[axes[0]], columns[axes[1]])
+            every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
+            lines.append({**line, "z": [_short(value) for value in columns[axes[2]][::every]]})
+    return [{"name": "space", "title": "In three dimensions", "axes": axes, "lines": lines}] if lines else []
+
+
+def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
+    """A body that can be shown moving in the plane: heading, rolling angle, place. None for other systems."""
+    coordinates, pair = result["system"]["coordinates"], result["circle_coordinates"]
+    if not pair or list(coordinates[-2:]) != list(pair) or len(coordinates) not in (3, 4):
+        return None
+    for method in result["methods"]:
+        columns = columns_of(method)
+        if columns.get(pair[0]):
+            every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
+            path = {"t": columns["t"], "phi": columns[coordinates[0]], "x": columns[pair[0]], "y": columns[pair[1]]}
+            if len(coordinates) == 4:
+                path["theta"] = columns[coordinates[1]]
+            thinned = {name: [_short(value) for value in values[::every]] for name, values in path.items()}
+            return {
+                "kind": "disk" if len(coordinates) == 4 else "knife-edge",
+                "label": method["label"],
+                "path": thinned,
+            }
+    return None
+
+
+def _short(value: Any) -> Any:
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+async def picture(identifier: str, result: Mapping[str, Any], name: str, ending: str) -> bytes:
+    """A figure as an SVG or PNG file; KeyError for a figure that the result does not have."""
+    if not result or name not in dict(figure_names(result)) or ending not in ("svg", "png"):
+        raise KeyError(name)
+    key = _Key(identifier, result)
+    return await asyncio.get_running_loop().run_in_executor(DRAWING, _drawn, key, name, ending)
+
+
+class _Key:
+    """A result that is remembered by its job: drawing it again gives the same picture."""
+
+    def __init__(self, identifier: str, result: Mapping[str, Any]) -> None:
+        self.identifier, self.result = identifier, result
+
+    def __hash__(self) -> int:
+        return hash(self.identifier)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and other.identifier == self.identifier
+
+
+@lru_cache(maxsize=64)
+def _drawn(key: _Key, name: str, ending: str) -> bytes:
+    import matplotlib
+
+    from inverse_service.service.figures.style import RESOLUTION, SETTINGS
+
+    figure = _figure_of(key.result, name)
+    stream = io.BytesIO()
+    with matplotlib.rc_context(SETTINGS):
+        metadata = {"Title": name} | ({"Date": None} if ending == "svg" else {})
+        figure.savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
+    return stream.getvalue()
+
+
+def _figure_of(result: Mapping[str, Any], name: str) -> Any:
+    import numpy as np
+
+    from inverse_service.service.figures.coordinates import coordinate_figure
+    from inverse_service.service.figures.paths import path_figure
+    from inverse_service.service.figures.precision import precision_figure
+    from inverse_service.service.figures.series import series_figure
+
+    if name == "work-precision":
+        return precision_figure(result)[0]
+    tables = {
+        method["label"]: {column: np.asarray(values, dtype=float) for column, values in columns_of(method).items()}
+        for method in result["methods"]
+        if columns_of(method)
+    }
+    if name == "path":
+        return path_figure(result, tables, None)[0]
+    if name == "coordinates":
+        return coordinate_figure(result, tables, None)[0]
+    drawn = series_figure(name, result, tables)
+    if drawn is None:
+        raise KeyError(name)
+    return drawn[0]

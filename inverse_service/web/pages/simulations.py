@@ -1,0 +1,134 @@
+"""The page of a simulation or of a work-precision measurement, with its figures and files."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+
+from inverse_service.web.pages import figures
+from inverse_service.web.pages.rendering import duration, page, short_number
+
+PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
+QUANTITIES = (
+    ("max_energy_error", "energy error"),
+    ("max_constraint", "constraint"),
+    ("max_error", "error"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class MethodRow:
+    """One method of a simulation: its outcome and numbers as texts, `why` where it stopped."""
+
+    label: str
+    outcome: str
+    steps: int
+    numbers: list[str]
+    why: str
+    has_points: bool
+
+
+def simulation_result(request: Request, job: Mapping[str, Any], document: str) -> HTMLResponse:
+    """The page of a job of kind "simulate"."""
+    result = job["result"]
+    address = str(request.base_url).rstrip("/")
+    columns = quantities(result)
+    return page(
+        "simulation.html",
+        active="/simulate",
+        job=job,
+        result=result,
+        headings=[heading for _, heading in columns],
+        rows=[method_row(method, columns) for method in result["methods"]],
+        costs=costs(result),
+        figures=figures.figure_names(result),
+        motion=figures.motion_of(result),
+        scene=document,
+        curl=f"curl -s {address}/v1/simulate -H 'Content-Type: application/json' -d @scene.json",
+    )
+
+
+def precision_result(request: Request, job: Mapping[str, Any], document: str) -> HTMLResponse:
+    """The page of a job of kind "work-precision"."""
+    result = job["result"]
+    return page(
+        "precision.html",
+        active="/simulate",
+        job=job,
+        result=result,
+        figures=figures.figure_names(result),
+        scene=document,
+    )
+
+
+def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """(key, heading) of the numbers that some method has; a circle's under "circle.NAME"."""
+    methods = result["methods"]
+    found = [(key, heading) for key, heading in QUANTITIES if any(m.get(key) is not None for m in methods)]
+    if any(method.get("circle") for method in methods):
+        found += [("circle.radius_first", "radius, first circle"), ("circle.radius_last", "radius, last circle")]
+        found += [("circle.centre_drift", "drift of the centre")]
+    return found
+
+
+def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> MethodRow:
+    """A method as a line of the table."""
+    numbers = [short_number(_value(method, key)) for key, _ in columns]
+    stopped = method.get("stopped") or {}
+    why = method.get("reason") or ""
+    if stopped:
+        why = f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {stopped.get('remedy') or ''}"
+    return MethodRow(
+        method["label"], method["outcome"], method["steps"], numbers, why, bool(figures.columns_of(method))
+    )
+
+
+def _value(method: Mapping[str, Any], key: str) -> Any:
+    outer, _, inner = key.partition(".")
+    found = method.get(outer)
+    return found.get(inner) if inner and isinstance(found, dict) else found
+
+
+def costs(result: Mapping[str, Any]) -> dict[str, Any]:
+    """What each tick cost: seconds of every stage by method, and what was derived for all of them."""
+    methods = [method for method in result["methods"] if method.get("seconds")]
+    stages = list(dict.fromkeys(stage for method in methods for stage in method["seconds"]))
+    rows = [(stage, [duration(method["seconds"].get(stage)) for method in methods]) for stage in stages]
+    shared = [(stage, duration(value)) for stage, value in result.get("seconds", {}).items()]
+    return {"labels": [method["label"] for method in methods], "rows": rows, "shared": shared}
+
+
+def figures_json(result: Mapping[str, Any]) -> Response:
+    """The data of all figures for the script."""
+    return JSONResponse(figures.figure_data(result), headers={"Cache-Control": "no-store"})
+
+
+def csv_of(method: Mapping[str, Any]) -> bytes:
+    """All recorded columns of a method."""
+    columns = figures.columns_of(method)
+    lines = [",".join(columns)]
+    lines += [",".join("" if v is None else repr(v) for v in row) for row in zip(*columns.values(), strict=True)]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def npz_of(method: Mapping[str, Any]) -> bytes:
+    """All recorded columns of a method as NumPy arrays."""
+    import numpy as np
+
+    stream = io.BytesIO()
+    arrays: dict[str, Any] = {
+        name: np.asarray(values, dtype=float) for name, values in figures.columns_of(method).items()
+    }
+    np.savez_compressed(stream, **arrays)
+    return stream.getvalue()
+
+
+def pretty(document: str) -> str:
+    """A JSON text with indents."""
+    return json.dumps(json.loads(document), indent=1, ensure_ascii=False)
