@@ -35,7 +35,21 @@ def coordinate_figure(
         panels[-1].set_xlabel("t")
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
-    return figure, f"{result['name'] or 'Motion'}: {result['steps']} steps of {shown(result['step'])}."
+    start = f"{result['name'] or 'Motion'}: {result['steps']} steps of {shown(result['step'])}."
+    return figure, start + _finding(result)
+
+
+def _finding(result: Mapping[str, Any]) -> str:
+    """Which method is nearest to the true motion at the end, and which stopped before."""
+    own = [m for m in result["methods"] if m["method"] not in ("exact", "reference")]
+    errors = {m["label"]: m["final_error"] for m in own if m.get("final_error") and m["outcome"] == "completed"}
+    words = ""
+    if errors:
+        best, worst = min(errors, key=errors.__getitem__), max(errors, key=errors.__getitem__)
+        words = f" At the end {best} is nearest to the true motion ({shown(errors[best])} away)"
+        words += "." if best == worst else f", {worst} farthest ({shown(errors[worst])})."
+    stopped = [f"{m['label']} ends at t = {shown(m['stopped']['time'])}" for m in own if m.get("stopped")]
+    return words + (f" {'; '.join(stopped)}." if stopped else "")
 
 
 def _line(axes: Any, place: int, method: Mapping[str, Any], table: Mapping[str, Array], name: str) -> None:

@@ -13,6 +13,7 @@ from inverse_service.service.figures.coordinates import coordinate_figure
 from inverse_service.service.figures.paths import path_figure
 from inverse_service.service.figures.series import QUANTITIES, series_figure
 from inverse_service.service.figures.style import save
+from inverse_service.simulation.matching_circle import turned
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ def draw_simulation(
         return []
     found = []
     observed = set(result["observe"])
-    if result["circle_coordinates"] is not None and observed & {"trajectory", "matching_circle"}:
+    if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
         figure, caption = path_figure(result, tables, truth)
         found.append({"files": save(figure, folder, "path", caption), "caption": caption})
     elif "trajectory" in observed:
@@ -40,3 +41,12 @@ def draw_simulation(
             figure, caption = drawn
             found.append({"files": save(figure, folder, name, caption), "caption": caption})
     return found
+
+
+def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> bool:
+    """Whether some path in the plane of the circle goes round once; others are shown coordinate by coordinate."""
+    pair = result["circle_coordinates"]
+    if pair is None:
+        return False
+    paths = [np.column_stack([table[name] for name in pair]) for table in tables.values() if len(table["t"]) > 2]
+    return "matching_circle" in result["observe"] or any(abs(turned(path)[-1]) >= 2 * np.pi for path in paths)

@@ -32,7 +32,7 @@ def path_figure(result: Mapping[str, Any], tables: Tables, truth: Mapping[str, A
     true = None if truth is None else np.column_stack([truth[name] for name in pair])
     paths = {m["label"]: np.column_stack([tables[m["label"]][name] for name in pair]) for m in drawn}
     box = _box(true, list(paths.values()))
-    columns = min(3, max(1, len(drawn)))
+    columns = 2 if len(drawn) == 4 else min(3, max(1, len(drawn)))
     rows = math.ceil(len(drawn) / columns)
     with matplotlib.rc_context(SETTINGS):
         figure = new_figure(max(5.2, PANEL * columns + 0.4), PANEL * rows + 1.1)

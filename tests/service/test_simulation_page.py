@@ -1,0 +1,55 @@
+"""The examples and figures of docs/simulation.md are true."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from api_schemas.scene import MethodName, Observed, SceneDocument
+from inverse_service.service.reading import read_json
+from inverse_service.service.simulating import simulate
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "simulation.md").read_text(encoding="utf-8")
+ROUND_OFF = 2e-12
+
+
+def test_the_example_runs() -> None:
+    (example,) = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
+    scene = read_json(example)
+    result = simulate(scene)
+    assert [method["outcome"] for method in result["methods"]] == ["completed"] * 3
+
+
+def test_the_table_of_the_disk_is_measured() -> None:
+    rows = re.findall(r"^\| ((?:variational|nonholonomic)-[\d.]+) \| (.*) \|$", PAGE, re.MULTILINE)
+    assert len(rows) == 6
+    scene = json.loads((ROOT / "docs" / "scenes" / "disk-table.json").read_text())
+    found = {method["label"]: method for method in simulate(scene)["methods"]}
+    for label, cells in rows:
+        method = found[label]
+        circle = method["circle"]
+        measured = (circle["max_radial_distance"], circle["radius_change"], method["max_energy_error"],
+                    method["max_constraint"], method["max_phase_error"])  # fmt: skip
+        for cell, value in zip(cells.split(" | "), measured, strict=True):
+            if cell == "round-off":
+                assert abs(value) < ROUND_OFF
+            else:
+                assert value == pytest.approx(float(cell), rel=0.03)
+
+
+def test_every_name_is_told() -> None:
+    for name in (*get_args(MethodName), *get_args(Observed)):
+        assert f"`{name}`" in PAGE
+    untold = {"name", "step_sizes", "repeats", "system"}
+    for key in set(SceneDocument.model_fields) - untold:
+        assert f"`{key}" in PAGE
+
+
+def test_every_named_scene_is_there() -> None:
+    for path in re.findall(r"docs/scenes/[\w-]+\.json", PAGE):
+        assert (ROOT / path).is_file()
