@@ -10,6 +10,7 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from starlette.middleware.cors import CORSMiddleware
 
+from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicResult
 from api_schemas.result import ResultDocument
 from api_schemas.scene import SceneDocument
 from api_schemas.system import SystemDocument
@@ -71,7 +72,7 @@ def _description(app: FastAPI) -> dict[str, Any]:
     if app.openapi_schema is None:
         found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
         schemas = found.setdefault("components", {}).setdefault("schemas", {})
-        for model in (SystemDocument, SceneDocument, ResultDocument):
+        for model in (SystemDocument, NonholonomicDocument, SceneDocument, ResultDocument, NonholonomicResult):
             schema = model.model_json_schema(ref_template=REFERENCE)
             schemas.update(schema.pop("$defs", {}))
             schemas[model.__name__] = schema

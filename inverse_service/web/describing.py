@@ -23,7 +23,7 @@ def body_of(*schemas: str, others: dict[str, Any] | None = None) -> dict[str, An
 
 KEY_AND_RATE = refusals(401, 429, 503)
 BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
-SYSTEM_BODY = body_of("SystemDocument")
+SYSTEM_BODY = body_of("SystemDocument", "NonholonomicDocument")
 JOB_HEADERS = {
     "Location": {"description": "The address of the job.", "schema": {"type": "string"}},
     "Retry-After": {"description": "Seconds until it is worth to ask.", "schema": {"type": "integer"}},
