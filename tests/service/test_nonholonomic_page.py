@@ -1,0 +1,48 @@
+"""What docs/nonholonomic.md shows is what the program answers."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from inverse_service import catalogue
+from inverse_service.cli.text_page import text_page
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents import solve_document
+
+PAGE = (Path(__file__).parent.parent.parent / "docs" / "nonholonomic.md").read_text(encoding="utf-8")
+ROWS = re.findall(r"^\| ([a-z-]+) \| (n?v) \| (n?v) \| (n?v) \| (.+) \|$", PAGE, re.MULTILINE)
+LONG = ("generic-class-two", "generic-class-three")
+WORDS = {"v": "variational", "nv": "not_variational"}
+
+
+def solved(document: dict[str, Any]) -> dict[str, Any]:
+    return solve_document(document, SolveOptions(time_limit=120))
+
+
+def test_the_example_prints_what_the_page_shows() -> None:
+    (document,) = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
+    (shown,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+    printed = text_page(solved(json.loads(document)), explain=False).splitlines()
+    places = [printed.index(line) for line in shown.splitlines()]
+    assert places == sorted(places)
+
+
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, id=row[0], marks=[pytest.mark.slow] if row[0] in LONG else []) for row in ROWS]
+)
+def test_the_table_is_what_the_solver_finds(row: tuple[str, str, str, str, str]) -> None:
+    name, *verdicts, density = row
+    part = solved(catalogue.document(name))["nonholonomic"]
+    found = {one["kind"]: (one["verdict"], one["checked"]) for one in part["associated"]}
+    kinds = ("first", "second", "third")
+    assert found == {kind: (WORDS[word], "valid") for kind, word in zip(kinds, verdicts, strict=True)}
+    assert part["measure_density"]["density"]["text"] == density
+
+
+def test_the_table_has_every_system_of_the_catalogue() -> None:
+    assert sorted(row[0] for row in ROWS) == sorted(catalogue.names("nonholonomic"))
