@@ -17,6 +17,7 @@ from inverse_service.service.reading import read_document
 from inverse_service.settings import read_settings
 
 MAX_TIME_LIMIT = 86_400.0
+STAGE_WIDTH = 78
 
 
 def solve_file(
@@ -44,13 +45,22 @@ def time_limit_or(default: float, given: float | None) -> float:
 
 
 def _solve(document: Any, options: SolveOptions, memory_limit: int) -> dict[str, Any]:
-    outcome = run_alone(tasks.solve_task, (document, options), options.time_limit, memory_limit)
+    report = show_stage if sys.stderr.isatty() else None
+    outcome = run_alone(tasks.solve_task, (document, options), options.time_limit, memory_limit, report)
+    if report is not None:
+        report("")
     from inverse_service.service.answers import UNDERSTAND_DEADLINE, result_document, with_understood
 
     if outcome.status in ("deadline", "memory"):
         understood = run_alone(tasks.understand_task, (document,), UNDERSTAND_DEADLINE, memory_limit)
         outcome = with_understood(outcome, understood)
     return result_document(outcome, options, memory_limit)
+
+
+def show_stage(text: str) -> None:
+    """The stage on the last line of the terminal, in the place of the one before."""
+    sys.stderr.write(f"\r\x1b[K{text[:STAGE_WIDTH]}")
+    sys.stderr.flush()
 
 
 def _written(result: dict[str, Any], form: str, explain: bool) -> str:

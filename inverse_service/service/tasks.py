@@ -43,9 +43,9 @@ def understand_job_task(document: str) -> Outcome:
     return guard(lambda: _call("understand_document", read_json(document)))
 
 
-def solve_task(document: Any, options: SolveOptions) -> Outcome:
-    """A System document to its result document."""
-    return _guarded("solve_document", document, options)
+def solve_task(document: Any, options: SolveOptions, report: Callable[[str], None] | None = None) -> Outcome:
+    """A System document to its result document; `report` is told the stages."""
+    return _guarded("solve_document", document, options, report)
 
 
 def parse_task(document: Any) -> Outcome:
