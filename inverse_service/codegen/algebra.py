@@ -103,3 +103,16 @@ def real_value(formula: Formula, table: Mapping[str, float]) -> float:
         return float(value)
     except (RuntimeError, ValueError, TypeError, ZeroDivisionError, OverflowError):
         return math.nan
+
+
+class Evaluator:
+    """Values of formulas at many points: compiled to closures once; NaN or infinity where there is no value."""
+
+    def __init__(self, formulas: Sequence[Formula], names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._function = symengine.Lambdify([symbol(name) for name in names], list(formulas)) if formulas else None
+
+    def __call__(self, table: Mapping[str, float]) -> list[float]:
+        if self._function is None:
+            return []
+        return [float(value) for value in self._function([table[name] for name in self._names]).ravel()]

@@ -59,7 +59,7 @@ def run_lanes(
     lanes = lanes_here()
     results: dict[int, Trajectory] = {}
     for k, begin in enumerate(begins):
-        refused = begin.missing or refusal(formulas, choices[k], begin, grids[k], values[k])
+        refused = begin.missing or refusal(formulas, choices[k], begin, grids[k], parameters[k])
         if refused:
             results[k] = failed_start(starts[k], refused)
     groups = _groups(choices, [k for k in range(size) if k not in results], lanes)

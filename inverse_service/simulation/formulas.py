@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
-from inverse_service.codegen.algebra import ZERO, Formula, names_of, symbol, translate
+import numpy as np
+import symengine
+from numpy.typing import NDArray
+
+from inverse_service.codegen.algebra import ZERO, Evaluator, Formula, free_names, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, walk
@@ -82,6 +87,43 @@ class Formulas:
                 raise InputError(f"The constraint {to_text(tree)} is not linear in the velocities.")
             rows.append(row)
         return rows
+
+    @cached_property
+    def moving_alone(self) -> int | None:
+        """The only coordinate in H~, where d2H/dq dp depends on it but not on its momentum; else None."""
+        places = [k for k, q in enumerate(self.symbols("q")) if q in self.hamiltonian.free_symbols]
+        if len(places) != 1:
+            return None
+        (place,) = places
+        names = self._slope(place).free_symbols
+        return place if symbol(f"q{place}") in names and symbol(f"p{place}") not in names else None
+
+    def _slope(self, place: int) -> Formula:
+        return self.hamiltonian.diff(symbol(f"q{place}")).diff(symbol(f"p{place}")).expand()
+
+    @cached_property
+    def _slope_function(self) -> tuple[list[str], Any]:
+        assert self.moving_alone is not None
+        slope, name = self._slope(self.moving_alone), f"q{self.moving_alone}"
+        names = [name, *sorted(free_names(slope) - {name})]
+        return names, symengine.Lambdify([symbol(each) for each in names], [slope])
+
+    def slope_on_way(self, table: Mapping[str, float], way: NDArray[np.float64]) -> NDArray[np.float64]:
+        """d2H/dq dp of the coordinate that moves alone, at places `way` of it."""
+        names, function = self._slope_function
+        columns = [way, *(np.full_like(way, table[name]) for name in names[1:])]
+        return np.asarray(function(np.stack(columns, axis=1)), dtype=np.float64).ravel()
+
+    @cached_property
+    def _evaluators(self) -> dict[str, Evaluator]:
+        return {}
+
+    def evaluator(self, key: str, make: Callable[[], Sequence[Formula]]) -> Evaluator:
+        """Values of formulas over q, v and the parameters; made when `key` is first asked for."""
+        if key not in self._evaluators:
+            names = [*(str(name) for letter in "qv" for name in self.symbols(letter)), *self.parameters]
+            self._evaluators[key] = Evaluator(make(), names)
+        return self._evaluators[key]
 
     def gradient(self, formula: Formula, letter: str, first: str = "q", second: str = "v") -> Gradient:
         """The derivatives by the symbols of `letter`, as a callable of (values of first, values of second)."""

@@ -61,7 +61,7 @@ def run(
     formulas = Formulas(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters)
-    refused = begin.missing or refusal(formulas, choice, begin, grid, values)
+    refused = begin.missing or refusal(formulas, choice, begin, grid, parameters)
     if refused:
         return failed_start(start, refused)
     kernel = kernel_of(formulas, choice, observation)

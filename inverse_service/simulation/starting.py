@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from inverse_service.codegen.algebra import Formula, real_value
+from inverse_service.codegen.algebra import ZERO, Formula, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome
 from inverse_service.simulation.choices import MethodChoice, Start
@@ -82,30 +82,30 @@ def _at_point(
     f: Formulas, choice: MethodChoice, q: Numbers, velocities: list[float], parameters: Mapping[str, float]
 ) -> Initial:
     table = {**parameters, **q, **_named("v", velocities)}
-    momenta = [real_value(formula, table) for formula in _momenta(f, choice, table)]
-    return _checked(f, choice, q, momenta, velocities, table)
+    return _checked(f, choice, q, _momenta(f, choice, table), velocities, table)
 
 
-def _momenta(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> list[Formula]:
+def _momenta(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> list[float]:
     """dL/dv; of L~ with the constraints put in where they hold, so that common factors A_alpha cancel."""
-    if choice.method == "nonholonomic":
-        return [f.lagrangian.diff(v) for v in f.symbols("v")]
-    plain = [f.free_lagrangian.diff(v) for v in f.symbols("v")]
-    if not f.forms or not _holds(f, table):
-        return plain
     velocities = f.symbols("v")
+    if choice.method == "nonholonomic":
+        return f.evaluator("momenta of L", lambda: [f.lagrangian.diff(v) for v in velocities])(table)
+    if not f.forms or not _holds(f, table):
+        return f.evaluator("momenta of L~", lambda: [f.free_lagrangian.diff(v) for v in velocities])(table)
     given = {velocities[k]: value for k, value in f.dependent.items()}
-    return [formula.subs(given) for formula in plain]
+    key = "momenta of L~ on the constraints"
+    return f.evaluator(key, lambda: [f.free_lagrangian.diff(v).subs(given) for v in velocities])(table)
 
 
 def _holds(f: Formulas, table: Mapping[str, float]) -> bool:
     """Whether velocities are those that the constraints give, to round-off."""
     size = max((abs(table[f"v{k}"]) for k in range(f.size)), default=0.0)
-    for row in f.forms:
-        value = sum(real_value(entry, table) * table[f"v{k}"] for k, entry in enumerate(row))
-        if not abs(value) <= OFF_CONSTRAINTS * size:
-            return False
-    return True
+    values = f.evaluator("constraints", lambda: [_along(row, f.symbols("v")) for row in f.forms])(table)
+    return all(abs(value) <= OFF_CONSTRAINTS * size for value in values)
+
+
+def _along(row: Sequence[Formula], velocities: Sequence[Formula]) -> Formula:
+    return sum((a * v for a, v in zip(row, velocities, strict=True)), ZERO)
 
 
 def _checked(
