@@ -185,5 +185,7 @@ def timing(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
     if not isinstance(seconds, dict) or not seconds:
         return []
     rows = [(str(stage), duration(value)) for stage, value in seconds.items() if isinstance(value, int | float)]
+    if "all" in seconds:
+        return [("all together" if stage == "all" else stage, shown) for stage, shown in rows]
     total = sum(value for value in seconds.values() if isinstance(value, int | float))
     return [*rows, ("all together", duration(total))]

@@ -42,7 +42,7 @@ class Constrained:
     lagrangian: Markup
     constraints: list[Markup]
     motion: list[Markup]
-    statements: list[str]
+    statements: list[Markup]
     facts: list[tuple[str, Markup]]
     associated: list[Associated]
     confirmed: list[Confirmed]
@@ -77,7 +77,7 @@ def constrained_of(result: Mapping[str, Any]) -> Constrained | None:
         typesetting.equation("L", part["lagrangian"]["text"], names),
         constraints,
         lines,
-        [statement for statement in statements if statement],
+        [typesetting.sentence(statement, names)[0] for statement in statements if statement],
         _facts(part, names),
         [_associated(entry["kind"], entry, names) for entry in part["associated"]],
         [_confirmed(entry, names) for entry in part["hamiltonisation"]],

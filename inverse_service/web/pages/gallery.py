@@ -15,6 +15,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.documents import parameters_of
 from inverse_service.web.pages.rendering import can_simulate, page
+from inverse_service.web.pages.thumbnails import has_thumbnail
 
 router = APIRouter()
 WORDS = {"variational": "a Lagrangian", "not_variational": "none", "undetermined": "open"}
@@ -48,6 +49,7 @@ class Card:
     lagrangian: Markup
     constraints: list[Markup]
     associated: list[tuple[str, Line]]
+    has_figure: bool
 
 
 @router.get("/gallery")
@@ -80,7 +82,7 @@ def _card(entry: dict[str, Any], associated: list[tuple[str, Line]]) -> Card:
     names = _names(document)
     constraints = [typesetting.formula(f"{text} = 0", names) for text in document["constraints"]]
     lagrangian = typesetting.formula(document["lagrangian"], names)
-    return Card(entry["name"], entry["title"], lagrangian, constraints, associated)
+    return Card(entry["name"], entry["title"], lagrangian, constraints, associated, has_thumbnail(entry["name"]))
 
 
 @lru_cache(maxsize=1)

@@ -18,7 +18,7 @@ from inverse_service.expressions.tokens import Token
 from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED, RESERVED
 
 # Refused as functions, so they would be a strange guess for a parameter too.
-NEVER_GUESSED = RESERVED | REFUSED.keys() | {"e", "E", "d"}
+NEVER_GUESSED = RESERVED | REFUSED.keys() | {"e", "E"}
 ENDINGS = (("_ddot", 2), ("_dot", 1), ("ddot", 2), ("dot", 1))
 
 

@@ -58,7 +58,7 @@ def scene_form(document: Mapping[str, Any], title: str, system: str = "", job: s
     given = document.get("parameters") or []
     parameters = given if isinstance(given, dict) else dict.fromkeys(given)
     functions = {name: tuple(arguments) for name, arguments in (document.get("functions") or {}).items()}
-    has_plane = set(PLANE) <= set(coordinates)
+    has_plane = set(PLANE) <= set(coordinates) and "z" not in coordinates
     return SceneForm(
         system,
         job,

@@ -52,7 +52,7 @@ function layout(figure) {
     legend: { orientation: "h", y: -0.22 }, hovermode: "closest", xaxis: axis(figure.x, figure.log_x),
     yaxis: axis(figure.y, figure.log_y), height: 400,
   };
-  if (figure.log_y) found.yaxis.dtick = Math.max(1, Math.ceil(decades(figure) / 8));
+  if (figure.log_y && decades(figure) > 1.5) found.yaxis.dtick = Math.max(1, Math.ceil(decades(figure) / 8));
   if (figure.equal) found.yaxis.scaleanchor = "x";
   if (figure.groups) {
     const count = figure.groups.length;

@@ -18,6 +18,7 @@ def document(**fields: str) -> dict[str, object]:
     ("text", "coordinates", "parameters", "functions"),
     [
         ("x'' = -k*x", ("x",), ("k",), {}),
+        ("x'' = -a*x + b*y; y'' = -c*y + d*x", ("x", "y"), ("a", "b", "c", "d"), {}),
         ("m x'' + c x' + k x = 0", ("x",), ("m", "c", "k"), {}),
         (r"\ddot{x} = -\omega^2 x", ("x",), ("omega",), {}),
         ("x_ddot = -x; y_ddot = x_dot", ("x", "y"), (), {}),

@@ -1,0 +1,129 @@
+"""Nonholonomic systems, special cases, scenes and their figures, with scripts and without."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import expect
+
+from .conftest import Visit
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_a_nonholonomic_system_is_understood_and_its_second_system_solved(
+    visit: Visit, plain: Visit, scripts: bool
+) -> None:
+    at = visit if scripts else plain
+    at.go("/")
+    at.page.get_by_role("link", name="Nonholonomic system").click()
+    at.page.get_by_label("Lagrangian").fill("(x'^2 + y'^2 + z'^2)/2")
+    at.page.get_by_label("Constraints").fill("z' + x*y'")
+    if not scripts:
+        at.page.get_by_role("button", name="Show what is understood").click()
+    expect(at.page.locator("#understood dd").nth(0)).to_contain_text("z")
+    expect(at.page.locator("#understood h3", has_text="Constraints")).to_be_visible()
+    at.page.get_by_role("button", name="Find out").click()
+    expect(at.page.locator(".verdict.variational")).to_be_visible()
+    expect(at.page.get_by_role("heading", name="The constrained system")).to_be_visible()
+    expect(at.page.get_by_role("heading", name="The motion in phase space")).to_be_visible()
+
+
+def test_special_cases_are_shown_as_a_tree(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = -a*x' + b*y\ny'' = -c*y' + d*x")
+    visit.page.get_by_text("Names and questions").click()
+    visit.page.get_by_label("Special cases").check()
+    visit.page.get_by_role("button", name="Find out").click()
+    tree = visit.page.locator("section", has=visit.page.get_by_role("heading", name="Special cases"))
+    expect(tree.locator(".tree li").first).to_be_visible()
+    expect(tree).to_contain_text("decided")
+
+
+def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
+    visit.go("/simulate")
+    visit.page.get_by_label("Steps").fill("200")
+    visit.page.get_by_role("button", name="Run").click()
+    expect(visit.page.locator("[data-drawn]")).to_be_visible(timeout=40_000)
+    assert visit.page.locator("tbody tr").filter(has_text="completed").count() == 3
+    for name in ("path", "coordinates", "energy", "constraints"):
+        expect(visit.page.locator(f"[data-plot={name}] .main-svg").first).to_be_visible()
+    assert visit.page.locator("[data-plot=error]").count() == 0
+    space = visit.page.locator("[data-space] canvas")
+    before = space.evaluate("node => node.toDataURL()")
+    visit.page.get_by_role("slider", name="turn").fill("-60")
+    assert space.evaluate("node => node.toDataURL()") != before
+    costs = visit.page.locator("section", has=visit.page.get_by_role("heading", name="What each tick cost"))
+    expect(costs.get_by_role("row", name="energy")).to_contain_text("s")
+    assert costs.get_by_role("row", name="error").count() == 0
+    found = Axe().run(visit.page).response["violations"]
+    assert [(v["id"], [node["html"][:100] for node in v["nodes"]]) for v in found] == []
+
+
+def test_without_scripts_a_scene_has_pictures_and_files(plain: Visit) -> None:
+    plain.go("/simulate?system=knife-edge")
+    plain.page.get_by_label("Steps").fill("100")
+    plain.page.get_by_label("Matching circle").uncheck()
+    plain.page.get_by_role("button", name="Run").click()
+    picture = plain.page.locator("[data-plot=energy] img")
+    # Without a script an unfinished page asks again every two seconds.
+    expect(picture).to_be_visible(timeout=40_000)
+    request = plain.page.context.request
+    folder = plain.page.url
+    svg = request.get(f"{folder}/figures/energy.svg")
+    assert svg.status == 200
+    assert b"<svg" in svg.body()
+    assert request.get(f"{folder}/figures/energy.png").body().startswith(b"\x89PNG")
+    csv = plain.page.get_by_role("link", name="as CSV").first.get_attribute("href")
+    npz = plain.page.get_by_role("link", name="as NPZ").first.get_attribute("href")
+    rows = request.get(plain.address + str(csv)).text().splitlines()
+    assert rows[0].startswith("t,phi,x,y")
+    assert len(rows) == 102
+    with np.load(io.BytesIO(request.get(plain.address + str(npz)).body())) as data:
+        assert data["phi"].shape == (101,)
+    assert request.get(f"{folder}/figures/nothing.svg").status == 404
+    assert request.get(f"{folder}/data/nothing.csv").status == 404
+
+
+def test_a_lagrangian_that_was_found_is_simulated_and_the_scene_changed(visit: Visit) -> None:
+    visit.go("/?example=sho")
+    visit.page.get_by_role("button", name="Find out").click()
+    visit.page.get_by_role("link", name="Simulate this").click()
+    visit.page.get_by_label("Steps").fill("50")
+    visit.page.get_by_role("button", name="Run").click()
+    expect(visit.page.locator("[data-drawn]")).to_be_visible(timeout=40_000)
+    visit.go("/simulate")
+    visit.page.get_by_label("Steps").fill("60")
+    visit.page.get_by_role("button", name="Run").click()
+    visit.page.get_by_role("link", name="Change the scene").click(timeout=40_000)
+    expect(visit.page.get_by_label("Steps")).to_have_value("60")
+
+
+def test_error_is_measured_against_time(visit: Visit) -> None:
+    visit.go("/simulate?system=knife-edge")
+    visit.page.get_by_label("Steps").fill("20")
+    visit.page.get_by_role("button", name="Measure error against time").click()
+    expect(visit.page.locator("[data-plot=work-precision] .main-svg").first).to_be_visible(timeout=60_000)
+    assert visit.page.locator("tbody tr").count() >= 4
+
+
+def test_what_is_wrong_with_a_scene_is_told_on_the_form(visit: Visit) -> None:
+    visit.go("/simulate")
+    visit.page.get_by_label("Steps").fill("many")
+    visit.page.get_by_role("button", name="Run").click()
+    expect(visit.page.locator(".problem")).to_contain_text("whole number")
+    expect(visit.page.get_by_label("Steps")).to_have_value("many")
+    visit.page.get_by_label("Steps").fill("10")
+    visit.page.get_by_label("Step h").fill("0.1*@")
+    visit.page.get_by_role("button", name="Run").click()
+    expect(visit.page.locator(".problem")).to_be_visible()
+
+
+def test_the_gallery_draws_the_paths_of_the_systems(visit: Visit) -> None:
+    visit.go("/gallery")
+    picture = visit.page.locator("img.thumbnail[src*='vertically-rolling-disk']")
+    picture.scroll_into_view_if_needed()
+    answer = visit.page.context.request.get(visit.address + "/gallery/vertically-rolling-disk.svg", timeout=40_000)
+    assert answer.text().count("<polyline") == 2

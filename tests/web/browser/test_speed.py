@@ -1,0 +1,42 @@
+"""How fast the pages are; not in the default suite, as the numbers belong to a quiet machine."""
+
+from __future__ import annotations
+
+import statistics
+
+import pytest
+from playwright.sync_api import expect
+
+from .conftest import Visit
+
+pytestmark = pytest.mark.slow
+REPEATS = 9
+FIRST_PAINT = """() => new Promise(resolve => new PerformanceObserver((list, observer) => {
+    observer.disconnect(); resolve(list.getEntries()[0].startTime);
+}).observe({type: 'paint', buffered: true}))"""
+ECHO = """text => new Promise(resolve => {
+    const box = document.getElementById('equations');
+    box.value = text;
+    const began = performance.now();
+    new MutationObserver((_, observer) => { observer.disconnect(); resolve(performance.now() - began); })
+        .observe(document.getElementById('understood'), {childList: true});
+    box.dispatchEvent(new Event('input', {bubbles: true}));
+})"""
+
+
+def test_the_first_paint_comes_within_300_ms(visit: Visit) -> None:
+    visit.go("/learn")
+    times = []
+    for _ in range(REPEATS):
+        visit.go("/")
+        times.append(float(visit.page.evaluate(FIRST_PAINT)))
+    print(f"first paint: median {statistics.median(times):.0f} ms, worst {max(times):.0f} ms")
+    assert statistics.median(times) < 300
+
+
+def test_the_echo_comes_within_100_ms_after_the_pause(visit: Visit) -> None:
+    visit.go("/")
+    expect(visit.page.locator("#understood .formula").first).to_be_visible()
+    times = [float(visit.page.evaluate(ECHO, f"x'' = -{k}*x + y'\ny'' = -{k}*y - x'")) for k in range(2, 2 + REPEATS)]
+    print(f"echo with its pause of 60 ms: median {statistics.median(times):.0f} ms, worst {max(times):.0f} ms")
+    assert statistics.median(times) - 60 < 100
