@@ -34,11 +34,12 @@ AT_ONCE = 200
 KindName = Literal["solve", "check", "simulate", "work-precision"]
 # A stream that wakes for every job would read the store more than it writes answers.
 SMALLEST_PAUSE = 0.02
+# Any element is taken; one that is no document is answered by a problem object.
 BATCH_BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
         "content": {
-            "application/json": {"schema": {"type": "array", "items": {"type": "object"}}},
+            "application/json": {"schema": {"type": "array", "minItems": 1}},
             NDJSON: {"schema": {"type": "string"}},
         },
     }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import importlib
 import logging
 import os
+import shutil
 import sqlite3
 import tempfile
 from pathlib import Path
@@ -49,6 +51,7 @@ def _default_store() -> JobStore:
     with contextlib.suppress(OSError, sqlite3.Error, DatabaseTaken):
         return _store_at(path)
     folder = Path(tempfile.mkdtemp(prefix="inverse-service-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     log.warning("the database of this user cannot be used now; jobs are kept in the temporary folder")
     return _store_at(folder / "jobs.sqlite")
 

@@ -1,0 +1,50 @@
+"""Which database a service takes, and what it says where it cannot have it."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import pytest
+
+from inverse_service.errors import InputError
+from inverse_service.service.jobs.opening import default_path, open_store
+
+
+def test_a_path_is_made_with_its_folders(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b" / "jobs.sqlite"
+    open_store(str(path)).close()
+    assert path.exists()
+
+
+def test_a_named_database_in_use_is_refused_with_a_sentence(tmp_path: Path) -> None:
+    store = open_store(str(tmp_path / "jobs.sqlite"))
+    with pytest.raises(InputError, match="INVERSE_SERVICE_DATABASE"):
+        open_store(str(tmp_path / "jobs.sqlite"))
+    store.close()
+
+
+@pytest.mark.parametrize("content", [b"my thesis, which is long enough to be no database at all" * 20, None])
+def test_what_is_no_database_is_refused_and_left_alone(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "thesis"
+    if content is None:
+        path.mkdir()
+    else:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match="cannot be used as a database"):
+        open_store(str(path))
+    assert path.is_dir() if content is None else path.read_bytes() == content
+
+
+def test_without_a_name_it_is_the_file_of_the_user_or_else_a_temporary_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    first = open_store(None)
+    assert default_path().is_file()
+    assert default_path().is_relative_to(tmp_path)
+    with caplog.at_level(logging.WARNING):
+        second = open_store(None)
+    assert "temporary folder" in caplog.text
+    second.close()
+    first.close()
