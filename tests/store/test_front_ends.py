@@ -56,6 +56,7 @@ def start(postgres: Server) -> Iterator[Start]:
         yield front_end
 
 
+@pytest.mark.slow
 def test_a_job_given_to_one_is_known_to_all(start: Start) -> None:
     (_, one), (_, two) = start(), start()
     job = one.submit(oscillator(0))

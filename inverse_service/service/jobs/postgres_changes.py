@@ -38,8 +38,9 @@ class Changes:
     def announce(self, connection: Connection, ids: Iterable[str]) -> None:
         """Tell the others, when the transaction is committed."""
         told = list(ids)
-        for id in told if len(told) <= MOST else [""]:
-            connection.execute("SELECT pg_notify(%s, %s)", (CHANNEL, f"{self._origin}:{id}"))
+        if told:
+            notices = [f"{self._origin}:{id}" for id in (told if len(told) <= MOST else [""])]
+            connection.execute("SELECT pg_notify(%s, notice) FROM unnest(%s::text[]) AS notice", (CHANNEL, notices))
 
     def tell(self, ids: Iterable[str]) -> None:
         """Call the listeners of this process."""
