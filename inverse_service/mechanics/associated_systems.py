@@ -14,7 +14,7 @@ from typing import Literal
 
 from inverse_service.algebra.exact_derivations import sum_of
 from inverse_service.algebra.rational_functions import Quotient
-from inverse_service.expressions.tree import Expression, add
+from inverse_service.expressions.tree import Expression, Number, add
 from inverse_service.mechanics.nonholonomic_motion import ExactMotion
 from inverse_service.mechanics.nonholonomic_writing import velocity_parts
 from inverse_service.mechanics.paper_class import PaperClass
@@ -110,9 +110,16 @@ def _third(motion: ExactMotion, member: PaperClass) -> AssociatedSystem:
     trees = [parts.tree(element) for element in motion.accelerations]
     forces = [parts.tree(_velocity_free(motion, element)) for element in motion.accelerations]
     turned = rotation(member)
+    if len(turned.turning) > 2 and any(_is_negative(parts.tree(mass)) for mass in member.masses):
+        text = "The third system is not defined: with three and more turning velocities all masses have to be positive."
+        return AssociatedSystem("third", None, text)
     for place, row in zip(member.moving, turned.terms(), strict=True):
         trees[place] = add(row, forces[place])
     return AssociatedSystem("third", _system(motion, "third", tuple(trees)), turned.explanation)
+
+
+def _is_negative(mass: Expression) -> bool:
+    return isinstance(mass, Number) and mass.value < 0
 
 
 def _velocity_free(motion: ExactMotion, element: Quotient) -> Quotient:
