@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from inverse_service.benchmark.cold_start import ColdStart
 from inverse_service.benchmark.decision_benchmark import Comparison, Medians
 from inverse_service.benchmark.growth import OrderRow, SizeRow
+from inverse_service.benchmark.peers_benchmark import PEERS, Answer, PeerRow
 from inverse_service.benchmark.plain import SIMPLIFICATIONS
 
 MISSING = "-"
@@ -76,12 +77,30 @@ def order_table(rows: Sequence[OrderRow]) -> str:
 
 
 def cold_table(rows: Sequence[ColdStart]) -> str:
-    """Cold starts, the slowest first."""
-    ordered = sorted(rows, key=lambda r: float("inf") if r.seconds is None else r.seconds, reverse=True)
-    return table(["entry", "s", "exit code"], map(_cold_cells, ordered))
+    """Cold starts, the most work first."""
+    ordered = sorted(rows, key=lambda r: float("inf") if r.processor is None else r.processor, reverse=True)
+    return table(["entry", "processor, s", "clock, s", "exit code"], map(_cold_cells, ordered))
 
 
 def _cold_cells(row: ColdStart) -> list[str]:
-    if row.seconds is None:
-        return [row.name, "past the limit", MISSING]
-    return [row.name, f"{row.seconds:.2f}", str(row.exit_code)]
+    if row.seconds is None or row.processor is None:
+        return [row.name, "past the limit", MISSING, MISSING]
+    return [row.name, f"{row.processor:.2f}", f"{row.seconds:.2f}", str(row.exit_code)]
+
+
+def peers_table(rows: Sequence[PeerRow]) -> str:
+    """Each system: ours and each peer in ms, a wrong verdict said so."""
+    head = ["system", "n", "verdict", "ours, ms", *(f"{name.replace('_', ' ')}, ms" for name in PEERS)]
+    return table(head, (_peer_cells(row) for row in rows))
+
+
+def _peer_cells(row: PeerRow) -> list[str]:
+    cells = [_answer_cell(answer, row.expected) for answer in (row.ours, *row.peers.values())]
+    return [row.name, str(row.n), row.expected, *cells]
+
+
+def _answer_cell(answer: Answer, expected: str) -> str:
+    if answer.seconds is None:
+        return answer.note
+    wrong = "" if answer.verdict == expected else f" (says {answer.verdict})"
+    return milliseconds(answer.seconds) + wrong

@@ -42,7 +42,8 @@ def test_the_plain_endomorphism_of_an_oscillator_is_twice_its_stiffness() -> Non
 
 
 def test_a_measurement_past_its_limit_is_none() -> None:
-    assert measure("inverse_service.benchmark.plain", ["cancel"], catalogue.document("generic-class-two-first"), 1) is None
+    slow = catalogue.document("generic-class-two-first")
+    assert measure("inverse_service.benchmark.plain", ["cancel"], slow, 1) is None
 
 
 def test_an_isolated_run_tells_verdict_and_memory() -> None:
