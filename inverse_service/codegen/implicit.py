@@ -174,17 +174,23 @@ class Blocks:
         w.write(slot, w.select(turned, met, determinant))
 
     def _apply(self, names: Sequence[str], change: Sequence[str], scales: Sequence[str], relative: float) -> str:
-        """unknown -= change; 1 where every change is within its tolerance, else 0."""
+        """unknown -= change; 1 where every change is within its tolerance, else 0.
+
+        The round-off of every state variable of the block counts for every unknown: an angle of 1e5 is known
+        to 1e-11 only, and so is a change of momentum that passes 0 there.
+        """
         w, e = self.writer, self.emitter
-        settled = w.number(1.0)
-        for name, delta, scale in zip(names, change, scales, strict=True):
+        settled, noise = w.number(1.0), ""
+        for scale in dict.fromkeys(scale for scale in scales if scale):
+            size = w.binary("*", w.number(ROUND_OFF), w.absolute(e.value(symbol(scale))))
+            noise = w.binary("+", noise, size) if noise else size
+        for name, delta in zip(names, change, strict=True):
             old = e.value(symbol(name))
             new = w.binary("-", old, delta)
             w.write(name, new)
             allowed = w.binary("*", w.number(relative), w.absolute(new))
-            if scale:
-                size = w.absolute(e.value(symbol(scale)))
-                allowed = w.binary("+", allowed, w.binary("*", w.number(ROUND_OFF), size))
+            if noise:
+                allowed = w.binary("+", allowed, noise)
             within = w.compare("<=", w.absolute(delta), allowed)
             settled = w.select(within, settled, w.number(0.0))
         return settled

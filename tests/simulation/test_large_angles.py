@@ -1,0 +1,16 @@
+"""An angle of 10^7 is known to 1e-9 only, and Newton must not ask for more."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.benchmark.problems import DISK
+from inverse_service.simulation.choices import Grid, MethodChoice, Start
+from inverse_service.simulation.methods import run
+
+
+@pytest.mark.parametrize("angle", [1.3e5, 1e7])
+@pytest.mark.parametrize("alpha", [0.0, 0.5, 1.0])
+def test_newton_is_content_with_round_off(angle: float, alpha: float) -> None:
+    start = Start((angle, 0.0, 0.0, 0.0), (1.0, 0.5, 0.0, 0.0), convention="discrete_constraint")
+    assert run(DISK, MethodChoice("variational", alpha), start, Grid(0.1, 2000), {"c": 1.0}).outcome.completed
