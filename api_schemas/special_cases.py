@@ -47,6 +47,7 @@ class SpecialCasesPart(Document):
 
     `variational_when` answers the question of the result, `variational_when_with_time` L(t, q, q').
     `complete`: no other case has another verdict; else `reasons` say where this is not known.
+    `complete_with_time` is that for L(t, q, q') alone, where both questions are asked.
     """
 
     tree: CaseNode
@@ -54,4 +55,5 @@ class SpecialCasesPart(Document):
     variational_when_with_time: list[VariationalCase] | None = None
     examined: int
     complete: bool
+    complete_with_time: bool | None = None
     reasons: list[str] = Field(default_factory=list)

@@ -19,7 +19,8 @@ def special_cases_lines(part: dict[str, Any]) -> Iterator[str]:
     if part["complete"]:
         yield "  The tree is complete: no other case has another verdict."
     else:
-        yield "  The tree may not be complete:"
+        only = " for L(q, q'); for L(t, q, q') it is" if part["complete_with_time"] else ""
+        yield f"  The tree may not be complete{only}:"
         yield from (f"    {reason}" for reason in part["reasons"])
 
 

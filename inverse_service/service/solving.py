@@ -12,10 +12,8 @@ from inverse_service.certificate.checker import check_result, check_text
 from inverse_service.errors import CertificateRefused
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve
-from inverse_service.inverse_problem.special_cases.tree import special_cases
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service import translate
-from inverse_service.service.translate_special_cases import to_special_cases
 
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
 SHARE_OF_SOLVER = 0.8
@@ -57,6 +55,10 @@ def with_special_cases(
     limits: tuple[float, Callable[[str], None] | None],
 ) -> ResultDocument:
     """The result with the tree of special cases, found in the time that is left."""
+    # Loaded when asked for, so that others start sooner.
+    from inverse_service.inverse_problem.special_cases.tree import special_cases
+    from inverse_service.service.translate_special_cases import to_special_cases
+
     end, progress = limits
     deadline = time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
     found = special_cases(system, asked.time_dependent, deadline, progress, asked.seed)

@@ -24,6 +24,7 @@ def to_special_cases(found: SpecialCases) -> SpecialCasesPart:
         variational_when_with_time=list(_variational(found.root, lambda case: case.with_time, False)) if both else None,
         examined=len(found.examined),
         complete=found.complete,
+        complete_with_time=found.complete_with_time if both else None,
         reasons=list(found.reasons),
     )
 

@@ -68,8 +68,8 @@ class Question:
 class Case:
     """The system on a stratum with its verdicts for L(q, v) and L(t, q, v); None where not asked.
 
-    `ideals` say where a verdict may change within the case; where `settled` is empty nowhere else,
-    else it says what is not known.
+    `ideals` say where a verdict may change within the case; where `unsettled` is empty nowhere else,
+    else it says what is not known, with `time_settled` of L(q, v) alone.
     """
 
     question: Question
@@ -82,6 +82,7 @@ class Case:
     reason: str = ""
     ideals: tuple[Ideal, ...] = ()
     unsettled: str = ""
+    time_settled: bool = False
 
     @property
     def declared(self) -> tuple[FunctionDeclaration, ...]:
@@ -199,16 +200,16 @@ def _with_ideals(question: Question, analysis: Analysis, case: Case) -> Case:
     if set(asked) == {"not_variational"}:
         return _negative(question, analysis, case)
     ideals = list(_of_rank(question, analysis))
-    proved = True
-    for with_time, verdict in ((False, case.autonomous), (True, case.with_time)):
-        if verdict != "variational" or (with_time and case.autonomous == "variational"):
-            continue
-        more, sure = _positive(question, analysis, with_time)
+    sure = {False: False, True: False}
+    if case.autonomous == "variational":
+        more, sure[False] = _positive(question, analysis, with_time=False)
         ideals += more
-        proved = proved and sure
-    if "not_variational" in asked:
-        return replace(case, ideals=tuple(ideals), unsettled=_DIFFERENTIAL.format("verdict on L(q, q')"))
-    return replace(case, ideals=tuple(ideals), unsettled="" if proved else _WITHOUT_LAGRANGIAN)
+    if case.with_time == "variational" and not sure[False]:
+        more, sure[True] = _positive(question, analysis, with_time=True)
+        ideals += more
+    settled = sure[case.autonomous is None] or (sure[False] and case.autonomous == "variational")
+    text = _WITHOUT_LAGRANGIAN if case.autonomous != "not_variational" else _DIFFERENTIAL.format("verdict on L(q, q')")
+    return replace(case, ideals=tuple(ideals), unsettled="" if settled else text, time_settled=sure[True])
 
 
 def _budget(question: Question) -> Budget:

@@ -48,9 +48,11 @@ class SpecialCases:
     root: Node
     examined: tuple[Case, ...]
     reasons: tuple[str, ...]
+    complete_with_time: bool
 
     @property
     def complete(self) -> bool:
+        """Whether no other case has another verdict on any question asked."""
         return not self.reasons
 
 
@@ -62,8 +64,9 @@ class _Exploration:
     waiting: list[tuple[Stratum, FunctionCase, int]]
     seen: list[tuple[Stratum, FunctionCase]]
     cases: list[Case] = field(default_factory=list)
-    # What is not known, and where.
+    # What is not known, and where; whether that is about L(q, v) alone.
     reasons: list[tuple[str, str]] = field(default_factory=list)
+    time_is_open: bool = False
 
 
 def special_cases(
@@ -88,7 +91,7 @@ def special_cases(
     while work.waiting and not _stopped(work, most):
         _advance(work)
     root = _tree(question, work.cases)
-    return SpecialCases(question, root, tuple(work.cases), tuple(_grouped(work.reasons)))
+    return SpecialCases(question, root, tuple(work.cases), tuple(_grouped(work.reasons)), not work.time_is_open)
 
 
 def _grouped(reasons: Sequence[tuple[str, str]]) -> Iterator[str]:
@@ -146,6 +149,7 @@ def _stopped(work: _Exploration, most: int) -> bool:
     over = time.monotonic() > work.question.deadline
     if len(work.cases) < most and not over:
         return False
+    work.time_is_open = True
     limit = "the time limit" if over else f"the limit of {most} cases"
     work.reasons.append((f"{limit} came with {len(work.waiting)} cases not yet examined", ""))
     return True
@@ -156,6 +160,7 @@ def _advance(work: _Exploration) -> None:
     stratum, functions, depth = work.waiting.pop(0)
     work.question.progress(f"special cases: {len(work.cases)} examined, {len(work.waiting)} waiting")
     if stratum.unsolved:
+        work.time_is_open = True
         text = ", ".join(equation_texts(stratum, stratum.unsolved))
         work.reasons.append((f"not solved for a parameter: {text}", ""))
         return
@@ -163,9 +168,12 @@ def _advance(work: _Exploration) -> None:
     if case.unsettled == UNDEFINED and work.cases:
         return
     work.cases.append(case)
-    work.reasons += _reasons(case)
+    reasons = _reasons(case)
+    work.reasons += reasons
+    work.time_is_open |= bool(reasons[case.time_settled :])
     inner = _inside(work.question, case)
     if inner and depth == DEEPEST:
+        work.time_is_open = True
         work.reasons.append((f"further cases lie beyond the depth {DEEPEST}", _where(case)))
         return
     for piece in inner:
@@ -187,8 +195,9 @@ def _inside(question: Question, case: Case) -> list[Stratum]:
 
 
 def _reasons(case: Case) -> list[tuple[str, str]]:
-    """Why not all is known inside a case."""
-    found = [(case.unsettled, _where(case))] if case.unsettled else []
+    """Why not all is known inside a case; one that is about L(q, v) alone comes first."""
+    about = "for L(q, q') alone: " if case.time_settled else ""
+    found = [(f"{about}{case.unsettled}", _where(case))] if case.unsettled else []
     for ideal in case.ideals:
         if ideal.functional and not any(_is_covered(case.question, tree) for tree in ideal.functional):
             found.append((f"not examined where {_together(ideal.functional)}", _where(case)))

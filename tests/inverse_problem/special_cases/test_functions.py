@@ -57,3 +57,11 @@ def test_limits_end_the_search_and_are_named() -> None:
     late = special_cases(system, True, deadline=time.monotonic())
     assert len(late.examined) == 1
     assert "time limit" in " ".join(late.reasons)
+
+
+def test_what_is_open_for_one_question_may_be_settled_for_the_other() -> None:
+    """Where a = c there is L = exp(a t) (...), but no L(q, v) in closed form that shows all its values."""
+    found = tree({"x": "-a*x' + b*y", "y": "-c*y' + d*x"}, "abcd")
+    assert found.complete_with_time
+    assert all(reason.startswith("for L(q, q') alone") for reason in found.reasons)
+    assert (("a = c",), "variational") in listed(found.root)
