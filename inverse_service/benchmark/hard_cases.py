@@ -196,6 +196,9 @@ def stiff() -> Iterator[HardCase]:
         pendulum = Start((0.5,), (0.3,))
         yield _case("stiff potential", f"pendulum, k = {k:g}, h = {step:g}", PENDULUM, MethodChoice("variational", 0.5),
                     pendulum, Grid(step, 400), values={"k": k}, allowed=allowed, bound=bound)  # fmt: skip
+        raw = MethodChoice("variational", 0.5, form="raw")
+        yield _case("stiff potential", f"pendulum, raw form, k = {k:g}, h = {step:g}", PENDULUM, raw,
+                    pendulum, Grid(step, 400), values={"k": k}, allowed=allowed, bound=bound)  # fmt: skip
         start = Start((0.3, 0.5, 0.0, 0.0), (1.0, 0.3, 0.3 * math.cos(0.3), 0.3 * math.sin(0.3)))
         yield _case("stiff potential", f"robot, k = {k:g}, h = {step:g}", ROBOT, MethodChoice("nonholonomic", 0.5),
                     start, Grid(step, 400), values={"k": k}, allowed=allowed, bound=bound)  # fmt: skip

@@ -127,3 +127,18 @@ CONTACT = problem(
 CONTACT_ENERGY = Observable(
     "energy", read("1/2*(x'^2 + y'^2 + z'^2) + 1/2*(x^2 + y^2 + z^2) + k*y^3/3", CONTACT.coordinates, ("k",))
 )
+# A system whose mass matrix depends on the place, and a chain of four with cubic forces: L has no constraints.
+DOUBLE_PENDULUM = problem(
+    "a b",
+    lagrangian="a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)",
+    free="a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)",
+    hamiltonian="(p_a^2 - 2*p_a*p_b*cos(a - b) + 2*p_b^2)/(2*(2 - cos(a - b)^2)) - 2*cos(a) - cos(b)",
+)
+_SPRINGS = " + ".join(f"(x{k + 1} - x{k})^2/2 + (x{k + 1} - x{k})^4/4" for k in (1, 2, 3))
+_KINETIC, _MOMENTA = (" + ".join(f"{text.format(k)}^2/2" for k in (1, 2, 3, 4)) for text in ("x{}'", "p_x{}"))
+CHAIN = problem(
+    "x1 x2 x3 x4",
+    lagrangian=f"{_KINETIC} - ({_SPRINGS})",
+    free=f"{_KINETIC} - ({_SPRINGS})",
+    hamiltonian=f"{_MOMENTA} + {_SPRINGS}",
+)

@@ -8,10 +8,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import symengine
 from numpy.typing import NDArray
 
-from inverse_service.codegen.algebra import ZERO, Evaluator, Formula, free_names, names_of, symbol, translate
+from inverse_service.codegen.algebra import ZERO, Evaluator, Formula, closure, free_names, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, walk
@@ -106,7 +105,7 @@ class Formulas:
         assert self.moving_alone is not None
         slope, name = self._slope(self.moving_alone), f"q{self.moving_alone}"
         names = [name, *sorted(free_names(slope) - {name})]
-        return names, symengine.Lambdify([symbol(each) for each in names], [slope])
+        return names, closure(names, [slope])
 
     def slope_on_way(self, table: Mapping[str, float], way: NDArray[np.float64]) -> NDArray[np.float64]:
         """d2H/dq dp of the coordinate that moves alone, at places `way` of it."""

@@ -110,7 +110,9 @@ def _outcome(
             return Outcome("singular", halt.step, when, *cause, _remedy(choice))
     remedy = halt.remedy
     if halt.kind == "guard" and halt.value:
-        remedy += f"; |step| below {abs(grid.step / halt.value):.3g} passes here"
+        # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are proportional to h.
+        excess = math.sqrt(halt.value) if halt.quantity.startswith("1 - det") else abs(halt.value)
+        remedy += f"; |step| below {abs(grid.step) / excess:.3g} passes here"
     return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, remedy)
 
 

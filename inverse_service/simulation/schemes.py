@@ -109,7 +109,8 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program
         for denominator in f.denominators
     ]
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
-    statements = plan(equations, [str(name) for name in d], scales)
+    # Near A_beta = 0 the determinant itself has no limit; there the watches above are the guard.
+    statements = plan(equations, [str(name) for name in d], scales, guarded=all(one.moves for one in f.denominators))
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 

@@ -9,11 +9,13 @@ import pytest
 
 from inverse_service.benchmark.hard_cases import contact_start, disk_start, particle_start
 from inverse_service.benchmark.problems import (
+    CHAIN,
     CONTACT,
     DISK,
     DISK_CONSTRAINTS,
     DISK_ENERGY,
     DISK_THIRD,
+    DOUBLE_PENDULUM,
     PARTICLE,
     PARTICLE_THIRD,
     PENDULUM,
@@ -44,6 +46,27 @@ def test_raw_form_and_hamiltonian_form_agree(what: Problem, start: Start, alpha:
     assert one.momenta is not None
     assert other.momenta is not None
     assert np.abs(one.momenta - other.momenta).max() < 1e-11
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize("symmetrised", [False, True])
+@pytest.mark.parametrize(
+    ("what", "start"),
+    [(DOUBLE_PENDULUM, Start((1.0, 1.5), (0.0, 0.3))), (CHAIN, Start((0.0, 0.1, 0.2, 0.3), (0.2, -0.2, 0.2, -0.2)))],
+    ids=["double pendulum", "chain"],
+)
+def test_without_constraints_all_methods_are_one(
+    what: Problem, start: Start, alpha: float, symmetrised: bool
+) -> None:
+    """Raw, Hamiltonian and nonholonomic form of a system with L~ = L and no constraints."""
+    grid = Grid(0.01, 300)
+    choices = [
+        MethodChoice("variational", alpha, symmetrised), MethodChoice("variational", alpha, symmetrised, form="raw"),
+        MethodChoice("nonholonomic", alpha, symmetrised),
+    ]  # fmt: skip
+    found = [run(what, choice, start, grid, {}) for choice in choices]
+    assert all(one.outcome.completed for one in found), [one.outcome for one in found]
+    assert all(np.abs(one.positions - found[0].positions).max() < 1e-11 for one in found)
 
 
 def test_symmetrised_forms_agree() -> None:
