@@ -70,7 +70,7 @@ def invariant_multipliers(system: LinearSystem) -> Multipliers:
     rows: list[Vector] = []
     basis, free = matrices.kernel(rows, width, owner)
     while basis:
-        rows = matrices.echelon([*rows, *(row for tensor in tensors for row in _asymmetry(tensor))])[0]
+        rows = matrices.echelon([*rows, *(row for tensor in tensors for row in asymmetry(tensor))])[0]
         smaller, free = matrices.kernel(rows, width, owner)
         if len(smaller) == len(basis):
             break
@@ -92,7 +92,7 @@ def _commutator(left: Matrix, right: Matrix) -> Matrix:
     return matrices.plus(matrices.product(left, right), matrices.product(right, left), -1)
 
 
-def _asymmetry(tensor: Matrix) -> Iterator[Vector]:
+def asymmetry(tensor: Matrix) -> Iterator[Vector]:
     """The rows of (g A)_ij - (g A)_ji in the entries of g, i < j."""
     n = len(tensor)
     zero = tensor[0][0].field.constant(0)

@@ -6,7 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.search import decoupled, one_coordinate, other_coordinates, parameters
+from inverse_service.inverse_problem.search import (
+    constant_velocity,
+    decoupled,
+    one_coordinate,
+    other_coordinates,
+    parameters,
+)
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.holomorphic import (
     complex_logarithm_lagrangians,
@@ -47,6 +53,9 @@ def _alone(
 SPECIALISTS: tuple[Specialist, ...] = (
     Specialist("linear systems, multipliers in t alone", 1.5, is_linear, _alone(linear_lagrangians)),
     Specialist("linear systems, separate coordinates", 6.6, is_autonomous_and_linear, _alone(separate_lagrangians)),
+    Specialist(
+        "velocities carried by a constant one", 2.5, constant_velocity.applies, _alone(constant_velocity.propose)
+    ),
     Specialist("real and imaginary parts of complex Lagrangians", 3.6, is_even, holomorphic_lagrangians),
     Specialist("decoupled blocks one by one", 3.7, decoupled.applies, decoupled.propose),
     Specialist("symbolic parameters by interpolation", 4.5, parameters.applies, parameters.propose),

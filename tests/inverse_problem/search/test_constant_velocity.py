@@ -1,0 +1,57 @@
+"""w'' = 0, x'' = w' A x': a regular Lagrangian for every constant A with exponents that are square roots."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.search import constant_velocity
+from inverse_service.inverse_problem.search.material import Material, gather
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.mechanics.reading import read_system
+from tests.inverse_problem.search.forty_digits import defects, legendre_defects
+
+NAME = "velocities carried by a constant one"
+CARRIED = {
+    "one eigenvalue": {"x": "-x'*w'", "w": "0"},
+    "a Jordan block": {"x": "u'*(-x'-y')", "y": "u'*(-y'-z')", "z": "u'*(-w'-z')", "w": "-u'*w'", "u": "0"},
+    "a nilpotent matrix": {"x": "-s'*y'", "y": "-s'*z'", "z": "0", "s": "0"},
+    "complex eigenvalues": {"x": "w'*(2*x'-y')", "y": "w'*(x'+2*y')", "w": "0"},
+    "irrational eigenvalues": {"x": "w'*(x'+y')", "y": "w'*(x'-y')", "w": "0"},
+    "symbolic entries": {"x": "a*w'*x'+w'*y'", "y": "b*w'*y'", "w": "0"},
+    "the carrier between": {"x": "-w'*y'", "w": "0", "y": "3*w'*x'"},
+}
+OTHERS = [
+    {"x": "-x'*w'", "w": "w'"},
+    {"x": "-x'*w'*w", "w": "0"},
+    {"x": "-x'^2", "w": "0"},
+    {"x": "-w'*x'-x", "w": "0"},
+    {"x": "0", "w": "0"},
+    {"x": "0"},
+]
+
+
+def material(equations: dict[str, str]) -> Material:
+    return gather(analyse(read_system(list(equations), equations, ["a", "b"])), with_time=False)
+
+
+@pytest.mark.parametrize("name", CARRIED)
+def test_the_lagrangian_and_its_hamiltonian_hold_to_forty_digits(name: str) -> None:
+    equations = CARRIED[name]
+    system = read_system(list(equations), equations, ["a", "b"])
+    answer = solve(system, SolveOptions(time_dependent=False)).autonomous
+    assert answer is not None
+    assert answer.lagrangian is not None
+    assert answer.lagrangian.family == NAME
+    for residual, determinant in defects(system, answer.lagrangian):
+        assert residual < 1e-25
+        assert determinant > 1e-25
+    assert answer.hamiltonian is not None
+    assert not answer.hamiltonian.implicit
+    assert max(legendre_defects(system, answer.lagrangian, answer.hamiltonian)) < 1e-25
+
+
+@pytest.mark.parametrize("equations", OTHERS)
+def test_other_systems_are_left_to_other_methods(equations: dict[str, str]) -> None:
+    assert not constant_velocity.applies(material(equations))
