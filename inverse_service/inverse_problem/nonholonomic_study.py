@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.inverse_problem.solving import Progress, solve
 from inverse_service.mechanics.associated_systems import KINDS, AssociatedSystem, Kind, associated, with_multiples
 from inverse_service.mechanics.integrability import Integrability, integrability
-from inverse_service.mechanics.nonholonomic_geometry import frames, geometry, too_large
+from inverse_service.mechanics.nonholonomic_geometry import TIME_LIMIT, frames, geometry, too_large
 from inverse_service.mechanics.nonholonomic_integrals import (
     FirstIntegral,
     MeasureDensity,
@@ -83,16 +84,19 @@ class Study:
     main: int
 
 
-def motion_report(system: NonholonomicSystem) -> MotionReport:
-    """The motion and what it keeps, in the coordinates of the paper's class where the system belongs to it."""
-    parts = geometry(system)
+def motion_report(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> MotionReport:
+    """The motion and what it keeps, in the coordinates of the paper's class where the system belongs to it.
+
+    What cannot be found in `time_limit` seconds is left out; LimitError where that is the motion itself.
+    """
+    parts = geometry(system, time_limit)
     try:
         member, reason = recognised(parts)
         exact = exact_motion(parts, member.frame if member is not None else frames(parts)[0])
         motion = written(exact)
     except TooLarge as error:
         raise too_large(error) from None
-    return MotionReport(
+    found = MotionReport(
         exact,
         motion,
         _or_none(lambda: integrability(parts, exact.frame)),
@@ -101,6 +105,9 @@ def motion_report(system: NonholonomicSystem) -> MotionReport:
         member,
         reason,
     )
+    # What follows is short work over the same ring, at any later time.
+    parts.ring.field.budget.deadline = math.inf
+    return found
 
 
 def _or_none(work: Callable[[], T]) -> T | None:
@@ -118,16 +125,21 @@ def associated_systems(
     InputError where a multiple does not vanish on the constraints.
     """
     if not families:
-        return tuple(
-            associated(report.exact, report.member, report.reason, each) for each in ([kind] if kind else KINDS)
-        )
-    base = associated(report.exact, report.member, report.reason, kind or "first")
+        return tuple(_associated(report, each) for each in ([kind] if kind else KINDS))
+    base = _associated(report, kind or "first")
     if base.system is None:
         raise InputError(base.explanation, "/associated")
     return tuple(
         with_multiples(base, _vanishing(report.motion, family, place, len(families)), f"family {place + 1}")
         for place, family in enumerate(families)
     )
+
+
+def _associated(report: MotionReport, kind: Kind) -> AssociatedSystem:
+    try:
+        return associated(report.exact, report.member, report.reason, kind)
+    except TooLarge as problem:
+        return AssociatedSystem(kind, None, f"The {kind} system is too large to be written out: {problem}.")
 
 
 def _vanishing(motion: EquationsOfMotion, family: Sequence[Expression], place: int, count: int) -> Sequence[Expression]:

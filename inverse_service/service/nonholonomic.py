@@ -19,6 +19,7 @@ from inverse_service.inverse_problem.nonholonomic_study import (
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.associated_systems import AssociatedSystem
+from inverse_service.mechanics.nonholonomic_geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic_motion import equations_of_motion
 from inverse_service.service import solving, translate
 from inverse_service.service.nonholonomic_search import searched
@@ -32,6 +33,8 @@ from inverse_service.service.translate_nonholonomic import (
 
 # Of the time for all, what a search among associated systems may take.
 SHARE_OF_SEARCH = 0.6
+# And what finding the motion and what it keeps may take.
+SHARE_OF_MOTION = 0.3
 
 
 def is_nonholonomic(document: Any) -> bool:
@@ -51,7 +54,8 @@ def solve_nonholonomic(
     schema = to_nonholonomic_schema(document)
     system = to_nonholonomic(schema)
     families = to_families(schema, system)
-    report, kind, part = motion_report(system), schema.associated, None
+    report = motion_report(system, min(TIME_LIMIT, SHARE_OF_MOTION * options.time_limit))
+    kind, part = schema.associated, None
     if kind == "search":
         _refuse_multiples(schema)
         limit = SHARE_OF_SEARCH * (end - time.monotonic())

@@ -13,7 +13,9 @@ from inverse_service.certificate.checker import check_certificate, check_text
 from inverse_service.cli.latex_page import latex_page
 from inverse_service.cli.text_page import text_page
 from inverse_service.errors import InputError
+from inverse_service.inverse_problem.nonholonomic_study import associated_systems, motion_report
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.mechanics.nonholonomic_reading import read_nonholonomic
 from inverse_service.service.documents import look, parse_document, solve_document, understand_document
 
 FIVE = ("nonholonomic-particle", "knife-edge", "vertically-rolling-disk", "mobile-robot", "two-wheeled-carriage")
@@ -173,3 +175,43 @@ def test_pages_show_the_motion_and_the_hamiltonisation() -> None:
     latex = latex_page(solved("nonholonomic-particle"), explain=False)
     assert latex.count("\\begin{document}") == 1
     assert "\\[ p_{z} = 0 \\]" in latex
+
+
+BAD_FORMULAS = (
+    *(
+        "",
+        "'",
+        "x'^",
+        "1/0",
+        "x'/(x-x)",
+        "e^(e^(e^x'))",
+        "sqrt(-1)*x'",
+        "log(-1)*x' + y'",
+        "0*x'",
+        "y' = x' = 1",
+        "x' =;",
+    ),
+    *(";;;", "diff(x, t)", "A(x)*x'", "x'^(1/2)", "x'*y'", "tan(pi/2)*x'", "sin(x')", "\\frac{x'}{", "x''", "q'"),
+)
+
+
+@pytest.mark.parametrize("key", ["lagrangian", "constraints", "multiples"])
+def test_bad_formulas_are_refused_or_understood_and_never_a_fault(key: str) -> None:
+    refused = 0
+    for formula in BAD_FORMULAS:
+        document = dict(DISK) | {
+            key: {"lagrangian": formula, "constraints": [formula], "multiples": {"x": formula}}[key]
+        }
+        try:
+            parse_document(document)
+        except InputError as error:
+            refused += 1
+            places = getattr(error, "places", ()) or (error,)
+            assert all(0 < len(place.detail) < 400 for place in places)
+    assert refused > len(BAD_FORMULAS) // 2
+
+
+def test_a_long_motion_leaves_time_for_its_associated_systems() -> None:
+    report = motion_report(read_nonholonomic(**DISK), time_limit=2.0)
+    assert report.exact.geometry.ring.field.budget.deadline == float("inf")
+    assert all(one.system is not None for one in associated_systems(report, None))
