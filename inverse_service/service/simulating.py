@@ -50,6 +50,12 @@ def simulate_tables(document: Any, progress: Progress | None = None, time_limit:
 
 def run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
     """Read, derive and run; with the seconds of each stage."""
+    # Values that are not finite are told as such in the numbers; numpy need not warn of them.
+    with np.errstate(all="ignore"):
+        return _run_document(document, progress, time_limit)
+
+
+def _run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
     begun = time.perf_counter()
     deadline = time.monotonic() + SHARE_OF_RUN * time_limit
     schema = scene_schema(document)

@@ -11,6 +11,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from api_schemas.scene import SceneDocument
 from inverse_service import __version__
 from inverse_service.errors import InputError
@@ -31,6 +33,11 @@ PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka")
 
 def work_precision(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
     """The work-precision document of a scene. Raises InputError for a scene that cannot be accepted."""
+    with np.errstate(all="ignore"):
+        return _work_precision(document, progress, time_limit)
+
+
+def _work_precision(document: Any, progress: Progress | None, time_limit: float) -> dict[str, Any]:
     begun = time.monotonic()
     schema = scene_schema(document)
     steps = _steps(schema)

@@ -141,6 +141,8 @@ def _projected(
     if lagrangian is not None:
         table = table_of(names, positions[None], velocities[None], values)
         mass = np.array([[array_value(entry, table)[0] for entry in row] for row in hessian(lagrangian, names)])
+    if not np.isfinite(mass).all():
+        raise InputError("the kinetic energy has no finite value at the start: start somewhere else.", "/initial")
     lifted = np.linalg.lstsq(mass, rows.T, rcond=None)[0]
     corrected: Array = velocities - lifted @ np.linalg.lstsq(rows @ lifted, defects, rcond=None)[0]
     if not np.isfinite(corrected).all() or np.abs(rows @ (corrected - velocities) + defects).max() > 1e-6:

@@ -16,7 +16,11 @@ Array = NDArray[np.float64]
 
 # Below this sine of the largest angle three points are taken to lie on a line.
 COLLINEAR = 1e-10
+# Squares of larger numbers overflow.
+LARGEST = 1e150
 MOST_CORRECTIONS = 30
+SHARE = 0.01
+FEWEST_POINTS = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +75,7 @@ def least_squares_circle(points: Array) -> Circle | None:
         return None
     mean = points.mean(axis=0)
     scale = float(np.abs(points - mean).max())
-    if scale == 0:
+    if not 0 < scale < LARGEST:
         return None
     reduced = (points - mean) / scale
     matrix = np.column_stack([reduced, np.ones(len(points))])
@@ -132,6 +136,20 @@ def circle_drift(points: Array) -> CircleDrift | None:
     if first is None or last is None:
         return None
     return CircleDrift(first, last, revolutions)
+
+
+def sparse_drift(points: Array) -> CircleDrift | None:
+    """Matching circles of the first and the last SHARE of the points, for a path of which not every step is known.
+
+    Its chords may turn by any angle, so revolutions cannot be counted (`revolutions` is nan).
+    """
+    points = np.asarray(points, dtype=float)
+    count = max(FEWEST_POINTS, int(SHARE * len(points)))
+    if len(points) < 2 * count + 1:
+        circle = least_squares_circle(points)
+        return None if circle is None else CircleDrift(circle, circle, float("nan"))
+    first, last = least_squares_circle(points[1 : 1 + count]), least_squares_circle(points[-count:])
+    return None if first is None or last is None else CircleDrift(first, last, float("nan"))
 
 
 def turned(points: Array) -> Array:

@@ -32,12 +32,20 @@ from inverse_service.simulation.matching_circle import (
     least_squares_circle,
     phase_error,
     radial_distance,
+    sparse_drift,
 )
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.scene import Scene
 
 Array = NDArray[np.float64]
 ENERGY_START = "energy_of_the_start"
+
+
+def greatest(values: Array) -> float | None:
+    """The greatest absolute value; nan (no value) does not count, None where one is infinite or none is left."""
+    sizes = np.abs(values[~np.isnan(values)])
+    largest = float(sizes.max()) if len(sizes) else np.inf
+    return largest if np.isfinite(largest) else None
 
 
 def energy(lagrangian: Expression, coordinates: tuple[str, ...]) -> Expression:
@@ -109,8 +117,9 @@ def point_energy(scene: Scene, positions: Array, velocities: Array) -> Array:
 def point_constraints(scene: Scene, positions: Array, velocities: Array) -> dict[str, Any]:
     """max |w(q_k) v_k| of all constraints over the recorded points."""
     table = table_of(scene.coordinates, positions, velocities, scene.values)
-    defects = [float(np.nanmax(np.abs(array_value(w, table)))) for w in scene.constraints]
-    return {"max_constraint_at_points": max(defects)}
+    defects = [greatest(array_value(w, table)) for w in scene.constraints]
+    known = [defect for defect in defects if defect is not None]
+    return {"max_constraint_at_points": max(known) if len(known) == len(defects) else None}
 
 
 def constraint_numbers(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
@@ -128,9 +137,12 @@ def momentum_numbers(trajectory: Trajectory, conserved: Mapping[int, str]) -> di
     return {"max_momentum_drift": max(each.values(), default=None), "momentum_drift": each}
 
 
-def circle_numbers(points: Array, exact: Array | None) -> dict[str, Any]:
-    """The `circle` part of a summary; {"circle": None} where the path is not round (a line, too few points)."""
-    drift = circle_drift(points)
+def circle_numbers(points: Array, exact: Array | None, every: int = 1) -> dict[str, Any]:
+    """The `circle` part of a summary; {"circle": None} where the path is not round (a line, too few points).
+
+    `every` says which steps were recorded: a revolution is seen only where all are.
+    """
+    drift = circle_drift(points) if every == 1 else sparse_drift(points)
     if drift is None:
         return {"circle": None}
     numbers: dict[str, Any] = {
@@ -142,10 +154,12 @@ def circle_numbers(points: Array, exact: Array | None) -> dict[str, Any]:
         "centre_drift": drift.centre_drift,
         "misfit": drift.first.misfit,
         "shape_misfit": _shape(points),
-        "revolutions": drift.revolutions,
+        "revolutions": drift.revolutions if every == 1 else None,
         "through_three_points": _three(points, drift),
     }
-    if drift.revolutions < 1:
+    if every > 1:
+        numbers["note"] = "Not every step is recorded: the circles are those of the first and last 1 % of the points."
+    elif drift.revolutions < 1:
         numbers["note"] = "The path is less than one revolution, so both circles are that of the whole path."
     reference = None if exact is None else least_squares_circle(exact)
     if reference is not None and reference.misfit <= 1e-6 * reference.radius:
@@ -163,7 +177,7 @@ def _shape(points: Array) -> float | None:
 def _three(points: Array, drift: CircleDrift) -> dict[str, Any] | None:
     """The paper's matching circle: through three points a third of a revolution apart (or of the path)."""
     last = len(points) - 1
-    third = max(1, int(last / max(1.0, drift.revolutions) / 3))
+    third = max(1, int(last / max(1.0, drift.revolutions) / 3)) if np.isfinite(drift.revolutions) else 1
     circle = circle_through(points[[0, third, 2 * third]])
     return None if circle is None else {"radius": circle.radius, "centre": list(circle.centre)}
 
@@ -171,7 +185,7 @@ def _three(points: Array, drift: CircleDrift) -> dict[str, Any] | None:
 def phase_numbers(points: Array, exact: Array) -> tuple[dict[str, Any], Array]:
     """Greatest and final phase error in radians, and the error at each point."""
     error = phase_error(points, exact)
-    return {"max_phase_error": float(np.abs(error).max()), "final_phase_error": float(error[-1])}, error
+    return {"max_phase_error": greatest(error), "final_phase_error": float(error[-1])}, error
 
 
 def error_numbers(scene: Scene, positions: Array, true: Array, against: str) -> tuple[dict[str, Any], Array]:
@@ -179,9 +193,9 @@ def error_numbers(scene: Scene, positions: Array, true: Array, against: str) -> 
     differences = np.abs(positions - true)
     distances: Array = differences.max(axis=1)
     numbers = {
-        "max_error": float(np.nanmax(distances)),
+        "max_error": greatest(distances),
         "final_error": float(distances[-1]),
-        "error_each": {name: float(np.nanmax(differences[:, k])) for k, name in enumerate(scene.coordinates)},
+        "error_each": {name: greatest(differences[:, k]) for k, name in enumerate(scene.coordinates)},
         "error_against": against,
     }
     return numbers, distances

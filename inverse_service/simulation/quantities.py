@@ -18,6 +18,7 @@ from inverse_service.simulation.observing import (
     constraint_numbers,
     energy_numbers,
     error_numbers,
+    greatest,
     momentum_numbers,
     phase_numbers,
     point_constraints,
@@ -75,7 +76,7 @@ def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, A
         if scene.circle is None:
             return {"circle": None}, {}
         pair = list(scene.circle)
-        return circle_numbers(positions[:, pair], None if true is None else true[:, pair]), {}
+        return circle_numbers(positions[:, pair], None if true is None else true[:, pair], scene.grid.record_every), {}
     if name in ("phase", "error"):
         return _compared(name, scene, positions, true, truth)
     return {}, {}
@@ -92,9 +93,9 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     if velocities is not None:
         points = point_energy(run.scene, run.trajectory.positions, velocities)
         errors = np.abs(points - start) / (abs(start) or 1.0)
-        numbers["max_energy_error_at_points"] = float(np.nanmax(errors))
+        numbers["max_energy_error_at_points"] = greatest(errors)
         if run.requested.choice is not None and run.requested.choice.order > 2:
-            numbers |= {"max_energy_error": float(np.nanmax(errors)), "final_energy_error": float(errors[-1])}
+            numbers |= {"max_energy_error": greatest(errors), "final_energy_error": float(errors[-1])}
             series = points
     return numbers, {"energy": series}
 

@@ -88,6 +88,8 @@ def run_method(
     if isinstance(found, Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
+    if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
+        return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
     numbers, series = observed_quantities(observed, seconds)
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, known)

@@ -12,6 +12,7 @@ from inverse_service.simulation.matching_circle import (
     least_squares_circle,
     phase_error,
     radial_distance,
+    sparse_drift,
     turned,
 )
 
@@ -84,6 +85,20 @@ def test_a_moving_centre_and_a_growing_radius_are_told_apart() -> None:
     assert growing.centre_drift < 2e-3
     assert moving.centre_drift == pytest.approx(0.001 * (100 - 2 * np.pi), rel=2e-2)
     assert moving.last.radius == pytest.approx(moving.first.radius, rel=1e-3)
+
+
+def test_a_path_known_at_few_steps_has_its_circles_too() -> None:
+    """Chords that turn by 10 radians are no revolutions, but the points are on the circle all the same."""
+    angles = 10.0 * np.arange(20_000)
+    drift = sparse_drift(arc((0, 0), 2, angles) + np.column_stack([1e-6 * angles, 0 * angles]))
+    assert drift is not None
+    assert np.isnan(drift.revolutions)
+    assert drift.last.radius == pytest.approx(2, rel=1e-3)
+    assert drift.centre_drift == pytest.approx(0.2, rel=0.02)
+    short = sparse_drift(arc((0, 0), 2, angles[:10]))
+    assert short is not None
+    assert short.first == short.last
+    assert sparse_drift(np.zeros((500, 2))) is None
 
 
 def test_less_than_a_revolution_is_said() -> None:

@@ -78,7 +78,7 @@ def _below(method: Mapping[str, Any], path: Array, centre: Array, half: float) -
     circle = method.get("circle")
     if circle and circle.get("max_radial_distance") is not None:
         notes.append(f"off the circle by {shown(100 * circle['max_radial_distance'])} %")
-    elif circle and circle["revolutions"] >= 1:
+    elif circle and (circle["revolutions"] or 0) >= 1:
         notes.append(f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}")
     if method["outcome"] != "completed":
         notes.append(f"ends: {method['outcome']}")
@@ -93,7 +93,7 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
     sizes = {
         m["label"]: abs(m["circle"]["radius_change"])
         for m in drawn
-        if m.get("circle") and m["circle"]["revolutions"] >= 2 and math.isfinite(m["circle"]["radius_change"])
+        if m.get("circle") and (m["circle"]["revolutions"] or 2) >= 2 and math.isfinite(m["circle"]["radius_change"])
     }
     start = f"{result['name'] or 'Path'}: {result['steps']} steps of {shown(result['step'])}."
     black = " The black curve is the true motion." if compared else ""
