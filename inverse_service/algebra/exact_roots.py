@@ -40,6 +40,8 @@ def root_generator(ring: ExactRing, radicand: Quotient, tree: Expression, degree
 
     For the radicand a/b the generator is b (a/b)^(1/degree), a root of the polynomial a b^(degree-1).
     """
+    if radicand.is_zero:
+        return radicand
     below = Quotient(ring.field, ring.field.expand(radicand.exponents), ())
     polynomial = (Quotient(ring.field, radicand.numerator, ()) * below ** (degree - 1)).numerator
     for relation in ring.field.relations.values():

@@ -143,6 +143,8 @@ def power(base: Expression, exponent: Expression | int | Fraction) -> Expression
         return ONE
     if exponent == ONE or base == ONE:
         return base
+    if base == ZERO and isinstance(exponent, Number) and exponent.value > 0:
+        return ZERO
     if isinstance(exponent, Number) and exponent.value.denominator == 1:
         if isinstance(base, Number) and abs(exponent.value) <= 64 and (base.value or exponent.value > 0):
             return Number(base.value ** int(exponent.value))

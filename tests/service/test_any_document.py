@@ -6,10 +6,12 @@ import json
 from collections.abc import Callable
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from inverse_service.errors import InputError
+from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service import tasks
 from inverse_service.service.reading import read_json, read_toml, read_yaml
 
@@ -75,3 +77,9 @@ def refusal(read: Callable[[bytes], Any], data: bytes) -> str | None:
     except InputError as error:
         return error.detail
     return None
+
+
+@pytest.mark.parametrize("text", ["\u221a0", "sqrt(x-x)*y", "sqrt(sin(x)^2+cos(x)^2-1)", "(sin(x)^2+cos(x)^2-1)^(-1/2)"])
+def test_a_root_of_zero_is_no_fault(text: str) -> None:
+    document = {"coordinates": ["x", "y"], "equations": {"x": text, "y": "0"}}
+    assert tasks.solve_task(document, SolveOptions(time_limit=20.0)).status == "done"
