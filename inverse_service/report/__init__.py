@@ -1,0 +1,1 @@
+"""The paper, statement by statement, computed anew."""
