@@ -48,6 +48,8 @@ FAMILY_NAMES = tuple(BUILDERS)
 # The part of the time that decisions may take; the rest is for Lagrangians and Hamiltonians.
 _DECIDING = 0.6
 _SECONDS_EACH = 20.0
+# Writing the letters down takes a second; it is given this many, whatever the time limit.
+_WRITING = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +131,7 @@ def search_families(
     began = time.monotonic()
     report = progress or (lambda _: None)
     _refuse_unknown(options.names)
-    families, source = _families(motion, options, began + options.time_limit)
+    families, source = _families(motion, options, began + max(options.time_limit, _WRITING))
     given = motion.geometry.system
     empty = SecondOrderSystem(given.coordinates, (), given.parameters, given.functions)
     shared = SharedLetters.of(empty, source.letters.trees)

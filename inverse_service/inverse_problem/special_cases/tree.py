@@ -24,7 +24,8 @@ from inverse_service.inverse_problem.special_cases.cases import (
     examine,
 )
 from inverse_service.inverse_problem.special_cases.conditions import condition_texts, equation_texts
-from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, Stratum, split
+from inverse_service.inverse_problem.special_cases.splitting import split
+from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, Stratum
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 MOST_CASES = 120

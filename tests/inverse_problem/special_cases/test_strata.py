@@ -8,7 +8,8 @@ import pytest
 from flint import fmpq_mpoly
 
 from inverse_service.expressions.printing import to_text
-from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, split
+from inverse_service.inverse_problem.special_cases.splitting import split
+from inverse_service.inverse_problem.special_cases.strata import ParameterSpace
 
 SPACE = ParameterSpace(("a", "b", "c"))
 A, B, C = SPACE.context.gens()
