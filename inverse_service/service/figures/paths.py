@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, joined, look, new_figure, shown, spread
+from inverse_service.simulation.matching_circle import turned
 
 Array = NDArray[np.float64]
 Tables = Mapping[str, Mapping[str, Array]]
@@ -22,6 +23,7 @@ PANEL = 3.1
 ALPHA = "\N{GREEK SMALL LETTER ALPHA}"
 # A path that reaches further than this many times the true one leaves the picture, which the title says.
 REACH = 1.6
+WIDEST_TURN = 0.8
 
 
 def path_figure(result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None) -> tuple[Figure, str]:
@@ -50,9 +52,10 @@ def _panel(
 ) -> None:  # fmt: skip
     style = look(place, method["method"])
     if true is not None:
-        axes.plot(*_thinned(true).T, color=TRUE_COLOUR, linewidth=1.1, zorder=3, label="true motion")
+        thin = _thinned(true)
+        axes.plot(*thin.T, color=TRUE_COLOUR, zorder=3, label="true motion", **_stroke(thin, 1.1))
     thin = _thinned(path)
-    axes.plot(*thin.T, color=style.colour, linewidth=0.7, linestyle="-", alpha=0.75, zorder=2)
+    axes.plot(*thin.T, color=style.colour, alpha=0.75, zorder=2, **_stroke(thin, 0.7))
     axes.plot(
         *thin.T, color=style.colour, linestyle="none", marker=style.marker, markersize=4, fillstyle="none",
         markevery=spread(len(thin), MOST_MARKERS), zorder=4,
@@ -124,6 +127,14 @@ def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
     centre = (low + high) / 2
     reach = max((float(np.nanmax(np.abs(path - centre))) for path in paths), default=half)
     return centre, 1.06 * min(max(half, reach), REACH * half)
+
+
+def _stroke(path: Array, width: float) -> dict[str, Any]:
+    """A line through the points, or dots where they are so far apart that a line would hide the path."""
+    turns = np.abs(np.diff(turned(path))) if len(path) > 3 else np.zeros(1)
+    if np.median(turns) < WIDEST_TURN:
+        return {"linewidth": width, "linestyle": "-"}
+    return {"linestyle": "none", "marker": ".", "markersize": 1.2 * width}
 
 
 def _thinned(path: Array) -> Array:
