@@ -79,7 +79,9 @@ def refusal(read: Callable[[bytes], Any], data: bytes) -> str | None:
     return None
 
 
-@pytest.mark.parametrize("text", ["\u221a0", "sqrt(x-x)*y", "sqrt(sin(x)^2+cos(x)^2-1)", "(sin(x)^2+cos(x)^2-1)^(-1/2)"])
+@pytest.mark.parametrize(
+    "text", ["\u221a0", "sqrt(x-x)*y", "sqrt(sin(x)^2+cos(x)^2-1)", "(sin(x)^2+cos(x)^2-1)^(-1/2)"]
+)
 def test_a_root_of_zero_is_no_fault(text: str) -> None:
     document = {"coordinates": ["x", "y"], "equations": {"x": text, "y": "0"}}
     assert tasks.solve_task(document, SolveOptions(time_limit=20.0)).status == "done"
