@@ -91,7 +91,7 @@ class LagrangianDocument(Document):
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
     coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)]
     lagrangian: Formula
-    constraints: Annotated[list[Formula], Field(max_length=MAX_COORDINATES)] = Field(default_factory=list)
+    constraints: Annotated[list[Formula], Field(max_length=MAX_COORDINATES)] | Formula = Field(default_factory=list)
     parameters: (
         Annotated[dict[Name, Value | None], Field(max_length=MAX_PARAMETERS)]
         | Annotated[list[Name], Field(max_length=MAX_PARAMETERS)]

@@ -121,8 +121,8 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
     parameters, values = _parameters(schema.parameters, extra)
     names = read_names(schema.coordinates, parameters, schema.functions)
     if schema.constraints:
-        texts = list(schema.constraints)
-        system = read_nonholonomic(schema.coordinates, schema.lagrangian, texts, parameters, schema.functions)
+        given = schema.constraints
+        system = read_nonholonomic(schema.coordinates, schema.lagrangian, given, parameters, schema.functions)
         lagrangian, constraints = system.lagrangian, system.constraints
     else:
         lagrangian, constraints = formula(schema.lagrangian, names, "/lagrangian"), ()
@@ -138,7 +138,9 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
 
 
 # Keys of a nonholonomic document that ask something of `solve` and say nothing of the motion.
-SOLVE_ONLY = frozenset({"multiples", "time_dependent_lagrangian", "ansatz", "series_order", "question", "id"})
+SOLVE_ONLY = frozenset(
+    {"multiples", "search", "special_cases", "time_dependent_lagrangian", "ansatz", "series_order", "question", "id"}
+)
 
 
 def formula(text: str, names: Names, pointer: str) -> Expression:

@@ -129,3 +129,15 @@ def test_values_of_the_document_are_overruled_by_the_scene() -> None:
     document = {**DISK, "system": system, "parameters": {"k": 9}}
     document["initial"] = {"positions": {"x": 1}, "velocities": {"x": 0}}
     assert dict(read(document).values) == {"m": 2.0, "k": 9.0}
+
+
+def test_constraints_may_be_one_text_and_equations() -> None:
+    system = {
+        "coordinates": ["phi", "theta", "x", "y"],
+        "lagrangian": "(x'^2 + y'^2)/2 + theta'^2/4 + phi'^2/8",
+        "constraints": "x' = cos(phi)*theta'; y' = sin(phi)*theta'",
+        "associated": "second",
+    }
+    scene = read({**DISK, "system": {"document": system}, "parameters": {}})
+    assert len(scene.constraints) == 2
+    assert scene.velocities.tolist() == [1, 1, 1, 0]
