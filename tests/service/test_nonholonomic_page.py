@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -13,6 +12,7 @@ from inverse_service import catalogue
 from inverse_service.cli.text_page import text_page
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import solve_document
+from tests.service.test_nonholonomic import solved
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "nonholonomic.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| ([a-z-]+) \| (n?v) \| (n?v) \| (n?v) \| (.+) \|$", PAGE, re.MULTILINE)
@@ -20,14 +20,10 @@ LONG = ("generic-class-two", "generic-class-three")
 WORDS = {"v": "variational", "nv": "not_variational"}
 
 
-def solved(document: dict[str, Any]) -> dict[str, Any]:
-    return solve_document(document, SolveOptions(time_limit=120))
-
-
 def test_the_example_prints_what_the_page_shows() -> None:
     (document,) = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
     (shown,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
-    printed = text_page(solved(json.loads(document)), explain=False).splitlines()
+    printed = text_page(solve_document(json.loads(document), SolveOptions(time_limit=120)), explain=False).splitlines()
     places = [printed.index(line) for line in shown.splitlines()]
     assert places == sorted(places)
 
@@ -37,7 +33,7 @@ def test_the_example_prints_what_the_page_shows() -> None:
 )
 def test_the_table_is_what_the_solver_finds(row: tuple[str, str, str, str, str]) -> None:
     name, *verdicts, density = row
-    part = solved(catalogue.document(name))["nonholonomic"]
+    part = solved(name)["nonholonomic"]
     found = {one["kind"]: (one["verdict"], one["checked"]) for one in part["associated"]}
     kinds = ("first", "second", "third")
     assert found == {kind: (WORDS[word], "valid") for kind, word in zip(kinds, verdicts, strict=True)}
