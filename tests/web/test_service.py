@@ -194,6 +194,11 @@ def test_files_of_pages_are_kept_forever_under_the_hash_of_their_content(client:
     problem(client.get("/static/0/secret"), 404)
 
 
+def test_a_form_of_another_site_is_refused(client: httpx.Client) -> None:
+    headers = {"Sec-Fetch-Site": "cross-site"}
+    problem(client.post("/", data={"equations": "x'' = -x"}, headers=headers), 403)
+
+
 def test_an_upload_that_is_no_form_is_refused(client: httpx.Client) -> None:
     for content_type in ("multipart/form-data", "multipart/form-data; boundary=x"):
         for body in (b"", b"--x", b"--x\r\n\r\n--x--", b"\xff" * 100, b"--x\r\nno name\r\n\r\nv\r\n--x--\r\n"):

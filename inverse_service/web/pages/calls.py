@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +14,8 @@ from starlette.requests import Request
 # What says who asks; everything else of the browser's request is the page's own business.
 PASSED_ON = ("authorization", "x-api-key")
 ORIGIN = "http://pages.invalid"
+# It would note every one of these calls, which the service counts itself.
+logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
 @dataclass(frozen=True, slots=True)

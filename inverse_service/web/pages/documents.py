@@ -139,6 +139,13 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     return fields
 
 
+def lean_fields(document: Mapping[str, Any]) -> dict[str, str]:
+    """The form filled with a document, names left out where they would be guessed: then the text can be changed."""
+    fields = fields_from(document)
+    lean = fields | dict.fromkeys(("coordinates", "parameters", "functions"), "")
+    return lean if document_of_fields(lean) == document_of_fields(fields) else fields
+
+
 def equations_text(equations: Any) -> str:
     """Equations of any form as the lines of the text box."""
     if isinstance(equations, dict):

@@ -44,7 +44,9 @@ class Form:
 
 
 async def read_form(request: Request, limit: int) -> Form:
-    """The sent form; refuses one that is too large (413) or not written as a browser writes it (400)."""
+    """The sent form; refuses one of another site (403), too large (413), not written by a browser (400)."""
+    if request.headers.get("sec-fetch-site") == "cross-site":
+        raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
     body = await read_body(request, limit)
     content_type = request.headers.get("content-type", "")
     if content_type.lower().startswith("multipart/form-data"):

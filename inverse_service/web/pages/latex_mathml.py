@@ -37,7 +37,6 @@ IDENTIFIERS = frozenset(("partial", "nabla"))
 SPACES = {"quad": "1em", "qquad": "2em", ";": "0.28em", ",": "0.17em", ":": "0.22em", " ": "0.25em", "!": "0"}
 WORDS = frozenset(("operatorname", "mathrm", "mathsf", "text", "mathbf", "mathit"))
 PRIME = "\u2032"
-NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 
 
 OPERANDS = ("<mi", "<mn", "<msu", "<mov", "<mf", "<msq", "<mrow><mo>")
@@ -52,7 +51,7 @@ def latex_to_mathml(latex: str, display: bool = False) -> str:
     reader = _Reader(TOKEN.findall(latex))
     row = low_fences(reader.row(()))
     shown = ' display="block"' if display else ""
-    return f'<math xmlns="{NAMESPACE}"{shown}>{row}</math>'
+    return f"<math{shown}>{row}</math>"
 
 
 def pieces(latex: str) -> list[str]:

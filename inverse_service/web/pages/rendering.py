@@ -85,7 +85,7 @@ def progress_text(progress: Any) -> str:
     parts = [
         str(value) if key in ("stage", "message") else f"{key.replace('_', ' ')} {value}"
         for key, value in progress.items()
-        if isinstance(value, str | int | float)
+        if isinstance(value, str | int | float) and key != "elapsed"
     ]
     return ", ".join(parts)
 

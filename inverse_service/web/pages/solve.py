@@ -14,7 +14,7 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import Answer, call
-from inverse_service.web.pages.documents import document_of, fields_from, fields_of
+from inverse_service.web.pages.documents import document_of, fields_from, fields_of, lean_fields
 from inverse_service.web.pages.forms import Form, read_form
 from inverse_service.web.pages.naming import Guess
 from inverse_service.web.pages.rendering import page
@@ -44,6 +44,7 @@ NONHOLONOMIC_EXAMPLES = (
     ("mobile-robot", "Mobile robot", "with fixed orientation"),
     ("inclined-knife-edge", "Inclined knife edge", "under gravity"),
 )
+FIRST_NONHOLONOMIC = "nonholonomic-particle"
 START = "x'' = -x + k*y\ny'' = -y + k*x"
 
 
@@ -53,11 +54,11 @@ async def form(request: Request) -> HTMLResponse:
     query = request.query_params
     kind = "nonholonomic" if query.get("kind") == "nonholonomic" else "equations"
     if "example" in query:
-        fields = fields_from(example_document(query["example"]))
+        fields = lean_fields(example_document(query["example"]))
     elif "job" in query:
         fields = await fields_of_job(request, query["job"])
     elif kind == "nonholonomic":
-        fields = fields_from(example_document(NONHOLONOMIC_EXAMPLES[0][0]))
+        fields = lean_fields(example_document(FIRST_NONHOLONOMIC))
     else:
         fields = fields_from({"equations": START})
     echo = await understand(request, fields, document_of_fields_or_none(fields))
@@ -140,7 +141,7 @@ def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTML
 def examples(chosen: tuple[tuple[str, str, str], ...]) -> list[dict[str, Any]]:
     """The palette, each example with the fields that it fills."""
     return [
-        {"name": name, "label": label, "hint": hint, "fields": fields_from(catalogue.document(name))}
+        {"name": name, "label": label, "hint": hint, "fields": lean_fields(catalogue.document(name))}
         for name, label, hint in chosen
     ]
 
@@ -160,7 +161,7 @@ async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
         raise Refusal(404, "not-found", "There is no result at this address.")
     result = answer.value.get("result") or {}
     given = (result.get("system") or {}).get("given")
-    return fields_from(given if isinstance(given, dict) else {"equations": START})
+    return lean_fields(given if isinstance(given, dict) else {"equations": START})
 
 
 def document_of_fields_or_none(fields: dict[str, str]) -> dict[str, Any] | None:

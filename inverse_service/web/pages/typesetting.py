@@ -16,7 +16,6 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import read_formula
 from inverse_service.web.pages.latex_mathml import (
-    NAMESPACE,
     UnknownLatex,
     latex_to_mathml,
     low_fences,
@@ -36,6 +35,7 @@ _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
 _MATRIX = re.compile(r"\[\[.*?\]\](?=\W|$)")
 _CONDITION = re.compile(r"\((nabla(?:\^(\d))?)?(Phi|R)\)_(\d+)")
 _NABLA = re.compile(r"\b(nabla(?:\^\d)?) (?=Phi|R)")
+_POWER = re.compile(r"([(]*)nabla\^(\d)(Phi|R)([).,:;]*)")
 _BARE = re.compile(r"([(]*)([A-Za-z0-9_']+)([).,:;]*)")
 _COMPONENTS = re.compile(r"(The components of .+? that are not zero) \(row, column\): .*", re.DOTALL)
 _MATHEMATICAL = re.compile(r"[*^/'=_\d()+]|^-")
@@ -79,7 +79,7 @@ THIN_TIMES = '<mo lspace="0.08em" rspace="0.08em">&#x2062;</mo>'
 def math(inner: str, display: bool = False) -> Markup:
     """A <math> element of our own MathML."""
     shown = ' display="block"' if display else ""
-    return Markup(f'<math xmlns="{NAMESPACE}"{shown}>{inner}</math>')
+    return Markup(f"<math{shown}>{inner}</math>")
 
 
 def formula(text: str, names: Names) -> Markup:
@@ -260,6 +260,9 @@ def _run(words: list[str], names: Names) -> tuple[Markup, bool]:
 
 def _single(word: str, names: Names) -> Markup:
     """A word by itself: a declared name is set as a symbol, brackets and marks around it stay."""
+    tensor = _POWER.fullmatch(word)
+    if tensor:
+        return Markup("{}{}{}").format(tensor[1], math(_tensor("nabla", tensor[2], tensor[3])), tensor[4])
     match = _BARE.fullmatch(word)
     if match is None or names.role(match[2]) is None or match[2] in ARTICLES:
         return escape(word)

@@ -42,6 +42,7 @@ function examples(form, ask) {
         if (field.type === "checkbox") field.checked = Boolean(value);
         else field.value = value;
       }
+      if (form.elements.coordinates?.value) form.querySelector("details.more").open = true;
       const box = form.querySelector("textarea");
       box.focus({ preventScroll: true });
       box.scrollIntoView({ block: "center", behavior: calm() ? "auto" : "smooth" });
@@ -79,7 +80,7 @@ function copying() {
 function progressText(progress) {
   if (!progress) return "";
   if (typeof progress === "string") return progress;
-  return Object.entries(progress).filter(([, value]) => value !== null && typeof value !== "object")
+  return Object.entries(progress).filter(([name, value]) => name !== "elapsed" && value !== null && typeof value !== "object")
     .map(([name, value]) => (name === "stage" || name === "message" ? String(value) : `${name.replaceAll("_", " ")} ${value}`)).join(", ");
 }
 

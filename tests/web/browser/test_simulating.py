@@ -19,8 +19,8 @@ def test_a_nonholonomic_system_is_understood_and_its_second_system_solved(
     at = visit if scripts else plain
     at.go("/")
     at.page.get_by_role("link", name="Nonholonomic system").click()
-    at.page.get_by_label("Lagrangian").fill("(x'^2 + y'^2 + z'^2)/2")
-    at.page.get_by_label("Constraints").fill("z' + x*y'")
+    at.page.get_by_label("Lagrangian", exact=True).fill("(x'^2 + y'^2 + z'^2)/2")
+    at.page.get_by_label("Constraints", exact=True).fill("z' + x*y'")
     if not scripts:
         at.page.get_by_role("button", name="Show what is understood").click()
     expect(at.page.locator("#understood dd").nth(0)).to_contain_text("z")
@@ -33,7 +33,7 @@ def test_a_nonholonomic_system_is_understood_and_its_second_system_solved(
 
 def test_special_cases_are_shown_as_a_tree(visit: Visit) -> None:
     visit.go("/")
-    visit.page.get_by_label("Equations", exact=True).fill("x'' = -a*x' + b*y\ny'' = -c*y' + d*x")
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = -a*x + b*y\ny'' = -c*y + d*x")
     visit.page.get_by_text("Names and questions").click()
     visit.page.get_by_label("Special cases").check()
     visit.page.get_by_role("button", name="Find out").click()

@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.web.pages.documents import document_of, equations_text, fields_from, functions_of, parameters_of
+from inverse_service.web.pages.documents import (
+    document_of,
+    equations_text,
+    fields_from,
+    functions_of,
+    lean_fields,
+    parameters_of,
+)
 from inverse_service.web.pages.forms import Form, Upload
 from inverse_service.web.pages.naming import guess_names
 
@@ -66,6 +73,13 @@ def test_a_document_fills_the_form_and_comes_back() -> None:
     given |= {"functions": {"A": ["x"]}, "time_dependent_lagrangian": True}
     found = document_of(Form({name: (value,) for name, value in fields_from(given).items()}))
     assert found == {**given, "equations": equations_text(given["equations"])}
+
+
+def test_names_that_would_be_guessed_are_left_out_of_the_form() -> None:
+    lean = lean_fields({"coordinates": ["x"], "equations": {"x": "-k*x"}, "parameters": ["k"]})
+    assert (lean["coordinates"], lean["parameters"]) == ("", "")
+    kept = lean_fields({"coordinates": ["x"], "equations": {"x": "-k*x"}, "parameters": ["k", "unused"]})
+    assert (kept["coordinates"], kept["parameters"]) == ("x", "k, unused")
 
 
 def test_uploaded_and_pasted_documents_are_taken_as_they_are() -> None:
