@@ -18,7 +18,7 @@ from inverse_service.simulation.schemes import GUARD_REMEDY
 from inverse_service.simulation.starting import Initial
 
 LIMIT = 1.0
-_SAMPLES = 2048
+_SAMPLES, _NEAR = 256, 20.0
 
 
 def refusal(
@@ -32,7 +32,9 @@ def refusal(
         return None
     name = f.problem.coordinates[place]
     first, rate = begin.state[f"q{place}"], begin.rates[f"d{place}"]
-    way = np.linspace(first, first + rate * grid.step * grid.steps, _SAMPLES)
+    whole = rate * grid.step * grid.steps
+    near = np.sign(whole) * min(abs(whole), _NEAR)
+    way = np.concatenate([np.linspace(first, first + reach, _SAMPLES) for reach in (near, whole)])
     with np.errstate(all="ignore"):
         slopes = np.abs(f.slope_on_way({**parameters, **begin.state}, way))
     worst = float(slopes[np.isfinite(slopes)].max(initial=0.0))
