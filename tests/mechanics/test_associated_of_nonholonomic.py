@@ -162,9 +162,13 @@ def test_every_associated_system_holds_the_motion(name: str) -> None:
             assert vanish([subtract(substitute(f, table), a) for f, a in pairs], variables(system)) is True
 
 
-@pytest.mark.parametrize(
-    "name", ["nonholonomic-particle", "vertically-rolling-disk", "generic-class-two", "generic-class-three"]
+ROTATIONS = (
+    *("nonholonomic-particle", "vertically-rolling-disk", "generic-class-two"),
+    pytest.param("generic-class-three", marks=pytest.mark.slow),
 )
+
+
+@pytest.mark.parametrize("name", ROTATIONS)
 def test_the_third_system_is_a_rotation_with_a_constant_direction(name: str) -> None:
     member = member_of(ALL[name])
     turned = rotation(member)
