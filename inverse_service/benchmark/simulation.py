@@ -17,8 +17,8 @@ from inverse_service.benchmark import simulation_speed as speed
 from inverse_service.benchmark.hard_cases import Judged, all_cases, judge
 from inverse_service.benchmark.tables import MISSING, table
 
-HOW = """Made by `python -m inverse_service.benchmark simulation`. The routes alternate in short rounds of one run; the best
-round is the one that other work on the machine disturbed least. Generated C is the same program as ours, gcc -O3
+HOW = """Made by `python -m inverse_service.benchmark simulation`. The routes alternate in short rounds of one run; the
+best round is the one that other work on the machine disturbed least. Generated C is the same program as ours, gcc -O3
 -march=native. Latencies by the clock suffer most from a busy machine; processor time suffers less."""
 PARTS = ("routes", "latency", "ensembles", "effects", "long", "peers")
 
