@@ -1,0 +1,78 @@
+"""Coefficients satisfy the conditions of their order; the formulas hold for plain numbers too."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from inverse_service.integrators.compositions import ORDERS, composition
+from inverse_service.integrators.gauss_legendre import STAGES, collocation
+from inverse_service.integrators.nonholonomic import lagrange_dalembert_step
+from inverse_service.integrators.runge_kutta import TABLEAUX
+from inverse_service.integrators.variational import hamiltonian_step, raw_step, symmetrised_hamiltonian_step
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_compositions_are_symmetric_and_cancel_odd_powers(order: int) -> None:
+    """Sum of w = 1, and of w^3, w^5, w^7 = 0 below the order."""
+    weights = composition(order)
+    assert weights == tuple(reversed(weights))
+    assert len(weights) == {2: 1, 4: 5, 6: 9, 8: 17}[order]
+    assert sum(weights) == pytest.approx(1, abs=1e-15)
+    for power in range(3, order, 2):
+        assert sum(w**power for w in weights) == pytest.approx(0, abs=1e-15)
+
+
+def test_an_order_that_there_is_not() -> None:
+    with pytest.raises(KeyError):
+        composition(10)
+
+
+def test_gauss_legendre_integrates_all_polynomials_of_its_order() -> None:
+    matrix, squared, weights, position_weights, nodes = collocation()
+    for power in range(2 * STAGES):
+        value = sum(b * c**power for b, c in zip(weights, nodes, strict=True))
+        assert value == pytest.approx(1 / (power + 1), rel=1e-14)
+    assert np.allclose(np.array(matrix) @ np.array(matrix), squared, atol=1e-16)
+    assert np.allclose(np.array(weights) @ np.array(matrix), position_weights, atol=1e-16)
+    assert np.allclose(np.array(matrix).sum(axis=1), nodes, atol=1e-16)
+
+
+@pytest.mark.parametrize("order", TABLEAUX)
+def test_runge_kutta_quadrature_conditions(order: int) -> None:
+    tableau = TABLEAUX[order]
+    nodes = [sum(row) for row in tableau.rows]
+    assert [len(row) for row in tableau.rows] == list(range(len(tableau.rows)))
+    for power in range(order):
+        value = sum(b * c**power for b, c in zip(tableau.weights, nodes, strict=True))
+        assert value == pytest.approx(1 / (power + 1), abs=1e-14)
+
+
+def test_formulas_hold_for_plain_numbers() -> None:
+    """The harmonic oscillator's midpoint step by hand: d = h (p - h q/2)/(1 + h^2/4)."""
+    q, p, h = [0.4], [0.7], 0.1
+    d = h * (p[0] - h * q[0] / 2) / (1 + h * h / 4)
+    e = -h * (q[0] + d / 2)
+    residuals, pushes = hamiltonian_step(q, p, [d], [e], h, 0.5, lambda x, y: x, lambda x, y: y)
+    assert np.abs(residuals).max() < 1e-16
+    assert pushes == [e]
+    residuals, pushes = raw_step(q, p, [d], h, (0.5,), lambda x, v: [-x[0]], lambda x, v: v)
+    assert abs(residuals[0]) < 1e-16
+    assert pushes[0] == pytest.approx(e, rel=1e-15)
+    both, _ = symmetrised_hamiltonian_step(
+        q, p, [d], ([d / h - p[0]], [d / h - p[0]]), h, 0.5, lambda x, y: x, lambda x, y: y
+    )
+    assert np.abs(both).max() < 1e-16
+
+
+def test_a_constraint_force_keeps_the_constraint() -> None:
+    """A particle held to the line v1 = v2: momentum (1, 0) becomes (1/2, 1/2)."""
+    d, m = [0.05, 0.05], [0.05]
+    residuals, changes = lagrange_dalembert_step(
+        [0.0, 0.0], [1.0, 0.0], d, m, 0.1, (0.5,), lambda x, v: [0.0, 0.0], lambda x, v: v, lambda x: [[1.0, -1.0]]
+    )
+    assert np.abs(residuals).max() < 1e-16
+    assert changes == pytest.approx([-0.5, 0.5])
+    assert math.hypot(*changes) > 0
