@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from inverse_service.service.isolation import die_with_parent
+
 DASK = [sys.executable, "-m", "dask"]
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
@@ -68,7 +70,8 @@ class Cluster:
         return found
 
     def _start(self, command: list[str]) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(command, start_new_session=True, **QUIET)  # type: ignore[call-overload]
+        # A test run that is killed leaves no cluster behind.
+        process = subprocess.Popen(command, start_new_session=True, preexec_fn=die_with_parent, **QUIET)  # type: ignore[call-overload]
         self._sessions.append(process.pid)
         return process  # type: ignore[no-any-return]
 
