@@ -179,8 +179,10 @@ def _decide_all(work: _Work, name: str, found: Sequence[Member]) -> None:
     waiting = [(print_, member) for print_, member in fresh.items() if print_ not in work.verdicts]
     limits = Limits(deadline=work.deadline)
 
-    def verdict(pair: tuple[tuple[int, ...], Member]) -> Verdict:
-        return work.shared.verdict(pair[1], work.options.with_time, seed, limits)
+    def verdict(pair: tuple[tuple[int, ...], Member]) -> Verdict | None:
+        found = work.shared.verdict(pair[1], work.options.with_time, seed, limits)
+        # A member that the deadline interrupted is not decided.
+        return None if found == "undetermined" and time.monotonic() > work.deadline else found
 
     def report(done: int) -> None:
         work.progress(f"family {name}: {done} of {len(waiting)} members decided")
