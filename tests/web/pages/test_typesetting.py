@@ -73,7 +73,8 @@ def test_a_sentence_keeps_its_words_and_sets_its_formulas() -> None:
     assert has_equation
     assert html.count("<math") == 4
     assert "is not zero" in html
-    higher, _ = typesetting.sentence("T = Phi, nabla Phi and nabla^2 Phi (indices: 1 for x).", NAMES)
+    names = typesetting.names_of({"coordinates": ["x"], "parameters": [], "functions": {}})
+    higher, _ = typesetting.sentence("T = Phi, nabla Phi and nabla^2 Phi (indices: 1 for x).", names)
     assert "nabla" not in higher
     plain, has_equation = typesetting.sentence("There is no Lagrangian.", NAMES)
     assert (str(plain), has_equation) == ("There is no Lagrangian.", False)
