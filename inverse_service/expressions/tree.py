@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import ClassVar
 
 ELEMENTARY = frozenset(
     (
@@ -20,71 +21,105 @@ ELEMENTARY = frozenset(
 )
 
 
+class _Node:
+    """A tree keeps its hash: trees are keys of many tables, and hashing one walks through all of it."""
+
+    __slots__ = ("_hash",)
+    __match_args__: ClassVar[tuple[str, ...]]
+    _hash: int
+
+    def __hash__(self) -> int:
+        try:
+            return self._hash
+        except AttributeError:
+            value = hash((type(self).__name__, *(getattr(self, name) for name in self.__match_args__)))
+            object.__setattr__(self, "_hash", value)
+            return value
+
+
 @dataclass(frozen=True, slots=True)
-class Number:
+class Number(_Node):
     """An exact rational number."""
 
     value: Fraction
 
+    __hash__ = _Node.__hash__
+
 
 @dataclass(frozen=True, slots=True)
-class Symbol:
+class Symbol(_Node):
     """A coordinate, a parameter, the time `t`, or the number `pi`."""
 
     name: str
 
+    __hash__ = _Node.__hash__
+
 
 @dataclass(frozen=True, slots=True)
-class Velocity:
+class Velocity(_Node):
     """The first time derivative of a coordinate."""
 
     coordinate: str
 
+    __hash__ = _Node.__hash__
+
 
 @dataclass(frozen=True, slots=True)
-class Acceleration:
+class Acceleration(_Node):
     """The second time derivative of a coordinate; only in equations not yet solved."""
 
     coordinate: str
 
+    __hash__ = _Node.__hash__
+
 
 @dataclass(frozen=True, slots=True)
-class Sum:
+class Sum(_Node):
     """a + b + …, at least two terms, none a Sum, at most one a Number."""
 
     terms: tuple[Expression, ...]
 
+    __hash__ = _Node.__hash__
+
 
 @dataclass(frozen=True, slots=True)
-class Product:
+class Product(_Node):
     """a b …, at least two factors, none a Product, at most one a Number and that one first."""
 
     factors: tuple[Expression, ...]
 
+    __hash__ = _Node.__hash__
+
 
 @dataclass(frozen=True, slots=True)
-class Power:
+class Power(_Node):
     """base ^ exponent; sqrt(u) is Power(u, 1/2), u/w is a Product with Power(w, -1)."""
 
     base: Expression
     exponent: Expression
 
+    __hash__ = _Node.__hash__
+
 
 @dataclass(frozen=True, slots=True)
-class Apply:
+class Apply(_Node):
     """An elementary function (a name in ELEMENTARY) of one argument."""
 
     function: str
     argument: Expression
 
+    __hash__ = _Node.__hash__
+
 
 @dataclass(frozen=True, slots=True)
-class Arbitrary:
+class Arbitrary(_Node):
     """A declared function or one of its partial derivatives: A'(u) has orders (1,)."""
 
     name: str
     arguments: tuple[Expression, ...]
     orders: tuple[int, ...]
+
+    __hash__ = _Node.__hash__
 
 
 Expression = Number | Symbol | Velocity | Acceleration | Sum | Product | Power | Apply | Arbitrary
