@@ -30,6 +30,7 @@ from inverse_service.web.pages.solve import example_document, result_address
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
+CONSTRAINED = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
 FIRST_SYSTEM = "vertically-rolling-disk"
 CALLS = {"simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
 
@@ -48,10 +49,10 @@ async def form(request: Request) -> HTMLResponse:
 async def run(request: Request) -> Response:
     """The job of the scene; on to its page, or back with what to change."""
     sent = await read_form(request, request.app.state.engine.settings.max_body)
-    empty, result = await _empty_form(request, sent.text("system"), sent.text("job"))
+    empty, system = await _empty_form(request, sent.text("system"), sent.text("job"))
     filled = with_sent(empty, sent)
     try:
-        scene = scene_document(filled, result)
+        scene = scene_document(filled, system)
     except InputError as error:
         return simulate_page(filled, reading_back.problem_of_error(error, {}), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
@@ -77,7 +78,10 @@ def simulate_page(form: SceneForm, problem: reading_back.Problem | None = None, 
 
 
 async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneForm, dict[str, Any] | None]:
-    """The form of a result's system with the result, or that of a catalogue entry."""
+    """The form of a result with the system of its scenes, or that of a catalogue entry.
+
+    A result of a constrained system gives that one, any other its equations with the Lagrangian that was found.
+    """
     if not job:
         document = example_document(system)
         return scene_form(document, catalogue.entry(system)["title"], system=system), None
@@ -86,8 +90,11 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
     if not result or not result.get("system") or not result.get("lagrangian"):
         raise Refusal(404, "not-found", "There is no result with a Lagrangian at this address.")
     shown = result["system"]
+    if result.get("nonholonomic"):
+        given = {key: shown["given"][key] for key in CONSTRAINED if key in shown["given"]}
+        return scene_form(given, given.get("name") or "the system that was solved", job=job), {"document": given}
     document = {"coordinates": shown["coordinates"], "parameters": shown["parameters"], "functions": shown["functions"]}
-    return scene_form(document, shown["name"] or "the system that was solved", job=job), result
+    return scene_form(document, shown["name"] or "the system that was solved", job=job), {"result": result}
 
 
 async def _form_of_job(request: Request, identifier: str) -> SceneForm:
