@@ -3,7 +3,7 @@ PORT ?= 8000
 HOST ?= 127.0.0.1
 STAMP := .venv/.installed
 
-.PHONY: install run test nightly lint
+.PHONY: install run test nightly lint paper
 
 install: $(STAMP)
 
@@ -37,3 +37,7 @@ nightly: install
 lint: install
 	.venv/bin/ruff check .
 	.venv/bin/mypy
+
+# docs/paper.md and its figures: every statement of the paper computed anew.
+paper: install
+	.venv/bin/inverse-service paper --output docs

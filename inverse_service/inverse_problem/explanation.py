@@ -82,7 +82,7 @@ def explain_negative(
     except (TooLarge, ZeroDivisionError):
         pass
     if chosen is not None and len(system.coordinates) <= LARGEST_N:
-        numbers = numbers_at_a_point(analysis, chosen)
+        numbers = numbers_at_a_point(analysis, chosen, time.monotonic() + time_limit)
         if numbers is not None:
             return Explanation(steps_in_numbers(system, chosen, entry_symbols(system), numbers))
     return Explanation(summary, complete=False)

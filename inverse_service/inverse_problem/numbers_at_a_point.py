@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import random
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -79,12 +80,19 @@ class NumbersAtAPoint:
     rows: Mapping[EquationName, tuple[Fraction, ...]]
 
 
-def numbers_at_a_point(analysis: Analysis, chosen: SufficientSet) -> NumbersAtAPoint | None:
-    """The chosen equations at a point where they still leave only singular g; None where none was met."""
+def numbers_at_a_point(
+    analysis: Analysis, chosen: SufficientSet, deadline: float = float("inf")
+) -> NumbersAtAPoint | None:
+    """The chosen equations at a point where they still leave only singular g.
+
+    None where none was met before the deadline (time.monotonic).
+    """
     if not _is_real(analysis):
         return None
     size = len(analysis.system.coordinates)
     for attempt in range(_ATTEMPTS):
+        if time.monotonic() > deadline:
+            break
         values = _values(analysis, chosen, attempt)
         if values is None:
             continue
@@ -199,10 +207,10 @@ def _conditions(analysis: Analysis, chosen: SufficientSet, point: Point) -> dict
     """The tensors' components and the rows of the equations at the point."""
     system = analysis.system
     depth = max(condition.order for condition in chosen.conditions) - 2
-    time: list[Variable] = [TIME] if system.depends_on_time else []
+    moment: list[Variable] = [TIME] if system.depends_on_time else []
     positions: list[Variable] = [Symbol(name) for name in system.coordinates]
     velocities: list[Variable] = [Velocity(name) for name in system.coordinates]
-    variables = [*time, *positions, *velocities]
+    variables = [*moment, *positions, *velocities]
     expansion = Expansion(point, variables, depth + 2)
     forces = [expansion.expand(f) for f in analysis.accelerations]
     local = motion_of_series(expansion.ring, [expansion.expand(v) for v in velocities], forces)

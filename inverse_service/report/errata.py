@@ -64,8 +64,8 @@ def covariant_derivative() -> Statement:
         "(nabla Phi) = Gamma(Phi) - N Phi - Phi N.",
         finding(right and wrong and verdict == "variational", "erratum"),
         "The second sign is wrong: nabla Phi = Gamma(Phi) + N Phi - Phi N. Hill's lunar problem has a "
-        "Lagrangian with g = identity. With the right sign nabla Phi is symmetric, as it must be; with the printed sign "
-        "it is not, so the printed condition refuses a system that has a Lagrangian.",
+        "Lagrangian with g = identity. With the right sign nabla Phi is symmetric, as it must be; with the printed "
+        "sign it is not, so the printed condition refuses a system that has a Lagrangian.",
         CODE,
     )
 
@@ -89,7 +89,8 @@ def curvature_indices() -> Statement:
         "R^j_kl is given by derivatives of Phi^k_i and Phi^k_j; the indices on the two sides do not match.",
         finding(_vanish(system, *sums) and nonzero, "erratum"),
         "R^j_kl = d Phi^j_k/dv^l - d Phi^j_l/dv^k. With it the cyclic condition "
-        "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0 holds for the geodesics of a metric in three dimensions with g the metric, R not being zero.",
+        "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0 holds for the geodesics of a metric in three dimensions with g "
+        "the metric, R not being zero.",
         CODE,
     )
 
