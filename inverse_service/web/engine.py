@@ -13,7 +13,7 @@ from inverse_service.service import tasks
 from inverse_service.service.answers import value_of
 from inverse_service.service.jobs.cleaning import Cleaner
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import Batch, BatchLine, Bounds, Job, JobRequest
+from inverse_service.service.jobs.model import Batch, BatchLine, Bounds, Job, JobRequest, StoreUnavailable
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.store import JobStore
@@ -31,6 +31,9 @@ LOOK_AHEAD = 1.5
 # Another front end over the same store tells this one nothing: look again.
 LOOK_AGAIN = 0.5
 STORE_THREADS = 32
+# A database that is away is waited for by whoever asks it, never by the loop; s.
+STORE_PATIENCE = 20.0
+READY_PATIENCE = 5.0
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -116,15 +119,31 @@ class Engine:
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._threads, lambda: function(*arguments, **named))
 
+    async def read(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
+        """Ask the store for something; raises StoreUnavailable where no answer comes in STORE_PATIENCE."""
+        try:
+            return await asyncio.wait_for(self.in_thread(function, *arguments, **named), STORE_PATIENCE)
+        except TimeoutError:
+            raise StoreUnavailable("The database does not answer in time.") from None
+
+    async def job(self, id: str, with_body: bool = True) -> Job | None:
+        """One job of the store."""
+        return await self.read(self.store.job, id, with_body)
+
     async def submit(self, request: JobRequest) -> Job:
         """The stored job of a question; an answered one comes with its body, without a look at a worker."""
-        found = self.store.job(request.id) if not request.fresh else None
-        if found is not None and found.status != "dismissed":
+        job, is_known = await self.read(self._submit, request)
+        if is_known:
             self.counters.add(
                 "inverse_service_answers_from_store_total", "Questions that were known already.", kind=request.kind
             )
-            return found
-        return (await self.in_thread(self.store.submit, [request], self.bounds))[0]
+        return job
+
+    def _submit(self, request: JobRequest) -> tuple[Job, bool]:
+        found = self.store.job(request.id) if not request.fresh else None
+        if found is not None and found.status != "dismissed":
+            return found, True
+        return self.store.submit([request], self.bounds)[0], False
 
     async def wait(self, job: Job, seconds: float) -> Job:
         """The job when it is final, or as it is after so many seconds."""
@@ -132,7 +151,7 @@ class Engine:
         with self.hub.waiting(job.id) as changed:
             while True:
                 changed.clear()
-                job = self.store.job(job.id) or job
+                job = await self.job(job.id) or job
                 left = end - time.monotonic()
                 if job.is_final or left <= 0 or self.hub.closing:
                     return job
@@ -140,7 +159,7 @@ class Engine:
 
     async def dismiss(self, id: str) -> Job | None:
         """Cancel a job: it is dismissed in the store, and its process is killed."""
-        job = await self.in_thread(self.store.dismiss, id)
+        job = await self.read(self.store.dismiss, id)
         self.supervisor.cancel(id)
         return job
 
@@ -202,7 +221,7 @@ class Engine:
 
     async def _store_faults(self) -> list[str]:
         try:
-            counts = await self.in_thread(self.store.counts)
+            counts = await asyncio.wait_for(self.in_thread(self.store.counts), READY_PATIENCE)
         except Exception:  # whatever the database says: it is not ready
             return ["The store of jobs does not answer."]
         waiting = counts.get("accepted", 0) + counts.get("running", 0)

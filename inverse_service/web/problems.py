@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+import sqlite3
 from collections.abc import Mapping
 
 from fastapi import FastAPI
@@ -13,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from inverse_service.errors import InputError, WorkerFailed
-from inverse_service.service.jobs.model import TooManyJobs
+from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
 from inverse_service.service.outcome import Place
 from inverse_service.service.problem_documents import as_bytes, problem_document
 from inverse_service.service.refusals import DocumentRefused
@@ -46,6 +47,9 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(InputError, _on_input_error)
     app.add_exception_handler(WorkerFailed, _on_worker_failed)
     app.add_exception_handler(TooManyJobs, _on_too_many_jobs)
+    app.add_exception_handler(StoreUnavailable, _on_store_unavailable)
+    # A full disk, for one: nothing was stored, and asking again is right.
+    app.add_exception_handler(sqlite3.OperationalError, _on_store_unavailable)
     app.add_exception_handler(RequestValidationError, _on_bad_request)
     app.add_exception_handler(HTTPException, _on_http_exception)
     app.add_exception_handler(Exception, _on_fault)
@@ -71,6 +75,12 @@ async def _on_worker_failed(request: Request, error: Exception) -> Response:
 async def _on_too_many_jobs(request: Request, error: Exception) -> Response:
     assert isinstance(error, TooManyJobs)
     return problem(Refusal(429, error.code, error.detail, headers={"Retry-After": "5"}))
+
+
+async def _on_store_unavailable(request: Request, error: Exception) -> Response:
+    log.warning("the store does not answer at %s", request.url.path, exc_info=error)
+    detail = "The store of jobs does not answer; try again in some seconds."
+    return problem(Refusal(503, StoreUnavailable.code, detail, headers={"Retry-After": "5"}))
 
 
 async def _on_bad_request(request: Request, error: Exception) -> Response:

@@ -15,7 +15,7 @@ from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
 from inverse_service.service.jobs import batch_lines
 from inverse_service.service.jobs.line_answers import answer_line
-from inverse_service.service.jobs.model import Batch, BatchLine
+from inverse_service.service.jobs.model import Batch, BatchLine, StoreUnavailable
 from inverse_service.web.bodies import content_type, is_json, read_body
 from inverse_service.web.clients import client_of, may_see_all, require_client
 from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, KEY_AND_RATE, TIME_LIMIT_QUERY, refusals
@@ -115,7 +115,10 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
     with engine.hub.waiting(ANY) as changed:
         while sent < batch.total and not engine.hub.closing:
             changed.clear()
-            answers = await engine.in_thread(engine.store.batch_answers, batch.id, after, AT_ONCE)
+            try:
+                answers = await engine.read(engine.store.batch_answers, batch.id, after, AT_ONCE)
+            except StoreUnavailable:  # the stream goes on when it is back
+                answers = []
             if answers:
                 after, sent = answers[-1].order, sent + len(answers)
                 yield b"".join(answer_line(answer) for answer in answers)
@@ -126,7 +129,7 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
 
 async def _known(request: Request, id: str) -> Batch:
     engine = engine_of(request)
-    found = await engine.in_thread(engine.store.batch, id)
+    found = await engine.read(engine.store.batch, id)
     if found is None:
         raise Refusal(404, "not-found", "There is no batch of this id; it may have been forgotten.")
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import AsyncIterator
 from typing import Literal
@@ -15,12 +16,12 @@ from api_schemas.job import JobList
 from api_schemas.result import ResultDocument
 from inverse_service.service.jobs.asking import request_of
 from inverse_service.service.jobs.event_log import last_event
-from inverse_service.service.jobs.model import Event, Job
+from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
 from inverse_service.service.jobs.options import split_options
 from inverse_service.web.bodies import read_json_body
 from inverse_service.web.clients import client_of, may_see_all, require_client
 from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, KEY_AND_RATE, SYSTEM_BODY, TIME_LIMIT_QUERY, refusals
-from inverse_service.web.engine import Engine
+from inverse_service.web.engine import LOOK_AGAIN, Engine
 from inverse_service.web.hub import until_set
 from inverse_service.web.job_answers import job_fields, job_json, job_response, result_response
 from inverse_service.web.preferences import options_of, preference_of, wants_fresh
@@ -28,6 +29,7 @@ from inverse_service.web.problems import Refusal
 
 router = APIRouter(dependencies=[Depends(require_client)])
 KEEP_ALIVE = 10.0
+STILL_THERE = b": still there\n\n"
 EVENT = {
     "type": "object",
     "required": ["id", "event", "data"],
@@ -69,7 +71,8 @@ async def ask(request: Request, kind: str) -> Response:
         job = await engine.wait(job, preference.wait)
     elif job.is_open and kind == "solve":
         await engine.look_ahead(document)
-    return result_response(job, engine, preference.applied)
+    # The progress of a job that runs elsewhere is in the store.
+    return await engine.read(result_response, job, engine, preference.applied)
 
 
 @router.get("/v1/jobs", response_model=JobList, responses={**refusals(422), **KEY_AND_RATE})
@@ -84,12 +87,13 @@ async def list_jobs(
     engine = engine_of(request)
     client = None if may_see_all(request) else client_of(request)
     try:
-        jobs, following = await engine.in_thread(
+        jobs, following = await engine.read(
             engine.store.jobs, status=status, kind=kind, client=client, cursor=cursor, limit=limit
         )
     except ValueError:
         raise Refusal(422, "bad-input", "The cursor is not one that this list gave.") from None
-    return JSONResponse({"jobs": [job_fields(job, engine) for job in jobs], "next": following})
+    fields = await engine.read(lambda: [job_fields(job, engine) for job in jobs])
+    return JSONResponse({"jobs": fields, "next": following})
 
 
 @router.get(
@@ -104,18 +108,19 @@ async def list_jobs(
 )
 async def job(request: Request, id: str) -> Response:
     """A job: 202 while it is open, 200 with an ETag when it is done, 304 on If-None-Match."""
-    return job_response(request, _known(engine_of(request).store.job(id)), engine_of(request))
+    engine = engine_of(request)
+    return await engine.read(lambda: job_response(request, _known(engine.store.job(id)), engine))
 
 
 @router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **refusals(403, 404), **KEY_AND_RATE})
 async def dismiss(request: Request, id: str) -> Response:
     """Cancel a job: it becomes dismissed and the work stops. A job that is done stays as it is."""
     engine = engine_of(request)
-    found = _known(engine.store.job(id, with_body=False))
+    found = _known(await engine.job(id, with_body=False))
     if not may_see_all(request) and found.client != client_of(request):
         raise Refusal(403, "not-yours", "The job belongs to another client; only that one may cancel it.")
     found = _known(await engine.dismiss(id))
-    return Response(job_json(found, engine), media_type="application/json")
+    return Response(await engine.read(job_json, found, engine), media_type="application/json")
 
 
 @router.get(
@@ -130,7 +135,7 @@ async def dismiss(request: Request, id: str) -> Response:
 async def events(request: Request, id: str) -> Response:
     """Server-sent events of a job: status and progress, to the end. Resumable with Last-Event-ID."""
     engine = engine_of(request)
-    _known(engine.store.job(id, with_body=False))
+    _known(await engine.job(id, with_body=False))
     text = request.headers.get("last-event-id", request.query_params.get("last_event_id", "0"))
     after = int(text) if text.isascii() and text.isdigit() and len(text) < 16 else 0
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
@@ -143,8 +148,13 @@ async def _stream(engine: Engine, id: str, after: int) -> AsyncIterator[bytes]:
         silent = 0.0
         while not engine.hub.closing:
             changed.clear()
-            found = engine.store.job(id, with_body=False)
-            new = engine.store.events(id, after)
+            try:
+                found = await engine.job(id, with_body=False)
+                new = await engine.read(engine.store.events, id, after)
+            except StoreUnavailable:  # the stream goes on when it is back
+                yield STILL_THERE
+                await asyncio.sleep(LOOK_AGAIN)
+                continue
             for event in new:
                 yield written(event)
                 after = event.number
@@ -154,11 +164,11 @@ async def _stream(engine: Engine, id: str, after: int) -> AsyncIterator[bytes]:
                     yield written(last)
                 return
             silent = 0.0 if new else silent
-            if not await until_set(changed, 0.5):
-                silent += 0.5
+            if not await until_set(changed, LOOK_AGAIN):
+                silent += LOOK_AGAIN
             if silent >= KEEP_ALIVE:
                 silent = 0.0
-                yield b": still there\n\n"
+                yield STILL_THERE
 
 
 def written(event: Event) -> bytes:

@@ -45,7 +45,7 @@ async def readyz(request: Request) -> dict[str, str]:
 async def metrics(request: Request) -> Response:
     """Counters and gauges in the text format of Prometheus."""
     engine = engine_of(request)
-    counts = await engine.in_thread(engine.store.counts)
+    counts = await engine.read(engine.store.counts)
     by_status: dict[Labels, float] = {(("status", s),): float(counts.get(s, 0)) for s in STATUSES}
     found = [
         *engine.counters.metrics(),

@@ -16,8 +16,8 @@ import pytest
 
 from inverse_service.client import Client, JobDismissed
 from inverse_service.errors import InputError
+from inverse_service.service.jobs.model import StoreUnavailable
 from inverse_service.service.jobs.opening import open_store
-from inverse_service.service.jobs.postgres_connections import StoreUnavailable
 from inverse_service.service.jobs.postgres_store import PostgresStore
 from tests.store.server import Server
 from tests.store.test_job_store import request as job_request

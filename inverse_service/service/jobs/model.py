@@ -145,6 +145,13 @@ class TooManyJobs(InverseServiceError):
     retry = True
 
 
+class StoreUnavailable(InverseServiceError):
+    """The database does not answer, or not as it should."""
+
+    code = "store-unavailable"
+    retry = True
+
+
 class DatabaseTaken(InverseServiceError):
     """Another process supervises this database."""
 

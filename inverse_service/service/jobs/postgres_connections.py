@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import psycopg
 from psycopg.rows import dict_row
 
-from inverse_service.errors import InverseServiceError
+from inverse_service.service.jobs.model import StoreUnavailable
 from inverse_service.service.jobs.postgres_schema import prepare
 
 T = TypeVar("T")
@@ -22,13 +22,6 @@ PATIENCE = 15.0
 CONNECT_TIMEOUT = 10
 LOST = (psycopg.OperationalError, psycopg.InterfaceError)
 CONFLICT = (psycopg.errors.DeadlockDetected, psycopg.errors.SerializationFailure)
-
-
-class StoreUnavailable(InverseServiceError):
-    """The database does not answer, or not as it should."""
-
-    code = "store-unavailable"
-    retry = True
 
 
 class Connections:

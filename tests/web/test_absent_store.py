@@ -1,0 +1,144 @@
+"""A store that does not answer holds up who asks it, and nobody else."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sqlite3
+import threading
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import httpx
+import pytest
+
+from inverse_service.service.jobs.model import Batch, BatchAnswer, Event, Job, StoreUnavailable
+from inverse_service.settings import Settings
+from inverse_service.web import engine as engine_module
+from inverse_service.web.application import create_application
+from inverse_service.web.hub import Hub
+
+SYSTEM = {"coordinates": ["x"], "equations": {"x": "0"}}
+CALLS: tuple[tuple[str, str, Any], ...] = (
+    ("POST", "/v1/solve", SYSTEM), ("GET", "/v1/jobs", None), ("GET", "/v1/jobs/a", None),
+    ("DELETE", "/v1/jobs/a", None), ("GET", "/v1/jobs/a/events", None), ("POST", "/v1/batches", [SYSTEM]),
+    ("GET", "/v1/batches/a", None), ("DELETE", "/v1/batches/a", None), ("GET", "/v1/batches/a/results", None),
+    ("GET", "/metrics", None),
+)  # fmt: skip
+
+
+class AbsentStore:
+    """Every call waits until the store is back, and fails then."""
+
+    def __init__(self) -> None:
+        self.back = threading.Event()
+        self.asked = threading.Semaphore(0)
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            self.asked.release()
+            assert self.back.wait(60)
+            raise StoreUnavailable("The database does not answer.")
+
+        return call
+
+
+Work = Callable[[httpx.AsyncClient], Awaitable[None]]
+
+
+def with_store(store: Any, work: Work) -> None:
+    application = create_application(Settings())
+    engine = application.state.engine
+    engine.is_open, engine._store = True, store
+
+    async def run() -> None:
+        engine.hub = Hub()
+        transport = httpx.ASGITransport(application, raise_app_exceptions=False)
+        async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
+            await work(client)
+
+    asyncio.run(run())
+
+
+def assert_told_to_come_back(response: httpx.Response) -> None:
+    assert (response.status_code, response.headers["content-type"]) == (503, "application/problem+json")
+    assert response.json()["type"] == "urn:inverse-service:problem:store-unavailable"
+    assert int(response.headers["retry-after"]) > 0
+
+
+def test_the_service_lives_while_its_store_is_away() -> None:
+    store = AbsentStore()
+
+    async def work(client: httpx.AsyncClient) -> None:
+        waiting = [asyncio.ensure_future(client.request(method, path, json=body)) for method, path, body in CALLS]
+        for _ in CALLS:
+            assert await asyncio.to_thread(store.asked.acquire, timeout=60)
+        assert (await client.get("/livez")).status_code == 200
+        assert not any(call.done() for call in waiting)
+        store.back.set()
+        for answer in await asyncio.gather(*waiting):
+            assert_told_to_come_back(answer)
+
+    with_store(store, work)
+
+
+def test_a_store_that_hangs_is_not_waited_for_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine_module, "STORE_PATIENCE", 0.05)
+    store = AbsentStore()
+
+    async def work(client: httpx.AsyncClient) -> None:
+        for method, path, body in (("GET", "/v1/jobs/a", None), ("POST", "/v1/solve", SYSTEM)):
+            assert_told_to_come_back(await client.request(method, path, json=body))
+        store.back.set()
+
+    with_store(store, work)
+
+
+def test_streams_go_on_when_the_store_is_back() -> None:
+    class Away:
+        """Knows a finished job and a batch of one line; a look at answers fails `failures` times."""
+
+        def __init__(self) -> None:
+            self.failures = 1
+
+        def job(self, id: str, with_body: bool = True) -> Job:
+            return Job(id, "solve", "{}", "{}", "successful")
+
+        def events(self, id: str, after: int) -> list[Event]:
+            self._fail()
+            return []
+
+        def batch(self, id: str) -> Batch:
+            return Batch(id, "solve", "", 0.0, 1, {"successful": 1})
+
+        def batch_answers(self, id: str, after: int, limit: int) -> list[BatchAnswer]:
+            self._fail()
+            return [BatchAnswer(1, '"a"', "successful", b'{"verdict": "variational"}', 1)]
+
+        def _fail(self) -> None:
+            self.failures -= 1
+            if self.failures >= 0:
+                raise StoreUnavailable("The database does not answer.")
+
+    async def work(client: httpx.AsyncClient) -> None:
+        assert '"successful"' in (await client.get("/v1/jobs/a/events")).text
+        store.failures = 1
+        assert json.loads((await client.get("/v1/batches/a/results")).text)["id"] == "a"
+
+    store = Away()
+    with_store(store, work)
+    assert store.failures < 0
+
+
+def test_a_full_disk_is_a_store_that_does_not_answer() -> None:
+    class Full:
+        def __getattr__(self, name: str) -> Callable[..., Any]:
+            def call(*arguments: Any, **named: Any) -> Any:
+                raise sqlite3.OperationalError("database or disk is full")
+
+            return call
+
+    async def work(client: httpx.AsyncClient) -> None:
+        assert_told_to_come_back(await client.post("/v1/solve", json=SYSTEM))
+
+    with_store(Full(), work)
