@@ -1,7 +1,7 @@
 # Two stages: wheels are built where there is a compiler's worth of tools, the image that runs has none.
 FROM python:3.11-slim AS build
 WORKDIR /source
-COPY pyproject.toml constraints.txt README.md ./
+COPY pyproject.toml constraints.txt README.md LICENSE ./
 COPY inverse_service inverse_service
 COPY api_schemas api_schemas
 RUN python -m venv /opt/inverse-service \

@@ -1,3 +1,65 @@
-"""Inverse problem of the calculus of variations: verdict, Lagrangian, proof."""
+"""Inverse problem of the calculus of variations: verdict, Lagrangian, proof.
 
+    from inverse_service import check, solve
+    result = solve({"equations": "x'' = -x"})
+    result["verdict"], result["lagrangian"]["text"], check(result)["verdict"]
+
+Three functions for use without the service; documents and results are those of the command line, as plain
+dictionaries. The engine is loaded by the first call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+__all__ = ["check", "simulate", "solve"]
 __version__ = "0.1.0"
+
+
+def solve(document: Mapping[str, Any], *, time_limit: float = 60.0, seed: int = 1) -> dict[str, Any]:
+    """The result of a System or a Nonholonomic document, its certificates checked.
+
+    `time_limit` in s is kept by the solver between its stages, in this process: a result past it is
+    `undetermined` and says so in `reason`. `seed` fixes the random points and primes. The key `options`
+    of a document asks for less time and another seed. Raises `inverse_service.errors.InputError`.
+    """
+    from inverse_service.inverse_problem.options import SolveOptions
+    from inverse_service.service.documents import solve_document
+    from inverse_service.service.jobs.options import JobOptions, read_options, split_options
+
+    alone, given = split_options(_plain(document))
+    asked = read_options(given, JobOptions(time_limit=time_limit, seed=seed))
+    return solve_document(alone, SolveOptions(seed=asked.seed, time_limit=asked.time_limit))
+
+
+def check(result: Mapping[str, Any] | str) -> dict[str, Any]:
+    """The independent checker on a result, given as a dictionary or as JSON text.
+
+    `verdict` is `valid`, `invalid` or `incomplete`; `reasons` are sentences.
+    """
+    from inverse_service.certificate.checker import check_result, check_text
+
+    found = check_text(result) if isinstance(result, str) else check_result(result)
+    return {"verdict": found.verdict, "reasons": list(found.reasons)}
+
+
+def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str, Any]:
+    """The summary of a scene: for each method its outcome and every observed quantity. Raises InputError."""
+    from inverse_service.service.simulating import simulate as run
+
+    return run(_plain(scene), time_limit=time_limit)
+
+
+def _plain(document: Mapping[str, Any]) -> Any:
+    """The document as the command line would read it, so that tuples are lists and 0.1 is exact."""
+    import json
+
+    from inverse_service.errors import InputError
+    from inverse_service.service.reading import read_json
+
+    try:
+        text = json.dumps(document)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(f"A document holds texts, numbers, lists and objects, as JSON does: {error}.") from None
+    return read_json(text)

@@ -1,0 +1,1 @@
+"""The pages for people: every block is run, every link resolves."""

@@ -1,0 +1,117 @@
+"""Fenced blocks of the pages, and how those that are programs are run.
+
+The first word behind the fence is the language. `output` is what the program before it prints, with `...` for
+anything within a line and, alone in a line, for any lines. A further word says more: of `json` and `yaml` the
+name of the file that the block is; of a program `slow` (not in the default tests) or `not-run`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *ROOT.glob("docs/*.md"),
+                ROOT / "inverse_service" / "certificate" / "FORMAT.md"])  # fmt: skip
+PROGRAMS = ("sh", "bash", "python")
+DOCUMENTS = ("json", "yaml")
+LANGUAGES = (*PROGRAMS, *DOCUMENTS, "output", "text")
+MARKS = ("slow", "not-run")
+# What the pages print where a test has an address and a folder of its own.
+ADDRESS = "http://127.0.0.1:8000"
+FENCE = re.compile(r"^```(.*)\n((?:.*\n)*?)```$", re.MULTILINE)
+END = "\x1e"
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A fenced block; `line` is that of its fence."""
+
+    page: Path
+    line: int
+    language: str
+    mark: str
+    text: str
+
+    @property
+    def is_program(self) -> bool:
+        return self.language in PROGRAMS
+
+    @property
+    def place(self) -> str:
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+
+@cache
+def blocks(page: Path) -> tuple[Block, ...]:
+    """All fenced blocks of a page in order."""
+    text = page.read_text(encoding="utf-8")
+    found = []
+    for match in FENCE.finditer(text):
+        language, _, mark = match[1].strip().partition(" ")
+        found.append(Block(page, text.count("\n", 0, match.start()) + 1, language, mark, match[2]))
+    return tuple(found)
+
+
+def programs(page: Path, with_slow: bool) -> list[tuple[Block, str | None]]:
+    """The programs that are run, each with what it is said to print, None where nothing is said."""
+    own = blocks(page)
+    left_out = {"not-run"} if with_slow else set(MARKS)
+    return [
+        (block, after.text if after is not None and after.language == "output" else None)
+        for block, after in zip(own, [*own, None][1:], strict=True)
+        if block.is_program and block.mark not in left_out
+    ]
+
+
+def pattern(expected: str) -> re.Pattern[str]:
+    """What is printed, with `...` for anything in a line, and for any lines where it is a line."""
+    parts = [re.escape(line).replace(re.escape("..."), ".*") + "\n" for line in expected.splitlines()]
+    return re.compile("".join("(?:.*\n)*?" if part.strip() == ".*" else part for part in parts))
+
+
+def run_page(page: Path, folder: Path, address: str, with_slow: bool) -> list[str]:
+    """Run the programs of a page in one shell; sentences about those that do not do what is said."""
+    chosen = programs(page, with_slow)
+    prepare(page, folder)
+    script = "set -euo pipefail\n" + "".join(command(block, folder, address) for block, _ in chosen)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "INVERSE_SERVICE_CACHE": str(folder / "cache")}
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=folder, capture_output=True, text=True, timeout=600, env=environment
+    )
+    printed = done.stdout.split(END)
+    faults = [
+        f"{block.place} printed\n{output}"
+        for (block, expected), output in zip(chosen, printed, strict=False)
+        if expected is not None and not pattern(expected).fullmatch(output)
+    ]
+    if done.returncode != 0 or len(printed) != len(chosen) + 1:
+        last = chosen[min(len(printed), len(chosen)) - 1][0]
+        faults.append(f"{last.place} ended with {done.returncode}: {done.stderr}")
+    return faults
+
+
+def prepare(page: Path, folder: Path) -> None:
+    """The folder as the reader has it: docs and sources at hand, the files of the page written."""
+    for name in ("docs", "inverse_service"):
+        (folder / name).symlink_to(ROOT / name)
+    for block in blocks(page):
+        if block.language in DOCUMENTS and block.mark:
+            (folder / block.mark).write_text(block.text, encoding="utf-8")
+
+
+def command(block: Block, folder: Path, address: str) -> str:
+    """The block as lines of a shell, ended by a mark in the output."""
+    text = block.text.replace(ADDRESS, address).replace(".venv/bin/", "")
+    if block.language == "python":
+        name = f"line{block.line}.py"
+        (folder / name).write_text(text, encoding="utf-8")
+        text = f"python {name}\n"
+    # One shell for all, as the variables of one block are used in the next.
+    return f"{text}printf '\\x1e'\n"

@@ -1,0 +1,137 @@
+"""What the pages show is what happens: every fenced block of README and docs is run or validated."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from api_schemas.scene import SceneDocument
+from inverse_service import catalogue
+from inverse_service.service.documents import look
+from inverse_service.service.reading import read_json
+from tests.docs.blocks import ADDRESS, DOCUMENTS, LANGUAGES, MARKS, PAGES, Block, blocks, pattern, programs, run_page
+
+# How many programs of a page are not run, and why; no other program is left out.
+NOT_RUN = {
+    "open-questions.md": (1, "the search of the robot takes minutes"),
+    "reliability.md": (1, "these are the tests themselves"),
+    "scaling.md": (4, "a cluster, SLURM and PostgreSQL are not here; tests/cluster and tests/store have their own"),
+    "CONTRIBUTING.md": (1, "these are the tests themselves"),
+    "benchmarks.md": (1, "ten minutes"),
+}
+# Blocks of plain text: pictures, and what other tests compare.
+TEXTS = {
+    "architecture.md": (2, "pictures of the house"),
+    "nonholonomic.md": (1, "compared by tests/service/test_nonholonomic_page.py"),
+}
+COMMAND = re.compile(
+    r"^(?:\$ |    )(?:[A-Z_]+=\S+ )?(?:\.venv/|inverse-service |python |pip |make |curl |dask |docker |git )", re.M
+)
+IDS = [page.name for page in PAGES]
+ALL = [block for page in PAGES for block in blocks(page)]
+QUICK = [page for page in PAGES if programs(page, with_slow=False)]
+LONG = [page for page in PAGES if len(programs(page, with_slow=True)) > len(programs(page, with_slow=False))]
+BASE = catalogue.document("vertically-rolling-disk")
+
+
+def run(page: Path, folder: Path, request: pytest.FixtureRequest, with_slow: bool) -> None:
+    """Run a page, on a service where it speaks to one."""
+    if shutil.which("bash") is None or shutil.which("curl") is None:
+        pytest.skip("bash and curl are needed")
+    speaks = any(ADDRESS in block.text for block, _ in programs(page, with_slow))
+    address = request.getfixturevalue("service") if speaks else ADDRESS
+    assert run_page(page, folder, address, with_slow) == []
+
+
+@pytest.mark.parametrize("page", QUICK, ids=lambda page: page.name)
+def test_every_program_does_what_the_page_says(page: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    run(page, tmp_path, request, with_slow=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", LONG, ids=lambda page: page.name)
+def test_the_long_programs_too(page: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    run(page, tmp_path, request, with_slow=True)
+
+
+def test_the_pages_have_programs() -> None:
+    named = {page.name for page in QUICK}
+    assert {"README.md", "tutorial.md", "guide.md", "batch.md", "rest.md"} <= named
+    assert sum(len(programs(page, with_slow=True)) for page in PAGES) >= 40
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_no_block_is_left_out_in_silence(page: Path) -> None:
+    for block in blocks(page):
+        assert block.language in LANGUAGES, f"{block.place}: no such language"
+        assert block.language in DOCUMENTS or block.mark in ("", *MARKS), f"{block.place}: no such mark"
+    assert sum(block.mark == "not-run" for block in blocks(page)) == NOT_RUN.get(page.name, (0, ""))[0]
+    assert sum(block.language == "text" for block in blocks(page)) == TEXTS.get(page.name, (0, ""))[0]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_every_output_belongs_to_a_program(page: Path) -> None:
+    before = ""
+    for block in blocks(page):
+        assert block.language != "output" or before in ("sh", "bash", "python"), block.place
+        before = block.language
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_commands_stand_in_blocks_that_are_run(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for block in blocks(page):
+        if block.language != "text":
+            text = text.replace(f"{block.text}```", "```")
+    assert COMMAND.findall(text) == []
+
+
+@pytest.mark.parametrize("block", [one for one in ALL if one.language in DOCUMENTS], ids=lambda block: block.place)
+def test_every_document_is_accepted(block: Block) -> None:
+    if block.language == "yaml":
+        assert list(yaml.safe_load_all(block.text))
+    elif block.mark.endswith(".ndjson"):
+        for line in block.text.splitlines():
+            accept(without_id(read_json(line)))
+    else:
+        accept(read_json(block.text))
+
+
+def without_id(document: dict[str, Any]) -> dict[str, Any]:
+    """A line of a batch as a document by itself."""
+    return {key: value for key, value in document.items() if key != "id"}
+
+
+def accept(document: Any) -> None:
+    """Raise where this is no System, Nonholonomic or Scene document, nor some keys of a Nonholonomic one."""
+    if "methods" in document:
+        SceneDocument.model_validate(document)
+    elif {"equations", "lagrangian"} & set(document):
+        look(document)
+    else:
+        look({**BASE, **document})
+
+
+def test_the_comparison_finds_what_is_wrong() -> None:
+    assert pattern("a\n...\nb c...\n").fullmatch("a\nx\ny\nb cd\n")
+    assert pattern("a\n  ...\nb\n").fullmatch("a\nb\n")
+    assert not pattern("a\n...\nb\n").fullmatch("a\nx\n")
+    assert not pattern("a\n").fullmatch("a\nb\n")
+
+
+def test_a_page_that_is_wrong_is_found(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "made-up.md"
+    own = (
+        Block(page, 1, "sh", "", "echo 4\n"), Block(page, 2, "output", "", "5\n"),
+        Block(page, 3, "sh", "", "false\n"), Block(page, 4, "sh", "", "echo never\n"),
+    )  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tests.docs.blocks.blocks", lambda _: own)
+        wrong, ended = run_page(page, tmp_path, ADDRESS, with_slow=False)
+    assert wrong.startswith("docs/made-up.md:1 printed\n4")
+    assert ended.startswith("docs/made-up.md:3 ended with 1")

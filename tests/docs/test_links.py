@@ -1,0 +1,87 @@
+"""Links between the pages resolve, and no page names a machine or a registry."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+import inverse_service
+from tests.docs.blocks import PAGES, ROOT
+
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+FENCED = re.compile(r"^```.*\n(?:.*\n)*?```$", re.MULTILINE)
+MACHINE = re.compile(r"(?:/home/|/root/|/Users/|/work/|/tmp/\w|/mnt/|C:\\)")
+REGISTRY = re.compile(
+    r"pypi\.org|pythonhosted\.org|npmjs\.|docker\.io|ghcr\.io|quay\.io|crates\.io|anaconda\.org|artifactory|nexus\d?\.",
+    re.IGNORECASE,
+)
+TEXTS = [*PAGES, *(ROOT / name for name in ("Makefile", "Dockerfile", "pyproject.toml", "constraints.txt",
+                                            "CITATION.cff", "LICENSE"))]  # fmt: skip
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of the headings of a page, as readers of Markdown make them."""
+    text = FENCED.sub("", page.read_text(encoding="utf-8"))
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title).lower().replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    for target in LINK.findall(FENCED.sub("", page.read_text(encoding="utf-8"))):
+        if target.startswith(("https://", "http://", "mailto:")):
+            continue
+        path, _, anchor = target.partition("#")
+        there = (page.parent / path).resolve() if path else page
+        assert there.exists(), f"{page.name}: {target}"
+        if anchor and there.suffix == ".md":
+            assert anchor in anchors(there), f"{page.name}: {target}"
+
+
+def test_every_page_is_linked_from_the_readme() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert [page.name for page in PAGES if page.name != "README.md" and page.name not in readme] == []
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.name)
+def test_no_machine_and_no_registry_is_named(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert MACHINE.findall(text) == []
+    assert REGISTRY.findall(text) == []
+
+
+def test_the_names_of_machines_and_registries_are_found() -> None:
+    assert MACHINE.search("see /home/ada/x")
+    assert REGISTRY.search("--index-url https://pypi.org/simple")
+    assert not MACHINE.search("--tmpfs /tmp -v jobs:/var/lib")
+
+
+def declared() -> set[str]:
+    """The packages of pyproject.toml, without the project itself."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lines = [*project["dependencies"], *(line for extra in project["optional-dependencies"].values() for line in extra)]
+    return {re.split(r"[\[<>=~! ]", line)[0] for line in lines} - {"inverse-service"}
+
+
+def test_every_dependency_has_its_reason() -> None:
+    page = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (?:`\w+` \| )?([\w\-, ]+) \|", page, re.MULTILINE)
+    told = {name.strip() for row in rows for name in row.split(",")} - {"package", "extra"}
+    assert told - {""} == {"psycopg" if name.startswith("psycopg") else name for name in declared()}
+
+
+def test_citation_and_licence_belong_to_this_version() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert citation["version"] == inverse_service.__version__
+    assert citation["license"] == project["license"] == "MIT"
+    assert "MIT License" in (ROOT / project["license-files"][0]).read_text(encoding="utf-8")
+    assert f"## {inverse_service.__version__}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 150
