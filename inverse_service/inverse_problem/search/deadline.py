@@ -10,6 +10,7 @@ from contextvars import ContextVar
 from inverse_service.errors import IrreducibleAtoms
 
 _ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
+_USED_UP: ContextVar[float] = ContextVar("used up", default=float("inf"))
 
 
 class OutOfTime(IrreducibleAtoms):
@@ -28,7 +29,17 @@ def until(moment: float) -> Iterator[None]:
         _ENDS.reset(token)
 
 
+@contextmanager
+def within(seconds: float) -> Iterator[None]:
+    """Within the block `check` fails after so much processor time, which other programs do not shorten."""
+    token = _USED_UP.set(min(time.process_time() + seconds, _USED_UP.get()))
+    try:
+        yield
+    finally:
+        _USED_UP.reset(token)
+
+
 def check() -> None:
-    """Raise OutOfTime after the moment set."""
-    if time.monotonic() > _ENDS.get():
+    """Raise OutOfTime after the moment set, or where the processor time is used up."""
+    if time.monotonic() > _ENDS.get() or time.process_time() > _USED_UP.get():
         raise OutOfTime("the time for the search is used up")

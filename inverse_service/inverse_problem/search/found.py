@@ -26,5 +26,5 @@ class SearchOutcome:
     tried: tuple[tuple[str, int], ...]
 
 
-# (system, whether L may depend on t, seed, seconds) -> what a search of its own finds.
+# (system, whether L may depend on t, seed, seconds of processor time) -> what a search of its own finds.
 Ladder = Callable[[Analysis, bool, int, float], Found | None]

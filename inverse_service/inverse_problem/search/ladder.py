@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.search.choice import as_tree, gauge_of, reduced, regular_members, scaled, signature
-from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until
+from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until, within
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms
 from inverse_service.inverse_problem.search.found import Found, SearchOutcome
@@ -101,8 +101,9 @@ def _climb(
 
 
 def search_smaller(analysis: Analysis, with_time: bool, seed: int, seconds: float) -> Found | None:
-    """The ladder for a system that a method makes out of the given one."""
-    return search(analysis, with_time, seed, time.monotonic() + seconds, lambda _: None).found
+    """The ladder for a system that a method makes out of the given one, in so much processor time."""
+    with within(seconds):
+        return search(analysis, with_time, seed, math.inf, lambda _: None).found
 
 
 def _proposed(

@@ -39,9 +39,9 @@ from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_SECONDS = 20.0
+_SECONDS = 15.0
 _MOST_CHANGES = 2
-_TERMS, _SECONDS_TO_SIMPLIFY = 500, 0.3
+_TERMS, _SECONDS_TO_SIMPLIFY = 500, 1.5
 
 
 def applies(material: Material) -> bool:

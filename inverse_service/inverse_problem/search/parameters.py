@@ -45,8 +45,8 @@ _HIGHEST_DEGREE = 3
 _MOST_PARAMETERS = 6
 _MOST_TERMS = 16
 _SPARE = 4
-# Seconds of processor time for the interpolation, seconds for the search with numbers.
-_SECONDS, _SECONDS_FOR_NUMBERS = 12.0, 30.0
+# Seconds of processor time for the interpolation, and for the search with numbers.
+_SECONDS, _SECONDS_FOR_NUMBERS = 12.0, 12.0
 _BOUND = 10_000
 
 Values = Mapping[str, int]

@@ -38,11 +38,10 @@ def damped_lagrangians(material: Material, seed: int, ladder: Ladder) -> Sequenc
     table = material.analysis.real_point
     for rate, factor in _rates(material, seed) if table is not None else ():
         analysis = analyse(_undamped(material, rate))
-        with_time, deadline = analysis.system.depends_on_time, time.monotonic() + _SECONDS
-        limits = Limits(deadline=deadline)
+        with_time, limits = analysis.system.depends_on_time, Limits(deadline=time.monotonic() + _SECONDS)
         if decide(analysis.system, with_time, seed, limits, _ignore, analysis=analysis).verdict != "variational":
             continue
-        undamped = ladder(analysis, with_time, seed, deadline - time.monotonic())
+        undamped = ladder(analysis, with_time, seed, _SECONDS)
         trees = undamped.lagrangians if undamped is not None else ()
         damped = [multiply(factor, tree) for tree in trees]
         found = [tree for tree in damped if table and holds(material.analysis.system, tree, table, seed)]

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from inverse_service.inverse_problem.analysis import analyse
-from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until
+from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until, within
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.mechanics.reading import read_system
 
@@ -33,3 +33,12 @@ def test_a_search_in_vain_ends_soon_after_its_deadline() -> None:
     outcome = search(analysis, True, 1, began + 1.0, lambda _: None)
     assert outcome.found is None
     assert time.monotonic() - began < 6.0
+
+
+def test_processor_time_ends_a_search_too() -> None:
+    with within(0.0):
+        burnt = sum(range(200_000))
+        with pytest.raises(OutOfTime):
+            check()
+    assert burnt
+    check()

