@@ -31,6 +31,9 @@ from inverse_service.web.measuring import Measured
 
 TITLE = "inverse-service"
 SUMMARY = "Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."
+CORS_HEADERS = (
+    "Authorization", "Cache-Control", "Content-Type", "Idempotency-Key", "Last-Event-ID", "Prefer", "X-API-Key",
+)  # fmt: skip
 REFERENCE = "#/components/schemas/{model}"
 
 
@@ -46,7 +49,7 @@ def create_application(settings: Settings) -> FastAPI:
             CORSMiddleware,
             allow_origins=list(settings.cors_origins),
             allow_methods=["GET", "POST", "DELETE"],
-            allow_headers=["Authorization", "Cache-Control", "Content-Type", "Last-Event-ID", "Prefer", "X-API-Key"],
+            allow_headers=CORS_HEADERS,
             expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After"],
             max_age=600,
         )

@@ -28,21 +28,26 @@ JOB_HEADERS = {
     "Location": {"description": "The address of the job.", "schema": {"type": "string"}},
     "Retry-After": {"description": "Seconds until it is worth to ask.", "schema": {"type": "integer"}},
 }
-TIME_LIMIT_QUERY = {
-    "parameters": [
-        {
-            "name": "time_limit",
-            "in": "query",
-            "required": False,
-            "description": "Seconds; at most the limit of the service.",
-            "schema": {"type": "number", "exclusiveMinimum": 0},
-        },
-        {
-            "name": "Prefer",
-            "in": "header",
-            "required": False,
-            "description": "respond-async, or wait=S with at most 20 s.",
-            "schema": {"type": "string"},
-        },
-    ]
+TIME_LIMIT = {
+    "name": "time_limit",
+    "in": "query",
+    "required": False,
+    "description": "Seconds; at most the limit of the service.",
+    "schema": {"type": "number", "exclusiveMinimum": 0},
 }
+PREFER = {
+    "name": "Prefer",
+    "in": "header",
+    "required": False,
+    "description": "respond-async, or wait=S with at most 20 s.",
+    "schema": {"type": "string"},
+}
+BATCH_KEY = {
+    "name": "Idempotency-Key",
+    "in": "header",
+    "required": False,
+    "description": "Tells batches of the same lines apart.",
+    "schema": {"type": "string", "maxLength": 255},
+}
+TIME_LIMIT_QUERY = {"parameters": [TIME_LIMIT, PREFER]}
+BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, BATCH_KEY]}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +13,7 @@ from typing import Any, ParamSpec, TypeVar
 from inverse_service.service import tasks
 from inverse_service.service.answers import value_of
 from inverse_service.service.jobs.cleaning import Cleaner
+from inverse_service.service.jobs.identity import batch_id
 from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.model import Batch, BatchLine, Bounds, Job, JobRequest, StoreUnavailable
 from inverse_service.service.jobs.opening import open_store
@@ -163,9 +165,21 @@ class Engine:
         self.supervisor.cancel(id)
         return job
 
-    async def create_batch(self, id: str, kind: str, client: str, lines: Sequence[BatchLine]) -> Batch:
-        """Store a batch with all its jobs."""
-        return await self.in_thread(self.store.create_batch, id, kind, client, lines, self.bounds)
+    async def create_batch(self, kind: str, client: str, lines: Sequence[BatchLine], key: str) -> Batch:
+        """The stored batch of these lines; one with cancelled lines is left as it is and a new one made."""
+        return await self.in_thread(self._create_batch, kind, client, lines, key)
+
+    def _create_batch(self, kind: str, client: str, lines: Sequence[BatchLine], key: str) -> Batch:
+        latest: Batch | None = None
+        for generation in itertools.count():
+            id = batch_id(kind, client, lines, key, generation)
+            found = self.store.batch(id)
+            if found is None:
+                break
+            latest = found
+        if latest is not None and "dismissed" not in latest.counts:
+            return latest
+        return self.store.create_batch(id, kind, client, lines, self.bounds)
 
     async def dismiss_batch(self, id: str) -> int:
         """Cancel what is still open in a batch; how many jobs that were."""

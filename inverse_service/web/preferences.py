@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import uuid
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from inverse_service.web.problems import Refusal
 
 DEFAULT_WAIT = 2.0
 MAX_WAIT = 20.0
+LARGEST_KEY = 255
 WAIT = re.compile(r"(?:^|[,;\s])wait\s*=\s*\"?(\d{1,15})", re.IGNORECASE)
 ASYNC = re.compile(r"(?:^|[,;\s])respond-async(?:$|[,;\s])", re.IGNORECASE)
 
@@ -43,6 +45,14 @@ def wants_fresh(request: Request) -> bool:
     """`Cache-Control: no-cache`: the question is to be computed anew."""
     directives = {part.strip().lower() for part in request.headers.get("cache-control", "").split(",")}
     return bool(directives & {"no-cache", "no-store"})
+
+
+def batch_key_of(request: Request) -> str:
+    """`Idempotency-Key`: batches of the same lines are told apart by it; asked anew without one, all are."""
+    given = request.headers.get("idempotency-key", "")
+    if len(given) > LARGEST_KEY:
+        raise Refusal(422, "limit", f"The header 'Idempotency-Key' takes at most {LARGEST_KEY} characters.")
+    return given or (uuid.uuid4().hex if wants_fresh(request) else "")
 
 
 def options_of(request: Request, given: Any, server: JobOptions) -> JobOptions:

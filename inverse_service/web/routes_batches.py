@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import uuid
 from collections.abc import AsyncIterator
 from typing import Any, Literal
 
@@ -18,11 +17,11 @@ from inverse_service.service.jobs.line_answers import answer_line
 from inverse_service.service.jobs.model import Batch, BatchLine, StoreUnavailable
 from inverse_service.web.bodies import content_type, is_json, read_body
 from inverse_service.web.clients import client_of, may_see_all, require_client
-from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, KEY_AND_RATE, TIME_LIMIT_QUERY, refusals
+from inverse_service.web.describing import BAD_BODY, BATCH_PARAMETERS, JOB_HEADERS, KEY_AND_RATE, refusals
 from inverse_service.web.engine import Engine
 from inverse_service.web.hub import ANY, until_set
 from inverse_service.web.job_answers import RETRY_AFTER, batch_fields
-from inverse_service.web.preferences import options_of, wants_fresh
+from inverse_service.web.preferences import batch_key_of, options_of, wants_fresh
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
 
@@ -51,13 +50,15 @@ BATCH_BODY: dict[str, Any] = {
     status_code=202,
     response_model=BatchDocument,
     responses={202: {"headers": JOB_HEADERS}, **BAD_BODY},
-    openapi_extra=BATCH_BODY | TIME_LIMIT_QUERY,
+    openapi_extra=BATCH_BODY | BATCH_PARAMETERS,
 )
 async def create(request: Request, kind: KindName = "solve") -> Response:
     """Many documents: a JSON array, or NDJSON with one document a line; each may have an `id` of its own.
 
     All lines are stored before the answer, which is 202 with the address of the batch. A bad line is
     answered by a problem object. Equal documents are computed once. `?kind=` asks for another kind of job.
+    The same lines sent again are the same batch, unless some of it was cancelled, `Cache-Control: no-cache`
+    asks anew, or `Idempotency-Key` is another one.
     """
     engine = engine_of(request)
     media_type = content_type(request)
@@ -67,12 +68,13 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     body = await read_body(request, BODY_FACTOR * engine.settings.max_body)
     read = batch_lines.lines_of_ndjson if media_type in NDJSON_TYPES else batch_lines.lines_of_array
     client, most, fresh = client_of(request), engine.settings.max_lines, wants_fresh(request)
+    key = batch_key_of(request)
 
     def lines() -> list[BatchLine]:
         return batch_lines.batch_lines(read(body), kind, options, engine.server_options, client, most, fresh)
 
     try:
-        stored = await engine.create_batch(uuid.uuid4().hex, kind, client, await engine.in_thread(lines))
+        stored = await engine.create_batch(kind, client, await engine.in_thread(lines), key)
     except InputError as error:
         status = 413 if error.code == "limit" else 422
         raise Refusal(status, error.code, error.detail) from None

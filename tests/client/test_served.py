@@ -25,6 +25,15 @@ def hard(k: int) -> dict[str, Any]:
     return {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, f"{k}*{TERMS}")}
 
 
+def listed(client: Client) -> Iterator[str]:
+    """The ids of all jobs, page by page."""
+    page = client.jobs()
+    yield from (each.id for each in page.jobs)
+    while page.next is not None:
+        page = client.jobs(page.next)
+        yield from (each.id for each in page.jobs)
+
+
 @pytest.fixture(scope="module")
 def client(service: str) -> Iterator[Client]:
     with Client(service) as client:
@@ -48,7 +57,7 @@ def test_a_job_is_submitted_followed_and_fetched(client: Client) -> None:
     assert isinstance(result, ResultDocument)
     assert result == client.solve(oscillator(3)), "the same question has the same answer"
     assert client.job(job.id).status == "successful"
-    assert job.id in [each.id for each in client.jobs().jobs]
+    assert job.id in listed(client)
     assert list(client.stream(job))[-1].data["status"] == "successful", "the events of a job that ended are over"
 
 

@@ -8,6 +8,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
@@ -64,6 +65,7 @@ def test_the_life_of_a_job(store: JobStore) -> None:
     found = store.job("a")
     assert found is not None
     assert (found.status, found.body, found.revision) == ("successful", b'{"verdict": 1}', 1)
+    assert (found.wall, found.cpu, found.memory) == (USAGE.wall, USAGE.cpu, USAGE.memory)
     assert found.created <= (found.started or 0) <= (found.finished or 0)
     without = store.job("a", with_body=False)
     assert without is not None
@@ -221,12 +223,30 @@ def test_a_batch_counts_its_lines_and_answers_them_in_the_order_of_their_ends(st
     assert (found.status, found.counts) == ("successful", {"successful": 3, "failed": 2})
 
 
+def test_a_batch_is_stored_once_under_its_id(store: JobStore) -> None:
+    lines = [BatchLine(k, str(k), request(id)) for k, id in enumerate("xy", 1)]
+    store.create_batch("B", "solve", "", lines)
+    run(store, "x")
+    again = store.create_batch("B", "solve", "", lines, Bounds(0, 0))
+    assert (again.total, dict(again.counts)) == (2, {"successful": 1, "running": 1})
+    with ThreadPoolExecutor(4) as pool:
+        batches = list(pool.map(lambda _: store.create_batch("C", "solve", "", lines), range(8)))
+    assert {(batch.id, batch.total, sum(batch.counts.values())) for batch in batches} == {("C", 2, 2)}
+    assert [answer.number for answer in store.batch_answers("C")] == [1]
+
+
 def test_dismissing_a_batch_leaves_what_another_one_wants(store: JobStore) -> None:
     store.create_batch("A", "solve", "", [BatchLine(k, str(k), request(id)) for k, id in enumerate("xyz", 1)])
     store.create_batch("B", "solve", "", [BatchLine(1, "1", request("z"))])
     assert sorted(store.dismiss_batch("A")) == ["x", "y"]
     assert store.counts() == {"dismissed": 2, "accepted": 1}
     assert [answer.status for answer in store.batch_answers("A")] == ["dismissed", "dismissed"]
+
+
+def test_a_batch_that_is_stored_after_a_cancelled_one_can_be_cancelled(store: JobStore) -> None:
+    for batch in ("A", "B"):
+        store.create_batch(batch, "solve", "", [BatchLine(1, "1", request("x"))])
+        assert store.dismiss_batch(batch) == ["x"]
 
 
 def test_pruning_forgets_what_is_old_and_never_what_is_open(store: JobStore) -> None:

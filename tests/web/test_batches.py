@@ -22,6 +22,13 @@ def system(k: object, **more: Any) -> dict[str, Any]:
     return {"coordinates": ["x"], "equations": {"x": f"-{k}*x"}, **more}
 
 
+def blockers(name: str) -> list[dict[str, Any]]:
+    """Systems that take longer than any test waits."""
+    names = [f"x{k}" for k in range(8)]
+    terms = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in names for b in names)
+    return [{"coordinates": names, "equations": dict.fromkeys(names, terms), "name": f"{name} {k}"} for k in range(4)]
+
+
 def results(client: httpx.Client, response: httpx.Response) -> list[dict[str, Any]]:
     assert response.status_code == 202, response.text
     stream = client.get(response.headers["location"] + "/results")
@@ -93,15 +100,45 @@ def test_what_is_no_batch_is_refused(client: httpx.Client, content: bytes, kind:
     assert (response.status_code, response.headers["content-type"]) == (status, "application/problem+json")
 
 
+def test_a_batch_that_is_sent_again_is_the_same_one(client: httpx.Client) -> None:
+    lines = [system(k, name="again", id=f"again {k}") for k in range(3)]
+
+    def place(lines: list[dict[str, Any]], **headers: str) -> str:
+        response = client.post("/v1/batches", json=lines, headers=headers)
+        assert response.status_code == 202, response.text
+        return str(response.headers["location"])
+
+    first = place(lines)
+    assert len(results(client, client.post("/v1/batches", json=lines))) == 3
+    assert place(lines) == first
+    assert client.get(first).json()["total"] == 3
+    anew = {"Cache-Control": "no-cache"}
+    keyed = [place(lines, **anew, **{"Idempotency-Key": key}) for key in ("a", "a", "b")]
+    assert keyed[0] == keyed[1]
+    others = [lines[:2], lines[::-1], [*lines, {}], [{**line, "id": 10 + k} for k, line in enumerate(lines)]]
+    places = [first, *keyed[1:], place(lines, **anew), place(lines, **anew), *map(place, others)]
+    assert len(set(places)) == len(places)
+    assert client.post("/v1/batches", json=lines, headers={"Idempotency-Key": "k" * 256}).status_code == 422
+
+
+def test_a_cancelled_batch_that_is_sent_again_is_computed(client: httpx.Client) -> None:
+    lines = [*blockers("cancelled and sent again"), system(7, name="after the slow ones", id="last")]
+    first = client.post("/v1/batches", json=lines).headers["location"]
+    assert client.delete(first).json()["counts"]["dismissed"] > 0
+    second = client.post("/v1/batches", json=lines).headers["location"]
+    assert second != first
+    assert client.post("/v1/batches", json=lines).headers["location"] == second
+    counts = client.get(second).json()["counts"]
+    assert counts.get("accepted", 0) + counts.get("running", 0) > 0
+    assert client.delete(second).json()["counts"] == {"dismissed": 5}
+
+
 def test_an_unknown_kind_is_refused(client: httpx.Client) -> None:
     assert client.post("/v1/batches?kind=cook", json=[system(1)]).status_code == 422
 
 
 def test_results_come_before_the_last_one_is_there_and_the_rest_can_be_cancelled(client: httpx.Client) -> None:
-    names = [f"x{k}" for k in range(8)]
-    terms = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in names for b in names)
-    slow = [{"coordinates": names, "equations": dict.fromkeys(names, terms), "name": f"slow {k}"} for k in range(4)]
-    place = client.post("/v1/batches", json=[system(6, name="quick"), *slow]).headers["location"]
+    place = client.post("/v1/batches", json=[system(6, name="quick"), *blockers("slow")]).headers["location"]
     with client.stream("GET", place + "/results") as stream:
         lines = stream.iter_lines()
         assert json.loads(next(lines))["line"] == 1

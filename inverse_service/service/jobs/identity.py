@@ -1,4 +1,4 @@
-"""The id of a job: a hash of the engine, the canonical document and the options.
+"""The id of a job: a hash of the engine, the canonical document and the options; a batch's, of its jobs.
 
 The same question has the same id, so it is answered from the store, and its link is permanent.
 """
@@ -8,12 +8,13 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 from inverse_service import __version__
+from inverse_service.service.jobs.model import BatchLine
 
 DIGITS = 40
 # A new page or command does not make an answer another one.
@@ -39,6 +40,18 @@ def job_id(kind: str, document: Any, options: str) -> str:
     """The id: 40 hexadecimal digits. `options` are canonical JSON already."""
     parts = (engine_version(), kind, canonical(document), canonical(_order(document)), options)
     return hashlib.sha256("\x00".join(parts).encode()).hexdigest()[:DIGITS]
+
+
+def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, generation: int) -> str:
+    """The id of a client's batch, so that one that is sent again after a lost answer is not stored twice.
+
+    `key` tells batches of the same lines apart; `generation` counts those with cancelled lines before it.
+    """
+    digest = hashlib.sha256("\x00".join(("batch", kind, client, key, str(generation))).encode())
+    for line in lines:
+        question = line.problem or b"" if line.request is None else line.request.id.encode()
+        digest.update(f"\n{line.number}\x00{line.identifier}\x00".encode() + question)
+    return digest.hexdigest()[:DIGITS]
 
 
 @functools.cache

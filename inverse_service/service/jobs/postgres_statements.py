@@ -204,12 +204,14 @@ def create_batch(
         has_answer = job is None or job in answered
         order += has_answer
         rows.append((id, line.number, line.identifier, job, line.problem, order if has_answer else None))
-    connection.execute(
-        f"INSERT INTO batches (id, kind, client, created, total, answers) VALUES (%s, %s, %s, {NOW}, %s, %s)",
+    is_new = connection.execute(
+        f"INSERT INTO batches (id, kind, client, created, total, answers) VALUES (%s, %s, %s, {NOW}, %s, %s) "
+        "ON CONFLICT DO NOTHING RETURNING id",
         (id, kind, client, len(lines), order),
-    )
-    with connection.cursor() as cursor:
-        cursor.executemany("INSERT INTO lines VALUES (%s, %s, %s, %s, %s, %s)", rows)
+    ).fetchone()
+    if is_new is not None:  # else another front end stored it at the same moment
+        with connection.cursor() as cursor:
+            cursor.executemany("INSERT INTO lines VALUES (%s, %s, %s, %s, %s, %s)", rows)
     batch = read_batch(connection, id)
     assert batch is not None
     return batch

@@ -27,7 +27,8 @@ ANSWERS: LiteralString = (
 ONLY_HERE: LiteralString = (
     "SELECT jobs.id FROM jobs WHERE jobs.status IN ('accepted', 'running') "
     "AND EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id AND lines.batch = %(batch)s) "
-    "AND NOT EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id AND lines.batch <> %(batch)s) "
+    "AND NOT EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id AND lines.batch <> %(batch)s "
+    "AND lines.order_number IS NULL) "
     "ORDER BY jobs.id FOR UPDATE"
 )
 

@@ -145,7 +145,9 @@ def recover(connection: sqlite3.Connection, owner: str | None, lease: float) -> 
 def create_batch(
     connection: sqlite3.Connection, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds
 ) -> Batch:
-    """The batch, its lines, the jobs that are new."""
+    """The batch, its lines, the jobs that are new; the batch as it is where it is there already."""
+    if (found := read_batch(connection, id)) is not None:
+        return found
     requests = [line.request for line in lines if line.request is not None]
     jobs, _ = submit(connection, requests, bounds, with_bodies=False)
     answered = {job.id for job in jobs if job.status in FINAL}

@@ -127,7 +127,8 @@ class SqliteStore:
         query = (
             "SELECT DISTINCT job FROM lines JOIN jobs ON jobs.id = lines.job WHERE lines.batch = ? "
             "AND jobs.status IN ('accepted', 'running') "
-            "AND NOT EXISTS (SELECT 1 FROM lines AS other WHERE other.job = lines.job AND other.batch <> lines.batch)"
+            "AND NOT EXISTS (SELECT 1 FROM lines AS other WHERE other.job = lines.job AND other.batch <> lines.batch "
+            "AND other.order_number IS NULL)"
         )
 
         def change(connection: sqlite3.Connection) -> list[str]:

@@ -71,7 +71,7 @@ class JobStore(Protocol):
         """Events of a job with greater numbers than `after`, in order."""
 
     def create_batch(self, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds = ...) -> Batch:
-        """Store the batch and the jobs of its lines, all or nothing."""
+        """Store the batch and the jobs of its lines, all or nothing; one of this id stays as it is."""
 
     def batch(self, id: str) -> Batch | None:
         """One batch with its counts."""
@@ -80,7 +80,7 @@ class JobStore(Protocol):
         """Answers with `order` above `after`, in that order: what is done so far."""
 
     def dismiss_batch(self, id: str) -> list[str]:
-        """Dismiss what is open in the batch and in no other one; the ids."""
+        """Dismiss what is open in the batch and what no other one waits for; the ids."""
 
     def counts(self) -> Mapping[JobStatus, int]:
         """Number of jobs in each status."""
