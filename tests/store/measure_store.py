@@ -82,7 +82,7 @@ def main() -> None:
     if programs() is not None:
         from inverse_service.service.jobs.postgres_store import PostgresStore
 
-        with server() as started:
+        with server(durable=True) as started:
             print(measure("PostgreSQL", PostgresStore(started.database("measured"))), flush=True)
 
 

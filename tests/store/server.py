@@ -34,6 +34,7 @@ class Server:
     programs: Path
     folder: Path
     port: int
+    durable: bool
 
     @property
     def address(self) -> str:
@@ -41,6 +42,8 @@ class Server:
 
     def start(self) -> None:
         options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self.folder}"
+        if not self.durable:
+            options += " -c fsync=off -c full_page_writes=off"
         run(
             self.programs / "pg_ctl",
             "-D",
@@ -72,8 +75,8 @@ def run(*command: object) -> None:
 
 
 @contextmanager
-def server() -> Iterator[Server]:
-    """A new server, and everything of it gone at the end."""
+def server(durable: bool = False) -> Iterator[Server]:
+    """A new server, and everything of it gone at the end; the tests kill processes, not machines."""
     found = programs()
     assert found is not None
     folder = Path(tempfile.mkdtemp(prefix="inverse-service-postgres-"))
@@ -81,7 +84,7 @@ def server() -> Iterator[Server]:
         shutil.chown(folder, "postgres")
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    started = Server(found, folder, port)
+    started = Server(found, folder, port, durable)
     try:
         run(
             found / "initdb",
