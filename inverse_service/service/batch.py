@@ -1,7 +1,7 @@
 """Many systems: every line of a file answered exactly once, in parallel, also after a kill.
 
 The output file is the truth of what is done. The jobs run on the same supervisor as those of the
-service, over a store in the temporary folder that lives as long as the run.
+service, over a store in the temporary folder that lives as long as the run (`jobs/temporary.py`).
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import json
 import queue
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from inverse_service.service.jobs.model import BULK, BatchAnswer, Job
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import Supervisor
+from inverse_service.service.jobs.temporary import temporary_database
 from inverse_service.service.problem_documents import of_input_error
 from inverse_service.service.workers import Executor, Workers
 
@@ -125,8 +125,8 @@ class BatchEngine:
 @contextlib.contextmanager
 def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
     """A store, a supervisor and its processes for the time of one run."""
-    with tempfile.TemporaryDirectory(prefix="inverse-service-") as folder:
-        store = SqliteStore(Path(folder) / "jobs.sqlite", durable=False)
+    with temporary_database() as database:
+        store = SqliteStore(database, durable=False)
         quick = Workers(1, plan.options.memory_limit)
         working = _executor(plan)
         try:

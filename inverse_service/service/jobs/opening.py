@@ -7,15 +7,14 @@ import contextlib
 import importlib
 import logging
 import os
-import shutil
 import sqlite3
-import tempfile
 from pathlib import Path
 
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.model import DatabaseTaken
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.temporary import temporary_database
 
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
@@ -50,10 +49,10 @@ def _default_store() -> JobStore:
     path = default_path()
     with contextlib.suppress(OSError, sqlite3.Error, DatabaseTaken):
         return _store_at(path)
-    folder = Path(tempfile.mkdtemp(prefix="inverse-service-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    kept = contextlib.ExitStack()
+    atexit.register(kept.close)
     log.warning("the database of this user cannot be used now; jobs are kept in the temporary folder")
-    return _store_at(folder / "jobs.sqlite")
+    return _store_at(kept.enter_context(temporary_database()))
 
 
 def _postgres_store(address: str) -> JobStore:

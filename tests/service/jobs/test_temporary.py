@@ -1,0 +1,85 @@
+"""A temporary store is gone after its process, at the latest when the next one starts."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.temporary import YOUNG, temporary_database
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs flock")
+HOLD = """
+import sys
+from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.temporary import temporary_database
+with temporary_database() as database:
+    store = SqliteStore(database, durable=False)
+    print(database.parent, flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A temporary folder of the test's own, for the processes it starts too."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def aged(path: Path) -> Path:
+    os.utime(path, (path.stat().st_atime, path.stat().st_mtime - 2 * YOUNG))
+    return path
+
+
+def left(folder: Path) -> set[Path]:
+    return set(folder.iterdir())
+
+
+def test_the_folder_is_gone_at_the_end(folder: Path) -> None:
+    with temporary_database() as database:
+        SqliteStore(database, durable=False).close()
+        assert database.exists()
+    assert left(folder) == set()
+
+
+def test_what_a_killed_process_left_is_removed_at_the_next_start_and_what_is_in_use_is_not(folder: Path) -> None:
+    command = [sys.executable, "-c", HOLD]
+    with (
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as killed,
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as living,
+    ):
+        assert killed.stdout is not None
+        assert living.stdout is not None
+        first, second = (aged(Path(process.stdout.readline().strip())) for process in (killed, living))  # type: ignore[union-attr]
+        killed.kill()
+        killed.wait()
+        with temporary_database() as database:
+            assert left(folder) == {second, database.parent}
+        assert not first.exists()
+        assert living.stdin is not None
+        living.stdin.close()
+    assert left(folder) == set()
+
+
+def test_only_old_folders_that_hold_a_store_and_nothing_else_are_removed(folder: Path) -> None:
+    young, empty, other, linked = (folder / f"inverse-service-{name}" for name in ("young", "empty", "other", "linked"))
+    target = folder / "target"
+    for path in (young, empty, other, target):
+        path.mkdir()
+    for path in (young, other, target):
+        SqliteStore(path / "jobs.sqlite").close()
+    (other / "thesis.tex").write_text("years of work")
+    linked.symlink_to(target)
+    before = left(folder)
+    for path in (empty, other, target):
+        aged(path)
+    with temporary_database():
+        pass
+    assert left(folder) == before
