@@ -71,8 +71,11 @@ def programs(page: Path, with_slow: bool) -> list[tuple[Block, str | None]]:
 
 def pattern(expected: str) -> re.Pattern[str]:
     """What is printed, with `...` for anything in a line, and for any lines where it is a line."""
-    parts = [re.escape(line).replace(re.escape("..."), ".*") + "\n" for line in expected.splitlines()]
-    return re.compile("".join("(?:.*\n)*?" if part.strip() == ".*" else part for part in parts))
+    parts = [
+        "(?:.*\n)*?" if line.strip() == "..." else re.escape(line).replace(re.escape("..."), ".*") + "\n"
+        for line in expected.splitlines()
+    ]
+    return re.compile("".join(parts))
 
 
 def run_page(page: Path, folder: Path, address: str, with_slow: bool) -> list[str]:
