@@ -3,7 +3,7 @@ PORT ?= 8000
 HOST ?= 127.0.0.1
 STAMP := .venv/.installed
 
-.PHONY: install run test nightly lint paper
+.PHONY: install run test nightly lint paper soundness coverage mutation
 
 install: $(STAMP)
 
@@ -41,3 +41,17 @@ lint: install
 # docs/paper.md and its figures: every statement of the paper computed anew.
 paper: install
 	.venv/bin/inverse-service paper --output docs
+
+# 27,000 cases on all cores, some hours of processor time at most; interrupted, it goes on where it was.
+soundness: install
+	.venv/bin/python -m tests.soundness --output build/soundness --report docs/soundness.md
+
+# Branch coverage of the heart, by the tests of its own rooms.
+HEART := algebra mechanics inverse_problem certificate integrators
+coverage: install
+	.venv/bin/python -m coverage run -m pytest $(addprefix tests/,$(HEART)) tests/generator tests/soundness
+	.venv/bin/python -m coverage report
+
+# Small changes to checker and decision, each of which a test has to notice.
+mutation: install
+	.venv/bin/python -m tests.mutation --output build/mutation

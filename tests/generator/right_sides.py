@@ -32,7 +32,12 @@ class RandomRightSide:
 
 def random_right_sides(count: int, seed: int) -> list[RandomRightSide]:
     """`count` systems, the kinds and n = 2 to 4 in turn; the same for the same seed."""
-    return [_one(index, seed, KINDS[index % 3], 2 + index // 3 % 3) for index in range(count)]
+    return [random_right_side(index, seed) for index in range(count)]
+
+
+def random_right_side(index: int, seed: int) -> RandomRightSide:
+    """The system of this number."""
+    return _one(index, seed, KINDS[index % 3], 2 + index // 3 % 3)
 
 
 def _one(index: int, seed: int, kind: str, n: int) -> RandomRightSide:

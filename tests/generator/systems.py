@@ -45,8 +45,13 @@ def text(expression: sympy.Expr) -> str:
 
 def random_systems(count: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> list[GeneratedSystem]:
     """`count` systems, the families and n = 1 to 4 in turn; the same for the same seed."""
+    return [random_system(index, seed, families) for index in range(count)]
+
+
+def random_system(index: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> GeneratedSystem:
+    """The system of this number."""
     kinds = len(families)
-    return [_one(index, seed, families[index % kinds], 1 + index // kinds % 4) for index in range(count)]
+    return _one(index, seed, families[index % kinds], 1 + index // kinds % 4)
 
 
 def _one(index: int, seed: int, family: str, n: int) -> GeneratedSystem:

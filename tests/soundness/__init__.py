@@ -1,0 +1,1 @@
+"""The soundness campaign: thousands of systems decided, checked, disguised, rewritten, certificates corrupted."""

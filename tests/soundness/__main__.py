@@ -1,0 +1,45 @@
+"""Run the soundness campaign: `python -m tests.soundness --output DIR`; exit code 1 where a verdict is wrong.
+
+Started again with the same seed and folder it goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from tests.soundness.campaign import run
+from tests.soundness.report import markdown
+
+# How many of each kind, in the order in which they run.
+COUNTS = {"random": 10_000, "generated": 10_000, "rewritten": 4_000, "corrupted": 1_000, "disguised": 2_000}
+
+
+def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="python -m tests.soundness", description=__doc__)
+    for kind, count in COUNTS.items():
+        parser.add_argument(f"--{kind}", type=int, default=count, help=f"cases of this kind (default {count})")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--processes", type=int, default=None, help="default: one for each core")
+    parser.add_argument("--output", type=Path, default=Path("build/soundness"), help="folder of the outcomes")
+    parser.add_argument("--report", type=Path, help="the page (default: soundness.md in the folder)")
+    return parser.parse_args(arguments)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    chosen = options(arguments)
+    counts = {kind: getattr(chosen, kind) for kind in COUNTS}
+    lines = run(counts, chosen.seed, chosen.output, chosen.processes)
+    given = " ".join(f"--{kind} {count}" for kind, count in counts.items())
+    page = markdown(lines, chosen.seed, f"python -m tests.soundness {given} --seed {chosen.seed}")
+    (chosen.report or chosen.output / "soundness.md").write_text(page, encoding="utf-8")
+    wrong = sum(len(line["wrong"]) for line in lines)
+    print(f"{len(lines)} cases, {wrong} wrong verdicts")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
