@@ -15,6 +15,7 @@ from inverse_service.benchmark.hard_cases import disk_start
 from inverse_service.benchmark.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, problem
 from inverse_service.benchmark.simulation_cases import BARE, CASES, SpeedCase
 from inverse_service.benchmark.simulation_routes import generated_c, lambdify_and_fsolve, ours, with_numba
+from inverse_service.expressions.collecting import forget_expansions
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.formulas import Formulas
@@ -81,7 +82,7 @@ _NEW = {
 
 
 def latency_rows(report: Report, rounds: int = 15) -> list[LatencyRow]:
-    """Each round has a new factor in L, so that no cache knows it."""
+    """Each round has a new factor in L and forgets expansions, so that no cache knows it."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         before = os.environ.get("INVERSE_SERVICE_CACHE")
@@ -114,6 +115,7 @@ def _latency_row(name: str, alpha: float, rounds: int) -> LatencyRow:
 
 def _latency(name: str, alpha: float, factor: int) -> dict[str, float]:
     coordinates, text, start = _NEW[name]
+    forget_expansions()
     clock = [time.perf_counter()]
     made = problem(coordinates, free=text.format(factor), parameters="c")
     clock.append(time.perf_counter())

@@ -93,7 +93,7 @@ def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
     derived = time.perf_counter()
     text = kernel_text(program, lanes)
     written = time.perf_counter()
-    code = object_code(text)
+    code = object_code(text, thorough=lanes > 1)
     optimised = time.perf_counter()
     card = card_of(program, lanes)
     store.write(digest, _noted(card), code)

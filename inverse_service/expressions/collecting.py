@@ -26,6 +26,8 @@ from inverse_service.expressions.tree import (
     Power,
     Product,
     Sum,
+    Symbol,
+    Velocity,
     add,
     multiply,
     number,
@@ -66,6 +68,11 @@ def expand(tree: Expression) -> Expansion:
     return Expansion(tuple(sorted(terms.items(), key=lambda item: order(item[0]))))
 
 
+def forget_expansions() -> None:
+    """Empty the table of what was expanded before: what is measured next starts from nothing."""
+    _KEPT.clear()
+
+
 def to_tree(expansion: Expansion) -> Expression:
     """The sum as a tree, in the order of its terms."""
     return terms_tree(expansion.terms)
@@ -76,7 +83,26 @@ def collect(tree: Expression) -> Expression:
     return to_tree(expand(tree))
 
 
+# The same parts are expanded again and again while one system is worked on; large results are not kept.
+_KEPT: dict[Expression, Terms] = {}
+_MOST_KEPT, _LARGEST_KEPT = 4_096, 64
+
+
 def _expand(tree: Expression) -> Terms:
+    """The terms of a tree; nobody may change them, for they may be handed out again."""
+    if isinstance(tree, Number | Symbol | Velocity):
+        return _expansion(tree)
+    known = _KEPT.get(tree)
+    if known is None:
+        known = _expansion(tree)
+        if len(known) <= _LARGEST_KEPT:
+            if len(_KEPT) >= _MOST_KEPT:
+                _KEPT.clear()
+            _KEPT[tree] = known
+    return known
+
+
+def _expansion(tree: Expression) -> Terms:
     match tree:
         case Number(value):
             return {(): value} if value else {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -37,6 +38,11 @@ def evaluate(expression: Expression, table: Mapping[Expression, Real]) -> Real:
     `table` gives the values of Symbol, Velocity and Acceleration nodes, and of whole Arbitrary nodes
     (arguments and orders included). NoRealValue where a node is missing or has no finite real value.
     """
+    return evaluate_once(expression, dict(table))
+
+
+def evaluate_once(expression: Expression, table: dict[Expression, Real]) -> Real:
+    """As `evaluate`; the table keeps the value of every part, so that trees that share parts share the work."""
     known = table.get(expression)
     if known is not None:
         return known
@@ -46,22 +52,25 @@ def evaluate(expression: Expression, table: Mapping[Expression, Real]) -> Real:
         raise NoRealValue(f"a formula has no real value at a point: {error}") from error
     if not isinstance(value, mpf) or not mp.isfinite(value):
         raise NoRealValue("a formula has no finite real value at a point")
+    table[expression] = value
     return value
 
 
-def _value(expression: Expression, table: Mapping[Expression, Real]) -> Real:
+def _value(expression: Expression, table: dict[Expression, Real]) -> Real:
     match expression:
         case Number(value):
             return mpf(value.numerator) / value.denominator
         case Sum(terms):
-            return mp.fsum(evaluate(term, table) for term in terms)
+            return mp.fsum([evaluate_once(term, table) for term in terms])
         case Product(factors):
-            return mp.fprod(evaluate(factor, table) for factor in factors)
+            return math.prod([evaluate_once(factor, table) for factor in factors])
+        case Power(base, Number(value)) if value.denominator == 1:
+            return evaluate_once(base, table) ** value.numerator
         case Power(base, exponent):
-            return mp.power(evaluate(base, table), evaluate(exponent, table))
+            return mp.power(evaluate_once(base, table), evaluate_once(exponent, table))
         case Apply(function, argument):
             operation: Callable[[Real], Real] = getattr(mp, _NAMES.get(function, function))
-            return operation(evaluate(argument, table))
+            return operation(evaluate_once(argument, table))
         case Arbitrary(name, _, _):
             raise NoRealValue(f"no value is given for the function {name}")
         case _ if expression == PI:

@@ -10,7 +10,7 @@ from typing import Any
 from mpmath import mp, mpf
 
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate
+from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate_once
 from inverse_service.expressions.tree import PI, Arbitrary, Expression, Symbol, Velocity, walk
 
 DIGITS = 60
@@ -83,9 +83,9 @@ def _draw(source: random.Random, width: Real, positive: bool) -> Real:
 
 
 def value(tree: Expression, point: Point) -> Real | None:
-    """The value in the working precision, None where there is none."""
+    """The value in the working precision, None where there is none; the point keeps it, with those of its parts."""
     try:
-        return evaluate(tree, point)
+        return evaluate_once(tree, point)
     except NoRealValue:
         return None
 
