@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.expressions.tree import (
     HALF,
     ZERO,
@@ -50,10 +51,16 @@ class ClassLagrangian:
 
 
 def class_lagrangians(member: PaperClass, kind: str) -> tuple[ClassLagrangian, ...]:
-    """The proposals for one kind of associated system; none for the first, and none where there is a force."""
+    """The proposals for one kind of associated system; none for the first, and none where there is a force.
+
+    None either where they would be too large or the time of the member's ring is over: nobody need propose.
+    """
     if member.has_force or kind not in ("second", "third"):
         return ()
-    return _of_second(member) if kind == "second" else (_of_third(member),)
+    try:
+        return _of_second(member) if kind == "second" else (_of_third(member),)
+    except (TooLarge, ZeroDivisionError):
+        return ()
 
 
 def _of_second(member: PaperClass) -> tuple[ClassLagrangian, ...]:

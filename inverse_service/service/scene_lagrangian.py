@@ -13,6 +13,7 @@ import numpy as np
 
 from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
+from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
@@ -153,6 +154,8 @@ def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
             found = _associated(scene, which)
         except InputError as error:
             return Unavailable(f"The {which} associated system is not defined: {error.detail}")
+        except TooLarge as error:
+            return Unavailable(f"The {which} associated system is too large to be written out: {error}.")
         if found.system is None:
             return Unavailable(found.explanation)
         accelerations = found.system.accelerations

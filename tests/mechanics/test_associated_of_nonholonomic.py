@@ -216,3 +216,11 @@ def test_the_checker_confirms_the_lagrangians_of_the_class(name: str, counts: tu
         for proposal in found[kind]:
             certificate = certify.of_lagrangian(analyse(system), proposal.lagrangian, with_time=False)
             assert check_certificate(certificate, time_limit=20).verdict == "valid"
+
+
+@pytest.mark.parametrize("kind", ["second", "third"])
+def test_lagrangians_that_are_too_large_are_not_proposed(kind: str) -> None:
+    member = member_of(ALL["vertically-rolling-disk"])
+    assert class_lagrangians(member, kind)
+    member.geometry.ring.field.budget.deadline = 0.0
+    assert class_lagrangians(member, kind) == ()
