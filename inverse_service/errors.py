@@ -60,3 +60,7 @@ class WorkerFailed(InverseServiceError):
 
     code = "worker-failed"
     retry = True
+
+
+class NoWorker(WorkerFailed):
+    """No worker process could be started: the system has none to give now."""

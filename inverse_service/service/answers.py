@@ -8,7 +8,7 @@ from typing import Any
 
 from api_schemas.result import ResultDocument, UnderstoodSystem
 from inverse_service import __version__
-from inverse_service.errors import WorkerFailed
+from inverse_service.errors import NoWorker, WorkerFailed
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.outcome import Outcome
 from inverse_service.service.refusals import DocumentRefused
@@ -49,6 +49,8 @@ def value_of(outcome: Outcome) -> Any:
         raise WorkerFailed("The work was stopped at its time limit.")
     if outcome.status == "memory":
         raise WorkerFailed("The work was stopped at its memory limit.")
+    if outcome.status == "unstarted":
+        raise NoWorker("No worker process can be started; try again in some seconds.")
     kind = f" ({outcome.value})" if outcome.value else ""
     raise WorkerFailed(f"The program failed on this document{kind}; that is a fault of the program.")
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled"]
+Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"]
 KILL = getattr(signal, "SIGKILL", None)
 OVER_CPU = getattr(signal, "SIGXCPU", None)
 
@@ -37,7 +37,8 @@ class Outcome:
 
     deadline: stopped at its time limit; memory: at its memory limit; killed: by a signal that was
     not ours, most often the kernel short of memory; crash: the process died of itself; fault: an
-    error of this program; cancelled: stopped because nobody wants it any more.
+    error of this program; cancelled: stopped because nobody wants it any more; unstarted: there was
+    no process to run it in, which says nothing of the task.
     """
 
     status: Status

@@ -25,6 +25,15 @@ TITLES = {
     503: "The service is busy",
 }
 
+# Status and kind of a task that ended so; all others are faults.
+ENDS = {
+    "deadline": (422, "time-limit"),
+    "memory": (422, "memory-limit"),
+    "killed": (422, "memory-limit"),
+    "cancelled": (410, "dismissed"),
+    "unstarted": (503, "not-ready"),
+}
+
 
 def problem_document(status: int, kind: str, detail: str, places: Sequence[Place] = ()) -> dict[str, Any]:
     """`kind` is the stable end of the type; the texts are ours, never the caller's."""
@@ -59,9 +68,9 @@ def of_outcome(outcome: Outcome, time_limit: float, memory_limit: int) -> dict[s
         "killed": "The system killed the worker process again and again, most often for want of memory; ask for less.",
         "crash": "The worker process died on this document again and again; that is a fault of the program.",
         "cancelled": "The job was dismissed.",
+        "unstarted": "No worker process could be started for a long time; ask anew.",
     }
     kind = f" ({outcome.value})" if isinstance(outcome.value, str) and outcome.value else ""
     fault = f"The program failed on this document{kind}; that is a fault of the program."
-    status = {"deadline": 422, "memory": 422, "killed": 422, "cancelled": 410}.get(outcome.status, 500)
-    kinds = {"deadline": "time-limit", "memory": "memory-limit", "killed": "memory-limit", "cancelled": "dismissed"}
-    return problem_document(status, kinds.get(outcome.status, "fault"), sentences.get(outcome.status, fault))
+    status, short = ENDS.get(outcome.status, (500, "fault"))
+    return problem_document(status, short, sentences.get(outcome.status, fault))

@@ -24,6 +24,8 @@ TASKS_PER_WORKER = 200
 # A worker that once needed this much is replaced, so that what its libraries keep is given back.
 MEMORY_TO_REPLACE = 700.0
 STARTS = 3
+# Between attempts to start a process where the system has none to give, s.
+START_PAUSE = 0.5
 LAST = 1_000_000
 IDLE_LOOK = 1.0
 
@@ -101,6 +103,7 @@ class Workers:
         self._threads: list[threading.Thread] = []
         self._running: set[Running] = set()
         self._stopped = False
+        self._stopping = threading.Event()
 
     @property
     def capacity(self) -> int:
@@ -142,6 +145,7 @@ class Workers:
         """End all processes at once; tasks not done end as cancelled."""
         with self._lock:
             self._stopped = True
+            self._stopping.set()
             running = list(self._running)
         for task in running:
             task.cancel()
@@ -170,10 +174,13 @@ class Workers:
             self._running.add(task)
             if self._stopped:
                 task.cancel()
-        outcome = Outcome("crash", detail="no worker process can be started")
+        outcome = Outcome("unstarted", detail="no worker process can be started")
         for _ in range(STARTS):
             worker = self._healthy(worker)
-            if worker is None or not task.begin(worker):
+            if worker is None:
+                self._stopping.wait(START_PAUSE)
+                continue
+            if not task.begin(worker):
                 break
             try:
                 outcome = worker.run(task.call, task.report)

@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
-from inverse_service.errors import InputError, WorkerFailed
+from inverse_service.errors import InputError, NoWorker, WorkerFailed
 from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
 from inverse_service.service.outcome import Place
 from inverse_service.service.problem_documents import as_bytes, problem_document
@@ -69,6 +69,8 @@ async def _on_input_error(request: Request, error: Exception) -> Response:
 
 async def _on_worker_failed(request: Request, error: Exception) -> Response:
     assert isinstance(error, WorkerFailed)
+    if isinstance(error, NoWorker):
+        return problem(Refusal(503, "not-ready", error.detail, headers={"Retry-After": "5"}))
     return problem(Refusal(500, "fault", error.detail))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
+from inverse_service.errors import NoWorker
 from inverse_service.service.answers import value_of
 from inverse_service.service.outcome import Outcome
 from inverse_service.settings import Settings
@@ -53,6 +54,14 @@ def test_a_failed_task_is_a_problem_and_its_details_go_to_the_log(
     assert response.status_code == 500
     assert "secret" not in response.text
     assert "secret" in caplog.text
+
+
+def test_without_a_worker_process_a_request_is_told_to_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(NoWorker) as raised:
+        value_of(Outcome("unstarted"))
+    response = answer_of(monkeypatch, raised.value)
+    assert (response.status_code, response.json()["type"]) == (503, "urn:inverse-service:problem:not-ready")
+    assert int(response.headers["retry-after"]) > 0
 
 
 def test_one_request_too_many_is_told_to_come_back() -> None:

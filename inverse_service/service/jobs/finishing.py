@@ -12,7 +12,7 @@ from inverse_service.service import problem_documents, tasks
 from inverse_service.service.answers import UNDERSTAND_DEADLINE, result_document, with_understood
 from inverse_service.service.jobs.model import Job, Usage
 from inverse_service.service.jobs.options import JobOptions, stored_options
-from inverse_service.service.jobs.states import MAX_CRASHES
+from inverse_service.service.jobs.states import MAX_CRASHES, MAX_UNSTARTED
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.kinds import KINDS, label_of, solve_options
 from inverse_service.service.outcome import Call, Outcome
@@ -33,13 +33,16 @@ def finish(store: JobStore, job: Job, outcome: Outcome, quick: Executor) -> str:
         log.warning("worker died: %s", outcome.detail, extra={"job": job.id})
         store.release(job.id, job.attempt, crashed=True)
         return "again"
+    if outcome.status == "unstarted" and job.attempt < MAX_UNSTARTED:
+        store.release(job.id, job.attempt, crashed=False)
+        return "again"
     if outcome.status == "done":
         return _successful(store, job, outcome.value.body, outcome.value.label, usage)
     options = stored_options(job.options)
     if outcome.status in LIMITS and KINDS[job.kind].limit_is_answer:
         result = undetermined(job, outcome, options, quick)
         return _successful(store, job, json.dumps(result, ensure_ascii=False).encode(), label_of(result), usage)
-    if outcome.status in ("crash", "fault"):
+    if outcome.status in ("crash", "fault", "unstarted"):
         log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
     problem = problem_documents.of_outcome(outcome, options.time_limit, options.memory_limit)
     store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), usage)

@@ -20,6 +20,8 @@ NEXT: Final[dict[JobStatus, frozenset[JobStatus]]] = {
 # job, which may only have been next in line; the bound ends the loop of one that takes the service along.
 MAX_CRASHES: Final = 3
 MAX_RESTARTS: Final = 100
+# Runs of a job for which no process could be started; each of them takes a second and more.
+MAX_UNSTARTED: Final = 100
 
 
 def may_become(now: JobStatus, then: JobStatus) -> bool:

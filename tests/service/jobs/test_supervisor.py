@@ -16,7 +16,7 @@ from inverse_service.service.jobs.model import Job, JobRequest
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
 from inverse_service.service.jobs.progress import described
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.states import MAX_CRASHES, MAX_RESTARTS
+from inverse_service.service.jobs.states import MAX_CRASHES, MAX_RESTARTS, MAX_UNSTARTED
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.outcome import Call, Outcome, Place
 from inverse_service.service.worker_process import Report
@@ -69,7 +69,7 @@ def request(name: str = "") -> JobRequest:
 
 
 def final(store: SqliteStore, id: str) -> Job:
-    end = time.monotonic() + 10
+    end = time.monotonic() + 60
     while time.monotonic() < end:
         job = store.job(id)
         if job is not None and job.is_final:
@@ -120,6 +120,16 @@ def test_three_deaths_fail_a_job_with_the_reason(store: SqliteStore, status: Any
     assert (job.status, body["status"]) == ("failed", code)
     assert "again and again" in body["detail"]
     assert "secret" not in str(body)
+
+
+def test_a_job_for_which_no_process_starts_waits_and_is_not_to_blame(store: SqliteStore) -> None:
+    job, _ = run(store, *[Outcome("unstarted")] * 10, Outcome("crash"), DONE)
+    assert (job.status, job.crashes) == ("successful", 1)
+
+
+def test_a_job_for_which_no_process_ever_starts_ends(store: SqliteStore) -> None:
+    job, body = run(store, *[Outcome("unstarted")] * MAX_UNSTARTED)
+    assert (job.status, job.crashes, body["status"]) == ("failed", 0, 503)
 
 
 def test_a_fault_of_ours_is_not_tried_again(store: SqliteStore) -> None:
