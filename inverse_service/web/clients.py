@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import binascii
 import hmac
 
 from starlette.requests import Request
@@ -10,6 +12,9 @@ from inverse_service.settings import Settings, hash_of_key
 from inverse_service.web.problems import Refusal
 
 LARGEST_KEY = 200
+# Holds the key after a person logged in on the page; scripts cannot read it, and other sites never send it.
+COOKIE = "inverse-service-key"
+OWN_PAGES = ("same-origin", "none", "")
 
 
 def require_client(request: Request) -> None:
@@ -28,14 +33,36 @@ def may_see_all(request: Request) -> bool:
     return not request.app.state.engine.settings.api_keys
 
 
+def client_of_key(key: str, settings: Settings) -> str | None:
+    """The client whose key this is, None where it is nobody's; takes as long for a wrong key as for a right one."""
+    digest = hash_of_key(key[:LARGEST_KEY])
+    names = [name for name, expected in settings.api_keys if hmac.compare_digest(digest, expected)]
+    return names[0] if names and key else None
+
+
+def cookie_of_key(key: str) -> str:
+    """A key as the value of a cookie, which takes no spaces, commas or umlauts."""
+    return base64.urlsafe_b64encode(key.encode()).decode().rstrip("=")
+
+
+def key_of_cookie(request: Request) -> str:
+    """The key that a page of ours put into the cookie; nothing where another site sends the request."""
+    value = request.cookies.get(COOKIE, "")[: 2 * LARGEST_KEY]
+    if request.headers.get("sec-fetch-site", "") not in OWN_PAGES and request.method not in ("GET", "HEAD"):
+        return ""
+    try:
+        return base64.urlsafe_b64decode(value + "=" * (-len(value) % 4)).decode()
+    except (binascii.Error, ValueError):
+        return ""
+
+
 def _client(request: Request, settings: Settings) -> str:
     if not settings.api_keys:
         return request.client.host if request.client else ""
     scheme, _, token = request.headers.get("authorization", "").partition(" ")
     key = token.strip() if scheme.lower() == "bearer" else request.headers.get("x-api-key", "")
-    digest = hash_of_key(key[:LARGEST_KEY])
-    names = [name for name, expected in settings.api_keys if hmac.compare_digest(digest, expected)]
-    if not names or not key:
-        detail = "This service asks for a key: send 'Authorization: Bearer KEY' or 'X-API-Key: KEY'."
+    name = client_of_key(key or key_of_cookie(request), settings)
+    if name is None:
+        detail = "This service asks for a key: send 'Authorization: Bearer KEY' or 'X-API-Key: KEY'; people use /login."
         raise Refusal(401, "key", detail, headers={"WWW-Authenticate": 'Bearer realm="inverse-service"'})
-    return names[0]
+    return name

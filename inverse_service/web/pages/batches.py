@@ -16,8 +16,7 @@ from inverse_service.web.engine import Engine
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.forms import read_form
 from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.results import IDENTIFIER, missing
-from inverse_service.web.pages.solve import result_address
+from inverse_service.web.pages.results import IDENTIFIER, SMALL_FORM, missing, result_address
 
 router = APIRouter()
 BODY_FACTOR = 64
@@ -79,6 +78,7 @@ async def table(request: Request, identifier: str) -> HTMLResponse:
 @router.post("/batch/{identifier}/cancel")
 async def cancel(request: Request, identifier: str) -> Response:
     """Stop what is still open."""
+    await read_form(request, SMALL_FORM)
     if IDENTIFIER.fullmatch(identifier):
         await call(request, "DELETE", f"/v1/batches/{identifier}")
     return RedirectResponse(f"/batch/{identifier}", 303)

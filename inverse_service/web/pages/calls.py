@@ -12,7 +12,7 @@ import httpx
 from starlette.requests import Request
 
 # What says who asks; everything else of the browser's request is the page's own business.
-PASSED_ON = ("authorization", "x-api-key")
+PASSED_ON = ("authorization", "x-api-key", "cookie")
 ORIGIN = "http://pages.invalid"
 # It would note every one of these calls, which the service counts itself.
 logging.getLogger("httpx").setLevel(logging.WARNING)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,7 +15,7 @@ from inverse_service.web.pages.naming import Guess, guess_names
 KINDS = ("equations", "nonholonomic")
 ASSOCIATED = ("first", "second", "third", "search")
 FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
-          "associated", "time", "special_cases")  # fmt: skip
+          "associated", "time", "special_cases", "ansatz", "time_limit")  # fmt: skip
 TIME = {"no": False, "yes": True}
 _FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
 
@@ -86,7 +87,34 @@ def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
         found["time_dependent_lagrangian"] = TIME[fields["time"]]
     if fields["special_cases"]:
         found["special_cases"] = True
+    terms = _terms(fields["ansatz"])
+    if terms:
+        found["ansatz"] = terms
+    if fields["time_limit"]:
+        found["options"] = {"time_limit": _seconds(fields["time_limit"])}
     return found
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise InputError("The time limit must be a number of seconds such as 30.", "/options/time_limit")
+    return seconds
+
+
+def _terms(text: str) -> list[str]:
+    """The parts between commas and line ends that stand in no bracket."""
+    found, depth = [""], 0
+    for character in text:
+        depth += (character in "([{") - (character in ")]}")
+        if character in ",;\n" and depth == 0:
+            found.append("")
+        else:
+            found[-1] += character
+    return [part.strip() for part in found if part.strip()]
 
 
 def _names(text: str) -> list[str]:
@@ -129,6 +157,9 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     fields["functions"] = ", ".join(f"{name}({', '.join(arguments)})" for name, arguments in functions.items())
     fields["time"] = {False: "no", True: "yes"}.get(document.get("time_dependent_lagrangian"), "")  # type: ignore[arg-type]
     fields["special_cases"] = "yes" if document.get("special_cases") else ""
+    fields["ansatz"] = ", ".join(document.get("ansatz") or ())
+    limit = (document.get("options") or {}).get("time_limit")
+    fields["time_limit"] = "" if limit is None else f"{limit:g}" if isinstance(limit, int | float) else str(limit)
     if "lagrangian" in document:
         constraints = document.get("constraints", [])
         fields |= {"kind": "nonholonomic", "lagrangian": str(document["lagrangian"])}

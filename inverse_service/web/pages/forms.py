@@ -10,6 +10,7 @@ from urllib.parse import parse_qs
 from starlette.requests import Request
 
 from inverse_service.web.bodies import read_body
+from inverse_service.web.clients import OWN_PAGES
 from inverse_service.web.problems import Refusal
 
 MAX_FIELDS = 120
@@ -45,7 +46,7 @@ class Form:
 
 async def read_form(request: Request, limit: int) -> Form:
     """The sent form; refuses one of another site (403), too large (413), not written by a browser (400)."""
-    if request.headers.get("sec-fetch-site") == "cross-site":
+    if request.headers.get("sec-fetch-site", "") not in OWN_PAGES:
         raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
     body = await read_body(request, limit)
     content_type = request.headers.get("content-type", "")

@@ -14,8 +14,9 @@ from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.documents import parameters_of
+from inverse_service.web.pages.paper_figures import FIGURES
 from inverse_service.web.pages.rendering import can_simulate, page
-from inverse_service.web.pages.thumbnails import has_thumbnail
+from inverse_service.web.pages.thumbnails import has_thumbnail, plane_of
 
 router = APIRouter()
 WORDS = {"variational": "a Lagrangian", "not_variational": "none", "undetermined": "open"}
@@ -49,7 +50,7 @@ class Card:
     lagrangian: Markup
     constraints: list[Markup]
     associated: list[tuple[str, Line]]
-    has_figure: bool
+    plane: tuple[str, str] | None
 
 
 @router.get("/gallery")
@@ -58,6 +59,7 @@ async def gallery() -> HTMLResponse:
     return page(
         "gallery.html",
         active="/gallery",
+        figures=FIGURES if can_simulate() else (),
         cards=cards(),
         others=paper_others(),
         groups=groups(),
@@ -82,7 +84,8 @@ def _card(entry: dict[str, Any], associated: list[tuple[str, Line]]) -> Card:
     names = _names(document)
     constraints = [typesetting.formula(f"{text} = 0", names) for text in document["constraints"]]
     lagrangian = typesetting.formula(document["lagrangian"], names)
-    return Card(entry["name"], entry["title"], lagrangian, constraints, associated, has_thumbnail(entry["name"]))
+    plane = plane_of(entry["name"]) if has_thumbnail(entry["name"]) else None
+    return Card(entry["name"], entry["title"], lagrangian, constraints, associated, plane)
 
 
 @lru_cache(maxsize=1)

@@ -19,6 +19,7 @@ from inverse_service.web.pages.naming import Guess
 FIELD_NAMES = {
     "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
     "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
+    "ansatz": "Terms to try first", "options": "Time limit",
 }  # fmt: skip
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from functools import lru_cache
 from typing import Any
 
@@ -12,6 +13,7 @@ from starlette.responses import HTMLResponse
 from inverse_service.expressions.printing_names import greek_letter
 from inverse_service.service.kinds import KINDS
 from inverse_service.web.pages.assets import address
+from inverse_service.web.pages.visitor import VISITOR
 
 NAVIGATION = (
     ("/", "Solve"),
@@ -22,6 +24,7 @@ NAVIGATION = (
     ("/docs", "API"),
 )
 # Scripts and styles of our own files only; images of the figures are made on the page (blob:, data:).
+WORTH_COMPRESSING = 2_000
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
@@ -92,9 +95,14 @@ def progress_text(progress: Any) -> str:
 
 def render(template: str, **values: Any) -> str:
     """The filled template."""
-    return environment().get_template(template).render(**values)
+    return environment().get_template(template).render(visitor=VISITOR.get(), **values)
 
 
 def page(template: str, status: int = 200, **values: Any) -> HTMLResponse:
     """A whole page under the policy of the pages."""
-    return HTMLResponse(render(template, **values), status, {"Content-Security-Policy": POLICY})
+    headers = {"Content-Security-Policy": POLICY, "Vary": "Accept-Encoding, Cookie"}
+    body = render(template, **values).encode()
+    if VISITOR.get().takes_gzip and len(body) > WORTH_COMPRESSING:
+        # Formulas shrink to a tenth. The pages hold no secret that their length could give away.
+        return HTMLResponse(gzip.compress(body, 5, mtime=0), status, headers | {"Content-Encoding": "gzip"})
+    return HTMLResponse(body, status, headers)

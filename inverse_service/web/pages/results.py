@@ -13,9 +13,12 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from inverse_service.service.jobs.model import Job
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import answers, cases, constrained, exports, figures, simulations, typesetting
+from inverse_service.web.pages.advice import advice_for
 from inverse_service.web.pages.calls import Answer, call
+from inverse_service.web.pages.forms import read_form
 from inverse_service.web.pages.rendering import can_simulate, page
 
 router = APIRouter()
@@ -24,6 +27,7 @@ IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 PATIENCE = 1.0
 LOOK_EVERY = 0.04
 OPEN = frozenset(("accepted", "running"))
+SMALL_FORM = 10_000
 
 
 @router.get("/results/{identifier}")
@@ -49,6 +53,7 @@ async def result_json(request: Request, identifier: str) -> Response:
 @router.post("/results/{identifier}/check")
 async def check(request: Request, identifier: str) -> Response:
     """The checker run again, its verdict on the page."""
+    await read_form(request, SMALL_FORM)
     answer = await finished(request, identifier, 0)
     if answer is None or answer.value["status"] != "successful":
         return missing()
@@ -60,18 +65,32 @@ async def check(request: Request, identifier: str) -> Response:
 @router.post("/results/{identifier}/again")
 async def again(request: Request, identifier: str) -> Response:
     """The same question asked anew, for work that was cancelled or failed."""
-    engine: Engine = request.app.state.engine
-    job = engine.store.job(identifier, with_body=False) if IDENTIFIER.fullmatch(identifier) else None
+    job = await _stored(request, identifier)
     if job is None:
         return missing()
-    headers = {"Prefer": "respond-async", "Cache-Control": "no-cache"}
-    await call(request, "POST", f"/v1/{job.kind}", job.document.encode(), headers)
-    return RedirectResponse(f"/results/{identifier}", 303)
+    return await _asked_again(request, job, json.loads(job.options))
+
+
+@router.post("/results/{identifier}/longer")
+async def longer(request: Request, identifier: str) -> Response:
+    """The same question asked with all the time that the service gives."""
+    job = await _stored(request, identifier)
+    return missing() if job is None else await _asked_again(request, job, {})
+
+
+async def _asked_again(request: Request, job: Job, options: dict[str, Any]) -> Response:
+    document = json.loads(job.document) | ({"options": options} if options else {})
+    headers = {"Prefer": "respond-async"} | ({"Cache-Control": "no-cache"} if options else {})
+    answer = await call(request, "POST", f"/v1/{job.kind}", document, headers)
+    if answer.is_problem:
+        return page("missing.html", answer.status, active="", title="Not asked again", detail=answer.value["detail"])
+    return RedirectResponse(result_address(answer), 303)
 
 
 @router.post("/results/{identifier}/cancel")
 async def cancel(request: Request, identifier: str) -> Response:
     """Stop the work."""
+    await read_form(request, SMALL_FORM)
     if IDENTIFIER.fullmatch(identifier):
         await call(request, "DELETE", f"/v1/jobs/{identifier}")
     return RedirectResponse(f"/results/{identifier}", 303)
@@ -132,6 +151,25 @@ async def finished(request: Request, identifier: str, patience: float) -> Answer
         await asyncio.sleep(LOOK_EVERY)
 
 
+async def _stored(request: Request, identifier: str) -> Job | None:
+    """The job with its document; None where there is none. Only forms of our own pages come here."""
+    await read_form(request, SMALL_FORM)
+    return await stored_job(request, identifier)
+
+
+async def stored_job(request: Request, identifier: str) -> Job | None:
+    """The job with its document, without its answer; None where there is none."""
+    engine: Engine = request.app.state.engine
+    return await engine.job(identifier, with_body=False) if IDENTIFIER.fullmatch(identifier) else None
+
+
+def result_address(answer: Answer) -> str:
+    """The permanent link of a job's result."""
+    location = answer.headers.get("location") or answer.headers.get("content-location") or ""
+    identifier = location.rpartition("/")[2] or answer.value.get("id", "")
+    return f"/results/{identifier}"
+
+
 def missing() -> HTMLResponse:
     """There is no such job."""
     return page("missing.html", 404, active="", title="Nothing here", detail="There is no result at this address.")
@@ -173,6 +211,7 @@ def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | 
         constrained=constrained.constrained_of(found),
         search=constrained.search_of(found),
         also=answers.other_question(found),
+        advice=advice_for(found, request.app.state.engine.settings.time_limit),
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
         exports=exports.exports(found, address),
         timing=answers.timing(found["provenance"]),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any
 
 from inverse_service.errors import InputError
@@ -31,10 +32,15 @@ PLANE = ("x", "y")
 
 @dataclass(frozen=True, slots=True)
 class SceneForm:
-    """Everything that the form shows, as texts; `system` names a catalogue entry, `job` a result."""
+    """Everything that the form shows, as texts.
+
+    `system` names a catalogue entry, `job` a result, `scene` a scene that was run before: the form is about one of
+    them. `further` are methods of that scene that the form has no fields for, with those that stay ticked first.
+    """
 
     system: str = ""
     job: str = ""
+    scene: str = ""
     title: str = ""
     coordinates: tuple[str, ...] = ()
     parameters: Mapping[str, str] = field(default_factory=dict)
@@ -46,9 +52,11 @@ class SceneForm:
     methods: tuple[str, ...] = TICKED_METHODS
     alphas: Mapping[str, str] = field(default_factory=dict)
     observe: tuple[str, ...] = TICKED_OBSERVABLES
+    further: tuple[Mapping[str, Any], ...] = ()
+    kept: tuple[int, ...] = ()
 
 
-def scene_form(document: Mapping[str, Any], title: str, system: str = "", job: str = "") -> SceneForm:
+def scene_form(document: Mapping[str, Any], title: str, system: str = "", job: str = "", scene: str = "") -> SceneForm:
     """The form for a system, filled so that it can be run as it is.
 
     The velocities beyond the first two are left to the constraints, or zero where there are none.
@@ -62,6 +70,7 @@ def scene_form(document: Mapping[str, Any], title: str, system: str = "", job: s
     return SceneForm(
         system,
         job,
+        scene,
         title,
         coordinates,
         {name: str(value or "1") for name, value in parameters.items()},
@@ -84,6 +93,7 @@ def with_sent(form: SceneForm, sent: Form) -> SceneForm:
     return SceneForm(
         form.system,
         form.job,
+        form.scene,
         form.title,
         form.coordinates,
         texts("parameter", form.parameters),
@@ -95,12 +105,14 @@ def with_sent(form: SceneForm, sent: Form) -> SceneForm:
         tuple(name for name, *_ in METHODS if name in sent.every("method")),
         {name: sent.text(f"alpha.{name}") for name, _, _, takes_alpha in METHODS if takes_alpha},
         tuple(name for name, *_ in OBSERVABLES if name in sent.every("observe")),
+        form.further,
+        tuple(k for k in range(len(form.further)) if str(k) in sent.every("further")),
     )
 
 
 def scene_document(form: SceneForm, system: Mapping[str, Any] | None) -> dict[str, Any]:
     """The Scene document, of `system` or of the form's catalogue entry; InputError where nothing is ticked."""
-    if not form.methods:
+    if not form.methods and not form.kept:
         raise InputError("Tick at least one method.", "/methods")
     if not form.steps.isdigit() or len(form.steps) > 12:
         raise InputError("The number of steps must be a whole number.", "/steps")
@@ -111,7 +123,7 @@ def scene_document(form: SceneForm, system: Mapping[str, Any] | None) -> dict[st
         "initial": {"positions": _filled(form.positions), "velocities": _filled(form.velocities)},
         "step": form.step,
         "steps": int(form.steps),
-        "methods": [_method(name, form.alphas) for name in form.methods],
+        "methods": [*(_method(name, form.alphas) for name in form.methods), *(form.further[k] for k in form.kept)],
         "observe": list(form.observe),
     }
     if form.functions:
@@ -132,21 +144,57 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
     """The form filled with a scene that was run before."""
     initial = scene.get("initial", {})
     methods = [entry if isinstance(entry, dict) else {"method": entry} for entry in scene.get("methods", [])]
-    alphas = {entry["method"]: str(entry["alpha"]) for entry in methods if entry.get("alpha") is not None}
+    fitting = _fitting(methods)
+    further = tuple(entry for entry in methods if entry not in fitting.values())
     positions, velocities = initial.get("positions", {}), initial.get("velocities") or {}
-    functions = scene.get("functions", {})
+    functions, values = scene.get("functions", {}), scene.get("parameters") or {}
     return SceneForm(
         form.system,
         form.job,
-        form.title,
+        form.scene,
+        scene.get("name") or form.title,
         form.coordinates,
-        {name: str(scene.get("parameters", {}).get(name, value)) for name, value in form.parameters.items()},
+        {name: str(values.get(name, value)) for name, value in form.parameters.items()},
         {name: (label, str(functions.get(name, text))) for name, (label, text) in form.functions.items()},
         {name: str(positions.get(name, "")) for name in form.coordinates},
         {name: str(velocities.get(name, "")) for name in form.coordinates},
         str(scene.get("step", form.step)),
-        str(scene.get("steps", form.steps)),
-        tuple(dict.fromkeys(str(entry["method"]) for entry in methods)),
-        alphas,
+        _steps(scene, form.steps),
+        tuple(fitting),
+        {name: str(entry["alpha"]) for name, entry in fitting.items() if entry.get("alpha") is not None},
         tuple(scene.get("observe", form.observe)),
+        further,
+        tuple(range(len(further))),
     )
+
+
+def changed_scene(base: Mapping[str, Any], scene: Mapping[str, Any]) -> dict[str, Any]:
+    """A scene that was run before with what the form says; what the form does not show stays."""
+    kept = {key: value for key, value in base.items() if key not in ("time", "steps")}
+    initial = dict(scene["initial"])
+    before = base.get("initial") or {}
+    if before.get("project"):
+        initial["project"] = True
+    if before.get("momenta") and not initial["velocities"]:
+        initial = {key: value for key, value in initial.items() if key != "velocities"} | {"momenta": before["momenta"]}
+    return kept | dict(scene) | {"initial": initial}
+
+
+def _fitting(methods: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """The methods that the form has a line for: the first of each name, with no settings but alpha."""
+    names, found = {name for name, *_ in METHODS}, {}
+    for entry in methods:
+        name = str(entry["method"])
+        if name in names and name not in found and set(entry) <= {"method", "alpha"}:
+            found[name] = entry
+    return found
+
+
+def _steps(scene: Mapping[str, Any], otherwise: str) -> str:
+    """The number of steps, counted from the length of time where the scene says that."""
+    if scene.get("steps") is not None or scene.get("time") is None:
+        return str(scene.get("steps") or otherwise)
+    try:
+        return str(max(1, round(Fraction(str(scene["time"])) / Fraction(str(scene["step"])))))
+    except (ValueError, ZeroDivisionError, KeyError):
+        return otherwise

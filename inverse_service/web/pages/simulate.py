@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from fastapi import APIRouter
@@ -11,27 +12,28 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
-from inverse_service.web.engine import Engine
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.forms import read_form
 from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.results import IDENTIFIER
+from inverse_service.web.pages.results import IDENTIFIER, result_address, stored_job
 from inverse_service.web.pages.scenes import (
     METHODS,
     OBSERVABLES,
     SceneForm,
+    changed_scene,
     form_of_scene,
     scene_document,
     scene_form,
     with_sent,
 )
-from inverse_service.web.pages.solve import example_document, result_address
+from inverse_service.web.pages.solve import example_document
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 CONSTRAINED = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
 FIRST_SYSTEM = "vertically-rolling-disk"
+UNNAMED = "the system that was solved"
 CALLS = {"simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
 
 
@@ -40,7 +42,7 @@ async def form(request: Request) -> HTMLResponse:
     """The form for a system of the catalogue, for a result, or for a scene that was run before."""
     query = request.query_params
     if "scene" in query:
-        return simulate_page(await _form_of_job(request, query["scene"]))
+        return simulate_page((await _form_of_scene(request, query["scene"]))[0])
     found, _ = await _empty_form(request, query.get("system", FIRST_SYSTEM), query.get("job", ""))
     return simulate_page(found)
 
@@ -49,10 +51,17 @@ async def form(request: Request) -> HTMLResponse:
 async def run(request: Request) -> Response:
     """The job of the scene; on to its page, or back with what to change."""
     sent = await read_form(request, request.app.state.engine.settings.max_body)
-    empty, system = await _empty_form(request, sent.text("system"), sent.text("job"))
-    filled = with_sent(empty, sent)
+    base: dict[str, Any] = {}
+    if sent.text("scene"):
+        empty, base = await _form_of_scene(request, sent.text("scene"))
+        system: dict[str, Any] | None = base["system"]
+    else:
+        empty, system = await _empty_form(request, sent.text("system"), sent.text("job"))
+    # A button of the start page sends the form as it is filled.
+    filled = empty if sent.text("filled") else with_sent(empty, sent)
     try:
         scene = scene_document(filled, system)
+        scene = changed_scene(base, scene) if base else scene
     except InputError as error:
         return simulate_page(filled, reading_back.problem_of_error(error, {}), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
@@ -89,22 +98,34 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
     result = None if answer is None or answer.is_problem else answer.value.get("result")
     if not result or not result.get("system") or not result.get("lagrangian"):
         raise Refusal(404, "not-found", "There is no result with a Lagrangian at this address.")
-    shown = result["system"]
+    given = result["system"]["given"]
     if result.get("nonholonomic"):
-        given = {key: shown["given"][key] for key in CONSTRAINED if key in shown["given"]}
-        return scene_form(given, given.get("name") or "the system that was solved", job=job), {"document": given}
-    document = {"coordinates": shown["coordinates"], "parameters": shown["parameters"], "functions": shown["functions"]}
-    return scene_form(document, shown["name"] or "the system that was solved", job=job), {"result": result}
+        chosen = {"document": {key: given[key] for key in CONSTRAINED if key in given}}
+        return form_of_system(chosen, job=job), chosen
+    return form_of_system({"result": result}, job=job), {"result": result}
 
 
-async def _form_of_job(request: Request, identifier: str) -> SceneForm:
-    engine: Engine = request.app.state.engine
-    job = engine.store.job(identifier, with_body=False) if IDENTIFIER.fullmatch(identifier) else None
+def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
+    """The form for a scene's `system`: an entry of the catalogue, a document, a result, or a system written out."""
+    if "catalogue" in system:
+        name = system["catalogue"]
+        return scene_form(example_document(name), catalogue.entry(name)["title"], system=name, **address)
+    if "result" in system:
+        shown = system["result"]["system"]
+        kept = ("coordinates", "parameters", "functions")
+        return scene_form({key: shown[key] for key in kept}, shown["name"] or UNNAMED, **address)
+    document = system.get("document", system)
+    return scene_form(document, document.get("name") or UNNAMED, **address)
+
+
+async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, dict[str, Any]]:
+    """The form filled with a scene that was run before, and that scene."""
+    job = await stored_job(request, identifier)
     if job is None or job.kind not in CALLS:
         raise Refusal(404, "not-found", "There is no scene at this address.")
     scene = json.loads(job.document)
-    system = scene.get("system", {})
-    if "catalogue" in system:
-        found, _ = await _empty_form(request, system["catalogue"], "")
-        return form_of_scene(found, scene)
-    raise Refusal(404, "not-found", "This scene was not made on this page; change its document instead.")
+    try:
+        empty = form_of_system(scene["system"], scene=identifier)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise Refusal(422, "bad-input", "This scene names no coordinates; change its document instead.") from None
+    return form_of_scene(empty, scene), scene

@@ -13,11 +13,12 @@ from api_schemas import system as system_schema
 from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.web.pages import reading_back
-from inverse_service.web.pages.calls import Answer, call
+from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.documents import document_of, fields_from, fields_of, lean_fields
 from inverse_service.web.pages.forms import Form, read_form
 from inverse_service.web.pages.naming import Guess
-from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.rendering import can_simulate, page
+from inverse_service.web.pages.results import result_address
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -29,8 +30,8 @@ ASSOCIATED = (
 )
 # Entries of the catalogue with the words of the palette.
 EXAMPLES = (
-    ("vertically-rolling-disk-first", "Rolling disk, first", "no Lagrangian"),
-    ("vertically-rolling-disk-second", "Rolling disk, second", "a Lagrangian with ẋ²/φ̇"),
+    ("vertically-rolling-disk-first", "Rolling disk, first system", "no Lagrangian: a proof"),
+    ("vertically-rolling-disk-second", "Rolling disk, second system", "a Lagrangian with ẋ²/φ̇"),
     ("sho", "Harmonic oscillator", "one coordinate"),
     ("knife-edge-second", "Knife edge", "second associated system"),
     ("nonholonomic-particle-second", "Nonholonomic particle", "second associated system"),
@@ -71,12 +72,13 @@ async def submit(request: Request) -> Response:
     sent = await read_form(request, request.app.state.engine.settings.max_body)
     fields = fields_of(sent)
     try:
-        document = document_of(sent)
+        example = sent.text("example")
+        document = example_document(example) if example else document_of(sent)
     except InputError as error:
         return solve_page(fields, problem=reading_back.problem_of_error(error, fields), status=422)
     answer = await call(request, "POST", "/v1/solve", document, {"Prefer": "respond-async"})
     if answer.is_problem:
-        shown = fields_from(document) if "document" in sent.files else fields
+        shown = fields_from(document) if "document" in sent.files or example else fields
         return solve_page(shown, problem=reading_back.problem_of(answer.value, shown), status=answer.status)
     return RedirectResponse(result_address(answer), 303)
 
@@ -95,13 +97,6 @@ async def echo(request: Request) -> HTMLResponse:
     if request.query_params.get("fragment"):
         return page("understood.html", **({"problem": None, "understood": None} | found))
     return solve_page(fields, **found)
-
-
-def result_address(answer: Answer) -> str:
-    """The permanent link of a job's result."""
-    location = answer.headers.get("location") or answer.headers.get("content-location") or ""
-    identifier = location.rpartition("/")[2] or answer.value.get("id", "")
-    return f"/results/{identifier}"
 
 
 async def understand(request: Request, fields: dict[str, str], document: dict[str, Any] | None) -> dict[str, Any]:
@@ -132,6 +127,7 @@ def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTML
         fields=fields,
         associated=ASSOCIATED,
         examples=examples(NONHOLONOMIC_EXAMPLES if nonholonomic else EXAMPLES),
+        can_simulate=can_simulate(),
         has_special_cases="special_cases" in system_schema.SystemDocument.model_fields,
         **shown,
     )

@@ -1,4 +1,4 @@
-"""A small picture of a system's motion in the plane, for the gallery: two methods on one path."""
+"""A small picture of a system's motion in a plane, for the gallery: two methods on one path."""
 
 from __future__ import annotations
 
@@ -29,8 +29,14 @@ WAIT = "wait=20"
 
 
 def has_thumbnail(name: str) -> bool:
-    """Whether the system moves in a plane that can be drawn."""
-    return can_simulate() and set(PLANE) <= set(catalogue.document(name)["coordinates"])
+    """Whether a picture of the system's motion can be drawn."""
+    return can_simulate() and len(catalogue.document(name)["coordinates"]) > 1
+
+
+def plane_of(name: str) -> tuple[str, str]:
+    """The coordinates of the picture: x and y, else the last two."""
+    coordinates = catalogue.document(name)["coordinates"]
+    return PLANE if set(PLANE) <= set(coordinates) else (coordinates[-2], coordinates[-1])
 
 
 @router.get("/gallery/{name}.svg")
@@ -44,16 +50,16 @@ async def thumbnail(request: Request, name: str) -> Response:
     if answer.status != 200:
         return Response(drawing([]), media_type="image/svg+xml")
     headers = {"Cache-Control": "private, max-age=3600"}
-    return Response(drawing(paths(answer.value)), media_type="image/svg+xml", headers=headers)
+    return Response(drawing(paths(answer.value, plane_of(name))), media_type="image/svg+xml", headers=headers)
 
 
-def paths(result: Mapping[str, Any]) -> list[list[tuple[float, float]]]:
-    """The points of each method in the plane, those that are numbers."""
+def paths(result: Mapping[str, Any], plane: tuple[str, str]) -> list[list[tuple[float, float]]]:
+    """The points of each method in a plane, those that are numbers."""
     found = []
     for method in result["methods"]:
         columns = columns_of(method)
-        every = max(1, math.ceil(len(columns.get(PLANE[0], ())) / MOST_POINTS))
-        pairs = zip(*(columns.get(axis, ())[::every] for axis in PLANE), strict=True)
+        every = max(1, math.ceil(len(columns.get(plane[0], ())) / MOST_POINTS))
+        pairs = zip(*(columns.get(axis, ())[::every] for axis in plane), strict=True)
         found.append([(x, y) for x, y in pairs if x is not None and y is not None])
     return [points for points in found if len(points) > 1]
 

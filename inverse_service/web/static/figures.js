@@ -177,7 +177,9 @@ async function draw(place) {
   });
   all();
   place.dataset.drawn = "yes";
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { all(); inSpace?.draw(); });
+  const again = () => { all(); inSpace?.draw(); };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+  document.addEventListener("colours", again);
 }
 
 for (const place of document.querySelectorAll("[data-figures]")) draw(place);

@@ -30,8 +30,10 @@ class Motion {
     this.path = data ? JSON.parse(data.textContent) : exact(this.kind);
     this.playing = false;
     this.slider.addEventListener("input", () => { this.stop(); this.draw(); });
+    this.slider.addEventListener("keydown", (event) => this.key(event));
     this.button.addEventListener("click", () => (this.playing ? this.stop() : this.play()));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    document.addEventListener("colours", () => this.draw());
     new ResizeObserver(() => this.draw()).observe(this.canvas);
     this.draw();
   }
@@ -51,6 +53,18 @@ class Motion {
       else requestAnimationFrame(step);
     };
     requestAnimationFrame(step);
+  }
+
+  // An arrow moves by a fiftieth: the browser's own step is one of a thousand. The space bar plays.
+  key(event) {
+    const by = { ArrowRight: 0.02, ArrowUp: 0.02, ArrowLeft: -0.02, ArrowDown: -0.02 }[event.key];
+    if (event.key === " ") this.button.click();
+    else if (by) {
+      this.stop();
+      this.slider.value = Math.min(1, Math.max(0, Number(this.slider.value) + by));
+      this.draw();
+    } else return;
+    event.preventDefault();
   }
 
   stop() {
@@ -86,6 +100,7 @@ class Motion {
     const Y = (y) => height / 2 - (y - cy) * scale;
     this.grid(pen, width, height, scale, X, Y, colour("--line"));
     const last = Math.round(Number(this.slider.value) * (this.path.x.length - 1));
+    this.slider.setAttribute("aria-valuetext", `t = ${this.path.t[last].toPrecision(3)}`);
     this.track(pen, X, Y, this.path.x.length - 1, colour("--line"), 1.5);
     this.track(pen, X, Y, last, colour("--accent"), 2.5);
     this.body(pen, X(this.path.x[last]), Y(this.path.y[last]), last, Math.min(width, height) * 0.11, colour);

@@ -51,6 +51,18 @@ function examples(form, ask) {
   }
 }
 
+function themes(form) {
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const chosen = event.submitter?.value ?? "";
+    if (chosen) root.dataset.theme = chosen;
+    else delete root.dataset.theme;
+    for (const button of form.querySelectorAll("button")) button.setAttribute("aria-pressed", String(button.value === chosen));
+    fetch(form.action, { method: "POST", body: new URLSearchParams({ theme: chosen, back: "/livez" }), keepalive: true });
+    document.dispatchEvent(new Event("colours"));
+  });
+}
+
 export function calm() {
   return matchMedia("(prefers-reduced-motion: reduce)").matches;
 }
@@ -134,5 +146,6 @@ for (const form of document.querySelectorAll("form[data-echo]")) {
   form.querySelector("input[type=file]")?.addEventListener("change", ask);
 }
 copying();
+for (const form of document.querySelectorAll("[data-theme-form]")) themes(form);
 for (const place of document.querySelectorAll("[data-events]")) following(place);
 for (const place of document.querySelectorAll("[data-batch]")) batchProgress(place);

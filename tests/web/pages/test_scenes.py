@@ -1,0 +1,88 @@
+"""A scene in the form and out of it again is the same scene; what the form does not show stays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service import catalogue
+from inverse_service.errors import InputError
+from inverse_service.web.pages.forms import Form
+from inverse_service.web.pages.scenes import changed_scene, form_of_scene, scene_document, scene_form, with_sent
+from inverse_service.web.pages.simulate import form_of_system
+
+DISK: dict[str, Any] = {
+    "name": "a disk", "system": {"catalogue": "vertically-rolling-disk"},
+    "parameters": {"M": 1, "R": 2, "I": "1/2", "J": "1/4"}, "effects": ["constraints"],
+    "initial": {"positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 1}},
+    "step": 0.05, "steps": 200, "observe": ["trajectory", "error"], "record_every": 4,
+    "methods": [
+        {"method": "variational", "alpha": 0}, {"method": "variational", "alpha": "1/3"},
+        {"method": "runge-kutta", "order": 8}, "exact",
+    ],
+}  # fmt: skip
+
+
+def through_the_form(scene: dict[str, Any]) -> dict[str, Any]:
+    form = form_of_scene(form_of_system(scene["system"], scene="job"), scene)
+    return changed_scene(scene, scene_document(form, scene["system"]))
+
+
+def as_texts(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: as_texts(part) for key, part in value.items()}
+    return [as_texts(part) for part in value] if isinstance(value, list) else str(value)
+
+
+def test_a_scene_comes_back_as_it_was() -> None:
+    found = as_texts(through_the_form(DISK))
+    methods = found.pop("methods")
+    expected = as_texts(DISK)
+    expected.pop("methods")
+    assert found == expected
+    assert sorted(map(str, methods)) == sorted(
+        map(str, as_texts([*DISK["methods"][:3], {"method": "exact"}]))
+    )  # fmt: skip
+
+
+def test_a_length_of_time_becomes_a_number_of_steps() -> None:
+    scene = {key: value for key, value in DISK.items() if key != "steps"} | {"time": 25, "step": "0.2"}
+    found = through_the_form(scene)
+    assert found["steps"] == 125
+    assert "time" not in found
+
+
+def test_momenta_and_projection_of_a_scene_stay() -> None:
+    initial = {"positions": DISK["initial"]["positions"], "momenta": {"phi": 1}, "project": True}
+    found = through_the_form(DISK | {"initial": initial})
+    assert found["initial"]["momenta"] == {"phi": 1}
+    assert found["initial"]["project"] is True
+    assert "velocities" not in found["initial"]
+
+
+def test_a_method_that_the_form_has_no_field_for_can_be_left_out() -> None:
+    form = form_of_scene(form_of_system(DISK["system"], scene="job"), DISK)
+    assert len(form.further) == 2
+    sent = with_sent(form, Form({"further": ("1",), "steps": ("5",), "step": ("0.1",)}))
+    assert scene_document(sent, DISK["system"])["methods"] == [{"method": "runge-kutta", "order": 8}]
+    with pytest.raises(InputError, match="at least one method"):
+        scene_document(with_sent(form, Form({"steps": ("5",), "step": ("0.1",)})), DISK["system"])
+
+
+@pytest.mark.parametrize("name", catalogue.names("nonholonomic"))
+def test_every_system_of_the_catalogue_has_a_filled_form(name: str) -> None:
+    form = scene_form(catalogue.document(name), "title", system=name)
+    scene = scene_document(form, None)
+    assert set(scene["initial"]["positions"]) == set(catalogue.document(name)["coordinates"])
+    assert all(scene["parameters"].values())
+
+
+def test_a_scene_of_a_result_or_of_a_document_has_its_form() -> None:
+    shown = {"name": "", "coordinates": ["x"], "parameters": ["k"], "functions": {}}
+    of_result = form_of_system({"result": {"system": shown, "lagrangian": {}}}, job="j")
+    of_document = form_of_system({"document": {"coordinates": ["x"], "parameters": ["k"], "lagrangian": "x'^2/2"}})
+    written_out = form_of_system({"coordinates": ["x"], "parameters": {"k": None}, "lagrangian": "x'^2/2"})
+    for form in (of_result, of_document, written_out):
+        assert form.coordinates == ("x",)
+        assert form.parameters == {"k": "1"}
