@@ -1,0 +1,86 @@
+"""The three functions of the package: documents in, results out, as on the command line."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from fractions import Fraction
+from typing import Any
+
+import pytest
+
+import inverse_service
+from inverse_service import check, simulate, solve
+from inverse_service.errors import InputError
+
+SPRING: dict[str, Any] = {"equations": "x'' = -x", "time_dependent_lagrangian": False}
+SCENE: dict[str, Any] = {
+    "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
+    "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+    "step": 0.1, "steps": 10, "methods": ("runge-kutta",), "observe": ["energy"],
+}  # fmt: skip
+
+
+def test_a_document_is_solved_and_its_result_checked() -> None:
+    result = solve(SPRING)
+    assert result["verdict"] == "variational"
+    assert check(result) == check(json.dumps(result))
+    assert check(result)["verdict"] == "valid"
+
+
+def test_a_forged_lagrangian_is_refused() -> None:
+    result = solve(SPRING)
+    result["lagrangian"]["text"] = result["certificate"]["lagrangian"] = "x'^2/2 + x^2/2"
+    assert check(result)["verdict"] == "invalid"
+
+
+def test_python_values_are_those_of_json() -> None:
+    document = {"coordinates": ("x",), "equations": {"x": 0.1}, "time_dependent_lagrangian": False}
+    assert solve(document)["system"]["equations"] == {"x": "1/10"}
+
+
+def test_options_of_a_document_and_of_the_call_hold() -> None:
+    assert solve(SPRING, seed=5)["provenance"]["seed"] == 5
+    assert solve({**SPRING, "options": {"seed": 7}}, seed=5)["provenance"]["seed"] == 7
+    with pytest.raises(InputError, match="time_limit"):
+        solve({**SPRING, "options": {"time_limit": 61}})
+
+
+@pytest.mark.parametrize(
+    "document",
+    [3, None, [], {}, {"equations": "x'' = omega"}, {"equations": {"x": object()}}, {"equations": {"x": math.nan}},
+     {"equations": {"x": Fraction(1, 2)}}, {**SPRING, "options": 1}, {"equations": {"x": "\ud800"}}],
+    ids=lambda document: type(document).__name__,
+)  # fmt: skip
+def test_what_is_no_document_is_refused_in_a_sentence(document: Any) -> None:
+    with pytest.raises(InputError) as refused:
+        solve(document)
+    assert 10 < len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize("result", ["", "no JSON", "{}", "[]", {}], ids=repr)
+def test_what_is_no_result_is_invalid(result: Any) -> None:
+    assert check(result)["verdict"] == "invalid"
+
+
+def test_a_scene_is_simulated() -> None:
+    (method,) = simulate(SCENE)["methods"]
+    assert method["outcome"] == "completed"
+    assert 0 < method["max_energy_error"] < 1e-5
+
+
+def test_a_bad_scene_is_refused() -> None:
+    with pytest.raises(InputError):
+        simulate({**SCENE, "steps": -1})
+
+
+def test_importing_the_package_loads_no_engine() -> None:
+    program = "import sys, inverse_service; print(sorted({'numpy', 'flint', 'pydantic'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_every_public_name_is_there() -> None:
+    assert {"check", "simulate", "solve"} == set(inverse_service.__all__)
