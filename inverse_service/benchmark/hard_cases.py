@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,11 +124,16 @@ def crossings_of_others() -> Iterator[HardCase]:
                 choice, label = MethodChoice(method, 0.5), f"{name}, {method}, h = {step:g}, alpha = 0.5"
                 # The modified method is implicit in L~ itself: its error is that of C = 1 whatever C is.
                 yield _case("crossing, other methods", label, problem, choice, start, grid)
-    choice = MethodChoice("modified", 0.5)
-    yield _case(
-        "crossing, other methods", "knife edge, modified, h = 0.1, alpha = 0.5 (y' = tan(phi) x')", KNIFE, choice,
-        knife_start(), Grid(0.1, 100), allowed=("singular",),
-    )  # fmt: skip
+    for alpha in (0.0, 1 / 3, 0.5, 1.0):
+        for phi in (0.0, 0.3):
+            label = f"knife edge from phi = {phi:g}, alpha = {alpha:.3g}"
+            choice, grid = MethodChoice("modified", alpha), Grid(0.05, 200)
+            yield _case("crossing, other methods", f"{label}, modified", KNIFE, choice, knife_start(phi), grid)
+            # The mean over alpha and 1 - alpha divides by cos phi at two places, which lie on both sides of its zero.
+            choice = replace(choice, method="variational", symmetrised=True)
+            allowed = ("completed",) if alpha == 0.5 else ("singular",)
+            yield _case("crossing, other methods", f"{label}, variational, symmetrised", KNIFE, choice,
+                        knife_start(phi), grid, allowed=allowed)  # fmt: skip
 
 
 def starts() -> Iterator[HardCase]:
@@ -214,6 +219,15 @@ def near_singular() -> Iterator[HardCase]:
         yield _case("near-singular Newton", f"disk, modified, alpha = 0, theta' = {roll:g}", DISK,
                     MethodChoice("modified", 0.0), disk_start(0.3, 1.0, roll), Grid(step, 2000), values={"c": 1.0},
                     allowed=("singular",))  # fmt: skip
+    yield _contract_scene()
+
+
+def _contract_scene() -> HardCase:
+    """phi' = theta' = 1 and C = 1: 1 + cos phi + sin phi vanishes at phi = pi."""
+    start = disk_start(0.1, 1.0, 1.0)
+    return _case("near-singular Newton", "disk, modified, alpha = 0, phi' = theta' = 1, h = 0.05", DISK,
+                 MethodChoice("modified", 0.0), start, Grid(0.05, 2000), values={"c": 1.0},
+                 allowed=("singular",))  # fmt: skip
 
 
 def non_reversible() -> Iterator[HardCase]:

@@ -6,22 +6,31 @@ form (matching, then strongly connected components, Tarjan 1972), so that only w
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+
+import symengine
 
 from inverse_service.codegen.algebra import STEP, ZERO, Formula, contains, free_names, symbol
 from inverse_service.codegen.program import Assign, Solve, Statement
 
 _LARGEST_GUARDED = 4
+_PARAMETER = re.compile(r"h|c\d+")
 
 
 def plan(
-    equations: Sequence[Formula], unknowns: Sequence[str], scales: Mapping[str, str], guarded: bool = False
+    equations: Sequence[Formula],
+    unknowns: Sequence[str],
+    scales: Mapping[str, str],
+    guarded: bool = False,
+    poles: bool = False,
 ) -> tuple[Statement, ...]:
     """Statements that compute the unknowns; `scales` names the state variable of which each is the increment.
 
-    `guarded` blocks are compared with their determinant at h -> 0.
+    `guarded` blocks are compared with their determinant at h -> 0. With `poles` an unknown whose factor is a
+    reciprocal, as in u/cos(q) = p, is eliminated too: u = p cos(q) is smooth where the equation has a pole.
     """
-    left, rest, assigned = _eliminate(list(equations), list(unknowns))
+    left, rest, assigned = _eliminate(list(equations), list(unknowns), poles)
     statements: list[Statement] = []
     for rows, names in _blocks(left, rest):
         statements.append(_block([left[row] for row in rows], names, scales, guarded))
@@ -29,30 +38,35 @@ def plan(
 
 
 def _eliminate(
-    equations: list[Formula], unknowns: list[str]
+    equations: list[Formula], unknowns: list[str], poles: bool
 ) -> tuple[list[Formula], list[str], list[Assign]]:
-    """Equations with a pivot that is a number are solved for it and put into the others."""
+    """Equations with a pivot that never vanishes are solved for it and put into the others."""
     assigned: list[Assign] = []
-    while (pivot := _best_pivot(equations, unknowns)) is not None:
+    while (pivot := _best_pivot(equations, unknowns, poles)) is not None:
         row, name = pivot
         variable = symbol(name)
         equation = equations.pop(row)
         slope = equation.diff(variable)
         value = -equation.subs({variable: ZERO}) / slope
+        if not _is_number(slope):
+            value = value.expand()
         equations[:] = [e.subs({variable: value}) if contains(e, variable) else e for e in equations]
         unknowns.remove(name)
         assigned.append(Assign(name, value))
     return equations, unknowns, assigned
 
 
-def _best_pivot(equations: Sequence[Formula], unknowns: Sequence[str]) -> tuple[int, str] | None:
+def _best_pivot(equations: Sequence[Formula], unknowns: Sequence[str], poles: bool) -> tuple[int, str] | None:
     """The pivot whose elimination spreads least: (equations touched, other unknowns brought in)."""
     names = set(unknowns)
     present = [free_names(equation) & names for equation in equations]
     best: tuple[tuple[int, int, int], tuple[int, str]] | None = None
     for row, equation in enumerate(equations):
         for place, name in enumerate(unknowns):
-            if name not in present[row] or not _is_safe(equation.diff(symbol(name))):
+            if name not in present[row]:
+                continue
+            slope = equation.diff(symbol(name))
+            if not (_is_number(slope) or (poles and _is_reciprocal(slope, name))):
                 continue
             touched = sum(name in other for k, other in enumerate(present) if k != row)
             others = len(present[row]) - 1
@@ -62,9 +76,22 @@ def _best_pivot(equations: Sequence[Formula], unknowns: Sequence[str]) -> tuple[
     return best[1] if best else None
 
 
-def _is_safe(slope: Formula) -> bool:
+def _is_number(slope: Formula) -> bool:
     """A number other than zero: it vanishes nowhere, and no power of h makes a difference of increments large."""
     return slope != ZERO and not slope.free_symbols
+
+
+def _is_reciprocal(slope: Formula, name: str) -> bool:
+    """A number over powers of something without the unknown: it has poles but no zeros. Parameters may stand above."""
+    if contains(slope, symbol(name)) or not slope.free_symbols:
+        return False
+    factors = slope.args if isinstance(slope, symengine.Mul) else (slope,)
+    return all(
+        not (names := free_names(factor))
+        or all(_PARAMETER.fullmatch(one) for one in names)
+        or (isinstance(factor, symengine.Pow) and factor.args[1].is_Number and factor.args[1] < 0)
+        for factor in factors
+    )
 
 
 def _blocks(equations: Sequence[Formula], unknowns: Sequence[str]) -> list[tuple[list[int], list[str]]]:
@@ -128,6 +155,7 @@ def components(graph: Mapping[str, Sequence[str]]) -> list[list[str]]:
 def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str], guarded: bool) -> Solve:
     variables = [symbol(name) for name in names]
     jacobian = tuple(tuple(equation.diff(variable) for variable in variables) for equation in equations)
+    compared = guarded and len(names) <= _LARGEST_GUARDED
     affine = not any(contains(entry, variable) for row in jacobian for entry in row for variable in variables)
     return Solve(
         unknowns=tuple(names),
@@ -135,11 +163,11 @@ def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[s
         jacobian=jacobian,
         affine=affine,
         scales=tuple(scales.get(name, "") for name in names),
-        limit=_limit(jacobian, variables) if guarded and not affine and len(names) <= _LARGEST_GUARDED else None,
+        limit=limit_at_zero_step(jacobian, variables) if compared and not affine else None,
     )
 
 
-def _limit(jacobian: Sequence[Sequence[Formula]], variables: Sequence[Formula]) -> Formula | None:
+def limit_at_zero_step(jacobian: Sequence[Sequence[Formula]], variables: Sequence[Formula]) -> Formula | None:
     """The determinant for h -> 0 at fixed rates u/h; None where the form does not show it."""
     rates = {variable: STEP * symbol(f"{variable}_w") for variable in variables}
     back = {symbol(f"{variable}_w"): variable / STEP for variable in variables}

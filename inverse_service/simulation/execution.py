@@ -93,13 +93,17 @@ def _portion(piece: int, left: int, until: int) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """Why a lane stopped: kind, quantity, value, remedy; `step` counts from 0."""
+    """Why a lane stopped: kind, quantity, value, remedy; `step` counts from 0.
+
+    `block` is the place of the implicit block whose determinant it was, None for other quantities.
+    """
 
     kind: str
     step: int
     quantity: str
     value: float
     remedy: str
+    block: int | None = None
 
 
 def stopped(card: Card, memory: FloatArray, lane: int, unknown_names: Mapping[str, str]) -> Stopped | None:
@@ -117,14 +121,15 @@ def stopped(card: Card, memory: FloatArray, lane: int, unknown_names: Mapping[st
         quantity = f"1 - det/det(h -> 0): {_determinant(card, code - GUARDED, unknown_names)}"
         return Stopped("guard", step, quantity, value, _REMEDY)
     if code >= SINGULAR:
-        return Stopped("singular", step, _determinant(card, code - SINGULAR, unknown_names), value, _REMEDY)
+        place = code - SINGULAR
+        return Stopped("singular", step, _determinant(card, place, unknown_names), value, _REMEDY, place)
     if code >= NO_CONVERGENCE:
         place = code - NO_CONVERGENCE
         quantity = _determinant(card, place, unknown_names)
         if place < len(card.solves):
             first, last = (float(memory[layout.place(f"{which}_{place}"), lane]) for which in ("first", "last"))
             if abs(last) < NEARLY_SINGULAR * abs(first):
-                return Stopped("singular", step, quantity, last, _REMEDY)
+                return Stopped("singular", step, quantity, last, _REMEDY, place)
         return Stopped("no_convergence", step, quantity, value, _REMEDY)
     assert code == NOT_FINITE
     return Stopped("not_finite", step, "a coordinate or momentum", math.nan, _REMEDY)

@@ -10,8 +10,10 @@ from inverse_service.codegen.algebra import real_value
 from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.integrators.trajectory import FloatArray, Outcome, Trajectory
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
-from inverse_service.simulation.execution import Run, Stopped, at_last, stopped
+from inverse_service.simulation.execution import CLOCK, Run, Stopped, at_last, stopped
 from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.quantity_text import limit_text
+from inverse_service.simulation.schemes import parts_of, program_of
 from inverse_service.simulation.starting import Initial
 
 _POINT_METHODS = ("runge_kutta", "reference")
@@ -48,7 +50,7 @@ def trajectory_of(
         positions=positions,
         momenta=carried if letter == "p" and observation.momenta and not np.isnan(carried).any() else None,
         velocities=velocities if observation.velocities else None,
-        outcome=_outcome(f, choice, card, run, lane, halt, grid),
+        outcome=_outcome(f, choice, card, run, lane, halt, grid, begin),
         force_evaluations=card.forces * taken + run.iterations * (6 if choice.method == "reference" else 1),
         newton_iterations=run.iterations,
         compile_seconds=sum(kernel.seconds.values()),
@@ -94,20 +96,21 @@ def unknown_names(f: Formulas) -> dict[str, str]:
 
 
 def _outcome(
-    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, halt: Stopped | None, grid: Grid
-) -> Outcome:
+    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, halt: Stopped | None, grid: Grid,
+    begin: Initial,
+) -> Outcome:  # fmt: skip
     if halt is None:
         if run.cancelled and run.done < grid.steps:
             return Outcome("cancelled", run.done, run.done * grid.step)
         return Outcome("completed", run.done, run.done * grid.step)
     when = halt.step * grid.step
-    if choice.method == "modified" and halt.kind == "singular":
+    if choice.method == "modified" and halt.kind == "singular" and len(parts_of(choice)) == 1:
         # Its own singular set: smooth through the zeros of A_alpha, whatever passes 0 nearby.
-        return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, _remedy(choice))
+        return Outcome(halt.kind, halt.step, when, *_own_singular_set(f, choice, halt), _remedy(f, choice))
     if halt.kind in ("no_convergence", "not_finite", "singular"):
-        cause = _vanished(f, choice, card, run, lane, grid)
+        cause = _vanished(f, choice, card, run, lane, grid, begin)
         if cause:
-            return Outcome("singular", halt.step, when, *cause, _remedy(choice))
+            return Outcome("singular", halt.step, when, *cause, _remedy(f, choice))
     remedy = halt.remedy
     if halt.kind == "guard" and halt.value:
         # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are proportional to h.
@@ -116,14 +119,26 @@ def _outcome(
     return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, remedy)
 
 
+def _own_singular_set(f: Formulas, choice: MethodChoice, halt: Stopped) -> tuple[str, float]:
+    """The determinant as the formula that it is for h -> 0, with its value; its plain name where that is too long."""
+    found = None
+    if halt.block is not None:
+        program = program_of(f, choice, Observation(momenta=False, velocities=False))
+        found = limit_text(f, program, halt.block)
+    if found is None:
+        return halt.quantity, halt.value
+    text, sign = found
+    return f"{text} (for h -> 0 the {halt.quantity})", sign * halt.value
+
+
 def _vanished(
-    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, grid: Grid
+    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, grid: Grid, begin: Initial
 ) -> tuple[str, float] | None:
     """The factor of L~'s denominators that passes 0 about the step that failed, with its value before it."""
-    raw = choice.method == "modified" or choice.form == "raw"
+    raw = choice.method == "modified" or choice.form == "raw" or len(parts_of(choice)) == 2
     if choice.method not in ("variational", "modified"):
         return None
-    points = _way(f, card, run, lane, grid)
+    points = _way(f, card, run, lane, grid, begin)
     for item in f.denominators:
         if not (raw or item.moves):
             continue
@@ -133,12 +148,17 @@ def _vanished(
     return None
 
 
-def _way(f: Formulas, card: Card, run: Run, lane: int, grid: Grid) -> list[dict[str, float]]:
+def _way(
+    f: Formulas, card: Card, run: Run, lane: int, grid: Grid, begin: Initial
+) -> list[dict[str, float]]:
     """(q, v) a step before the last good point, at it, and where its velocity leads in a step and a half."""
     layout = card.layout
     table = {name: float(run.memory[layout.argument_place(name), lane]) for name in layout.arguments if name != "h"}
     last = at_last(card, run.memory, lane)
-    rates = [last.get(f"d{k}_rate", 0.0) for k in range(f.size)]
+    passed = last[CLOCK] * grid.step
+    means = [(last[f"q{k}"] - begin.state[f"q{k}"]) / passed if passed else 0.0 for k in range(f.size)]
+    # A rate of 0 is that of the step that failed; the mean one says where the way led.
+    rates = [last.get(f"d{k}_rate", 0.0) or means[k] for k in range(f.size)]
     table |= {f"v{k}": rate for k, rate in enumerate(rates)}
     return [
         table | {f"q{k}": last[f"q{k}"] + part * grid.step * rate for k, rate in enumerate(rates)}
@@ -146,9 +166,13 @@ def _way(f: Formulas, card: Card, run: Run, lane: int, grid: Grid) -> list[dict[
     ]
 
 
-def _remedy(choice: MethodChoice) -> str:
+def _remedy(f: Formulas, choice: MethodChoice) -> str:
+    if len(parts_of(choice)) == 2:
+        return "leave symmetrised out: its two places lie on different sides there; alpha = 1/2 has order 2 too"
     if choice.method == "variational" and choice.form == "raw":
         return "use the Hamiltonian form, which is smooth there"
     if choice.method == "modified":
-        return "choose smaller free constants of L~, or use the variational method in Hamiltonian form"
+        names = ", ".join(f.problem.free_constants)
+        constants = f"free constants {names}" if names else "free constants of L~"
+        return f"choose smaller {constants}, another alpha, or the variational method in Hamiltonian form"
     return "use an associated system that is regular there, or a smaller step"

@@ -143,7 +143,7 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Pro
         pushes.append(STEP * force)
     equations += [d[k] - STEP * value.subs(pair) for k, value in f.dependent.items()]
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
-    statements = plan(equations, [str(name) for name in d], scales)
+    statements = plan(equations, [str(name) for name in d], scales, poles=True)
     watches = _velocity_watches(f, q, d, alpha)
     return _program(f, choice, observation, statements, [*d, *pushes], watches, base)
 

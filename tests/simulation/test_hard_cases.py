@@ -14,14 +14,16 @@ from inverse_service.benchmark.hard_cases import (
     Judged,
     all_cases,
     crossings,
+    crossings_of_others,
     disk_start,
     judge,
+    knife_start,
     near_singular,
     slow_rates,
     starts,
     stiff,
 )
-from inverse_service.benchmark.problems import DISK, PENDULUM
+from inverse_service.benchmark.problems import DISK, KNIFE, PENDULUM
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.choices import Grid, MethodChoice, Start
 from inverse_service.simulation.methods import run
@@ -60,6 +62,36 @@ def test_singular_quantity_is_named() -> None:
     halted = [judge(case).trajectory.outcome for case in slow_rates() if case.allowed == ("off_domain",)]
     assert {outcome.quantity for outcome in halted} == {"phi'"}
     assert all("determinant" in (judge(case).trajectory.outcome.quantity or "") for case in near_singular())
+
+
+def test_the_modified_methods_own_singular_set_is_said_as_a_formula() -> None:
+    for case in near_singular():
+        outcome = judge(case).trajectory.outcome
+        formula = "c*p_theta^2*cos(phi)/phi'^3 + c*p_theta^2*sin(phi)/phi'^3 + 1 (for h -> 0 the determinant"
+        assert (outcome.quantity or "").startswith(formula)
+        assert outcome.value is not None
+        assert abs(outcome.value) < 0.25
+        assert "smaller free constants" in (outcome.remedy or "")
+
+
+def test_what_fails_between_the_places_of_a_mean_is_the_factor_that_passes_zero() -> None:
+    cases = [case for case in crossings_of_others() if case.allowed == ("singular",)]
+    assert len(cases) == 6
+    for case in cases:
+        outcome = judge(case).trajectory.outcome
+        assert outcome.quantity == "cos(phi)"
+        assert "alpha = 1/2" in (outcome.remedy or "")
+
+
+@pytest.mark.parametrize("alpha", [0.0, 1 / 3, 0.5, 1.0])
+def test_on_the_knife_edge_the_modified_method_is_the_variational_one(alpha: float) -> None:
+    """Its momenta keep the discrete constraint, so both solve the same equations; across cos phi = 0 too."""
+    found = [
+        run(KNIFE, MethodChoice(method, alpha), knife_start(), Grid(0.05, 200), {"c": 0.1})
+        for method in ("modified", "variational")
+    ]
+    assert all(one.outcome.completed for one in found)
+    np.testing.assert_allclose(found[0].positions, found[1].positions, rtol=0, atol=1e-11)
 
 
 def test_a_start_on_the_singular_set_is_an_ordinary_start() -> None:
