@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 import inverse_service
+from inverse_service.cli.application import application
 from tests.docs.blocks import PAGES, ROOT
 
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
@@ -20,6 +21,7 @@ REGISTRY = re.compile(
     r"pypi\.org|pythonhosted\.org|npmjs\.|docker\.io|ghcr\.io|quay\.io|crates\.io|anaconda\.org|artifactory|nexus\d?\.",
     re.IGNORECASE,
 )
+NAMED = re.compile(r"`((?:tests|docs|inverse_service|api_schemas)/[\w./-]+)`")
 TEXTS = [*PAGES, *(ROOT / name for name in ("Makefile", "Dockerfile", "pyproject.toml", "constraints.txt",
                                             "CITATION.cff", "LICENSE"))]  # fmt: skip
 
@@ -41,6 +43,19 @@ def test_every_link_leads_somewhere(page: Path) -> None:
         assert there.exists(), f"{page.name}: {target}"
         if anchor and there.suffix == ".md":
             assert anchor in anchors(there), f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_file_that_is_named_is_there(page: Path) -> None:
+    names = NAMED.findall(page.read_text(encoding="utf-8"))
+    assert [name for name in names if not (ROOT / name).exists()] == []
+
+
+def test_every_command_is_in_the_readme() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for command in application.registered_commands:
+        name = command.name or command.callback.__name__
+        assert re.search(rf"^\| .*`{name}[ `].* \|$", readme, re.MULTILINE), name
 
 
 def test_every_page_is_linked_from_the_readme() -> None:
