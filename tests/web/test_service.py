@@ -124,7 +124,7 @@ def test_a_deadline_gives_an_undetermined_result(client: httpx.Client) -> None:
     assert "limit" in response.json()["reason"]
 
 
-@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf", "1e9", "x", "9" * 100])
+@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf", "1e9", "x", "9" * 100, "", "1_0", " 2", "\u0663", "0x2", "2."])
 def test_a_bad_time_limit_is_a_problem(client: httpx.Client, limit: str) -> None:
     problem(client.post(f"/v1/solve?time_limit={limit}", json=OSCILLATOR), 422)
 
