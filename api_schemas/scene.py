@@ -117,7 +117,8 @@ class SceneMethod(Document):
     """A method with its settings; those left out have the defaults of the method.
 
     `alpha` in [0, 1], default 1/2; `order` 2, or 4, 6, 8 by composition (runge-kutta: 4, 5 or 8); `form` of the
-    variational method; `start`: from momenta, or with q_1 on the discrete constraint.
+    variational method; `start`: from momenta, or with q_1 on the discrete constraint; `guard`: false goes on where
+    the equations of a step may have other roots; `tolerance` of heyoka.
     """
 
     method: Annotated[MethodName, BeforeValidator(_method_name)]
@@ -125,6 +126,8 @@ class SceneMethod(Document):
     symmetrised: bool = False
     order: Annotated[Literal[2, 4, 5, 6, 8], BeforeValidator(_whole)] | None = None
     form: Literal["hamiltonian", "raw"] = "hamiltonian"
+    guard: bool = True
+    tolerance: Value | None = None
     start: Beginning | None = None
     free_lagrangian: FreeLagrangian | None = None
     constants: Numbers | None = None

@@ -18,7 +18,8 @@ class Outcome:
     `kind` is "completed", "singular" (a quantity of the method vanished), "guard" (the implicit equations of a
     step are not safely solvable), "no_convergence" (Newton), "not_finite", "off_domain" (the start lies where a
     formula has no value) or "cancelled". Where a run stopped, `step` and `time` say at which step (its result is
-    not recorded), `quantity` and `value` what vanished or passed its limit, `remedy` what to do about it.
+    not recorded), `quantity` and `value` what vanished or passed its limit, `remedy` what to do about it. `note` says
+    what was not checked, or why a guard did not count.
     """
 
     kind: str
@@ -27,6 +28,7 @@ class Outcome:
     quantity: str | None = None
     value: float | None = None
     remedy: str | None = None
+    note: str = ""
 
     @property
     def completed(self) -> bool:

@@ -12,7 +12,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Number
 from inverse_service.service.reading import escape
 from inverse_service.service.scene_numbers import number_of
-from inverse_service.simulation.choices import MethodChoice
+from inverse_service.simulation.choices import TOLERANCE, MethodChoice
 from inverse_service.simulation.scene import Requested
 
 METHODS = {"runge-kutta": "runge_kutta"}
@@ -40,7 +40,8 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Reque
     if method == "exact":
         return Requested(given.label or "exact", method, None, None)
     order = given.order or (allowed[0] if allowed else 2)
-    choice_of = MethodChoice(method, alpha, given.symmetrised, order, given.form)
+    tolerance = _tolerance(given, method, pointer)
+    choice_of = MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
     shown = _shown(given.alpha, alpha) if method in USES_ALPHA else None
     constants = [
         (key, number_of(text, f"{pointer}/constants/{escape(key)}")) for key, text in (given.constants or {}).items()
@@ -54,6 +55,18 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Reque
         free=given.free_lagrangian,
         constants=tuple(constants),
     )
+
+
+def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
+    """The relative error a step of heyoka may make."""
+    if given.tolerance is None:
+        return TOLERANCE
+    if method != "heyoka":
+        raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
+    tolerance = number_of(given.tolerance, f"{pointer}/tolerance")
+    if not 1e-18 <= tolerance <= 0.1:
+        raise InputError("the tolerance must be a number from 1e-18 to 0.1.", f"{pointer}/tolerance")
+    return tolerance
 
 
 def _shown(text: str | None, alpha: float) -> str:

@@ -157,10 +157,11 @@ def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
     outcome = run.outcome
     if run.trajectory is None:
         return {"outcome": outcome.kind, "steps": 0, "reason": outcome.remedy}
+    note = {"note": outcome.note} if outcome.note else {}
     if outcome.completed:
-        return {"outcome": outcome.kind, "steps": scene.grid.steps}
+        return {"outcome": outcome.kind, "steps": scene.grid.steps, **note}
     parts = {name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")}
-    return {"outcome": outcome.kind, "steps": max(0, (outcome.step or 1) - 1), "stopped": parts}
+    return {"outcome": outcome.kind, "steps": max(0, (outcome.step or 1) - 1), "stopped": parts, **note}
 
 
 def _points(scene: Scene, run: MethodRun, trajectory: Trajectory) -> dict[str, Any]:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 from inverse_service.expressions.tree import Expression
 
+TOLERANCE = 1e-15
+
 
 @dataclass(frozen=True, slots=True)
 class MethodChoice:
@@ -15,7 +17,8 @@ class MethodChoice:
     `method`: "variational", "nonholonomic", "modified", "runge_kutta", "reference" (Gauss-Legendre of order 12) or
     "heyoka". `alpha` in [0, 1] is the place of the discrete Lagrangian, `symmetrised` takes the mean of its alpha
     and 1 - alpha forms. `order`: 2 (the plain step) or 4, 6, 8 by composition; for "runge_kutta" 4, 5 or 8.
-    `form` of "variational": "hamiltonian" or "raw".
+    `form` of "variational": "hamiltonian" or "raw". `guard`: stop where the implicit equations may have other roots.
+    `tolerance` of "heyoka", for each of its steps, which it chooses itself.
     """
 
     method: str
@@ -23,6 +26,8 @@ class MethodChoice:
     symmetrised: bool = False
     order: int = 2
     form: str = "hamiltonian"
+    guard: bool = True
+    tolerance: float = TOLERANCE
 
 
 @dataclass(frozen=True, slots=True)

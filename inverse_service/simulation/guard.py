@@ -25,7 +25,7 @@ def refusal(
     f: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
 ) -> Outcome | None:
     """A "guard" outcome at step 0 where h max|G'| reaches 1 on the way, else None. `parameters` by kernel name."""
-    if choice.method != "variational" or f.problem.free_hamiltonian is None or not grid.steps:
+    if not choice.guard or choice.method != "variational" or f.problem.free_hamiltonian is None or not grid.steps:
         return None
     place = f.moving_alone
     if place is None or f"d{place}" not in begin.rates:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from inverse_service.codegen.compiled import Compiled, compiled
 from inverse_service.errors import InputError
@@ -14,6 +15,7 @@ from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.formulas import Formulas
 from inverse_service.simulation.guard import refusal
 from inverse_service.simulation.heyoka_reference import run_heyoka
+from inverse_service.simulation.monotone import has_unique_roots
 from inverse_service.simulation.outcomes import failed_start, trajectory_of
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.schemes import alpha_of, parts_of, program_of
@@ -23,6 +25,8 @@ __all__ = [
     "Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "available", "run", "run_ensemble",
 ]  # fmt: skip
 
+MONOTONE = "The step is far beyond what the guard allows, but its equation is monotone: the root found is the only one."
+NO_GUARD = "The guard was off: that each step took the root that belongs to small steps was not checked."
 Stop = Callable[[], bool]
 METHODS = ("variational", "nonholonomic", "modified", "runge_kutta", "reference", "heyoka")
 
@@ -57,17 +61,36 @@ def run(
     check(problem, choice, [grid])
     observation = observation or Observation()
     if choice.method == "heyoka":
-        return run_heyoka(problem, start, grid, values, observation)
+        return run_heyoka(problem, start, grid, values, observation, choice.tolerance)
     formulas = Formulas(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters)
     refused = begin.missing or refusal(formulas, choice, begin, grid, parameters)
     if refused:
         return failed_start(start, refused)
+    found = _run(formulas, choice, begin, grid, parameters, observation, stop)
+    if found.outcome.kind == "guard" and _is_monotone(formulas, choice, grid, parameters):
+        found = _run(formulas, replace(choice, guard=False), begin, grid, parameters, observation, stop)
+        return replace(found, outcome=replace(found.outcome, note=MONOTONE))
+    return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
+
+
+def _run(
+    formulas: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float],
+    observation: Observation, stop: Stop | None,
+) -> Trajectory:  # fmt: skip
     kernel = kernel_of(formulas, choice, observation)
     memory = memory_of(kernel.card, [lane_of(choice, begin, grid, parameters)])
     done = execute(kernel, memory, weights_of(choice), grid, stop)
     return trajectory_of(formulas, choice, kernel, done, 0, begin, grid, observation)
+
+
+def _is_monotone(formulas: Formulas, choice: MethodChoice, grid: Grid, parameters: Mapping[str, float]) -> bool:
+    """Whether each substep has one root only, whatever the guard says."""
+    program = program_of(formulas, choice, Observation(momenta=False, velocities=False))
+    known = {"a": choice.alpha, **parameters}
+    substeps = {weight * grid.step for weight in weights_of(choice)}
+    return all(has_unique_roots(program, known | {"h": step}) for step in substeps)
 
 
 def run_ensemble(
@@ -142,6 +165,6 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
     order = choice.order if choice.method == "runge_kutta" else 0
     identity = (
         formulas.problem, choice.method, choice.form, order, [str(part) for part in parts_of(choice)],
-        str(alpha_of(choice)), observation,
+        str(alpha_of(choice)), choice.guard, observation,
     )  # fmt: skip
     return compiled(identity, lambda: program_of(formulas, choice, observation), lanes)

@@ -62,9 +62,10 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     else:
         equations, pushes = hamiltonian_step(q, p, d, f.symbols("e"), STEP, alpha, slope_q, slope_p)
         unknowns, watched = [*d, *f.symbols("e")], between(p, f.symbols("e"), 1 - alpha)
-    watches = [*_velocity_watches(f, q, d, alpha), *_guards(f, between(q, d, alpha), watched)]
+    guards = _guards(f, between(q, d, alpha), watched) if choice.guard else []
+    watches = [*_velocity_watches(f, q, d, alpha), *guards]
     scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
-    statements = plan(equations, [str(name) for name in unknowns], scales, guarded=True)
+    statements = plan(equations, [str(name) for name in unknowns], scales, guarded=choice.guard)
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
@@ -110,7 +111,8 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program
     ]
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
     # Near A_beta = 0 the determinant itself has no limit; there the watches above are the guard.
-    statements = plan(equations, [str(name) for name in d], scales, guarded=all(one.moves for one in f.denominators))
+    guarded = choice.guard and all(one.moves for one in f.denominators)
+    statements = plan(equations, [str(name) for name in d], scales, guarded)
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
@@ -120,7 +122,7 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     slope_q, slope_v = (f.gradient(f.lagrangian, letter) for letter in "qv")
     equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts_of(choice), slope_q, slope_v, f.forms_at)
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
-    statements = plan(equations, [str(name) for name in (*d, *m)], scales, guarded=True)
+    statements = plan(equations, [str(name) for name in (*d, *m)], scales, guarded=choice.guard)
     return _program(f, choice, observation, statements, [*d, *pushes], [])
 
 
