@@ -151,3 +151,8 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         assert process.stdout is not None
         yield process.stdout.readline().strip()
         process.terminate()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Browser tests come last: their driver keeps an event loop in the thread, and others start one of their own."""
+    items.sort(key=lambda item: item.get_closest_marker("browser") is not None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -36,13 +37,17 @@ def test_a_deadline_leaves_the_rest_undone(processes: int) -> None:
     assert time.monotonic() - began < 5
 
 
+def children() -> set[str]:
+    """The processes that this thread has started and that are still there, dead ones not waited for included."""
+    return set(Path(f"/proc/self/task/{threading.get_native_id()}/children").read_text().split())
+
+
 def test_a_child_that_hangs_is_ended_after_the_deadline() -> None:
-    began = time.monotonic()
+    began, before = time.monotonic(), children()
     found = forked_map(lambda k: time.sleep(60 * k), [0, 1], began + 0.1, processes=2)
     assert found == [None, None]
-    assert time.monotonic() - began < 10
-    with pytest.raises(ChildProcessError):
-        os.waitpid(-1, os.WNOHANG)
+    assert time.monotonic() - began < 30
+    assert children() <= before
 
 
 def test_a_child_that_fails_leaves_its_items_undone() -> None:

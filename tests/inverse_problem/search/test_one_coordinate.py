@@ -112,11 +112,11 @@ def test_no_lagrangian_is_proposed_where_no_multiplier_is_found(force: str, para
 @pytest.mark.parametrize("force", HOSTILE.values(), ids=HOSTILE)
 def test_large_systems_are_given_up_in_time(force: str) -> None:
     material = material_of(force)
-    began = time.monotonic()
+    began = time.process_time()
     if applies(material):
         for tree in propose(material, 1):
             assert_lagrangian(tree, system_of(force, ()))
-    assert time.monotonic() - began < 5
+    assert time.process_time() - began < 5
 
 
 @pytest.mark.parametrize(
