@@ -103,8 +103,8 @@ def _winners(rows: Sequence[peers.PeerRow]) -> list[str]:
         geometric = min(item for item in reached if item[1].startswith(("variational", "nonholonomic")))
         text = f"- {name}: {winner} is fastest; the best geometric method ({geometric[1]}) takes"
         text += f" {geometric[0] / first:.1f} times as long"
-        scipy = [seconds for seconds, method in reached if method == "SciPy DOP853"]
-        lines.append(text + (f", SciPy DOP853 {scipy[0] / first:.0f} times." if scipy else "."))
+        scipy = [f"{method} {seconds / first:.0f} times" for seconds, method in reached if method.startswith("SciPy")]
+        lines.append(", ".join([text, *scipy]) + ".")
     return lines
 
 

@@ -1,4 +1,4 @@
-"""The time to an error of 1e-9: our methods beside SciPy's DOP853 and heyoka, same problem, one run."""
+"""The time to an error of 1e-9: our methods beside SciPy's DOP853 and LSODA and heyoka, same problem, one run."""
 
 from __future__ import annotations
 
@@ -87,7 +87,8 @@ def _methods(problem: Problem, start: Start, values: dict[str, float]) -> dict[s
         found[f"nonholonomic, order {order}"] = _ours(problem, choice, start, values)
     found["our Runge-Kutta 8, fixed step"] = _ours(problem, MethodChoice("runge_kutta", order=8), start, values)
     found["our Gauss-Legendre 12"] = _ours(problem, MethodChoice("reference"), start, values)
-    found["SciPy DOP853"] = _scipy(problem, start, values)
+    for method in ("DOP853", "LSODA"):
+        found[f"SciPy {method}"] = _scipy(problem, start, values, method)
     found["heyoka"] = _heyoka(problem, start, values)
     return found
 
@@ -103,7 +104,7 @@ def _ours(problem: Problem, choice: MethodChoice, start: Start, values: dict[str
         yield _Setting(f"h = {SPAN / steps:.3g}", attempt)
 
 
-def _scipy(problem: Problem, start: Start, values: dict[str, float]) -> Iterator[_Setting]:
+def _scipy(problem: Problem, start: Start, values: dict[str, float], method: str) -> Iterator[_Setting]:
     from scipy.integrate import solve_ivp
 
     size, rates = len(problem.coordinates), _rates(problem, values)
@@ -113,7 +114,7 @@ def _scipy(problem: Problem, start: Start, values: dict[str, float]) -> Iterator
 
         def attempt(tolerance: float = tolerance) -> tuple[float, Array | None]:
             first = time.perf_counter()
-            done = solve_ivp(rates, (0, SPAN), begin, method="DOP853", rtol=tolerance, atol=tolerance)
+            done = solve_ivp(rates, (0, SPAN), begin, method=method, rtol=tolerance, atol=tolerance)
             return time.perf_counter() - first, done.y[:size, -1] if done.success else None
 
         yield _Setting(f"rtol = {tolerance:.1g}", attempt)

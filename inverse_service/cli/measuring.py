@@ -18,7 +18,7 @@ from inverse_service.service.reading import read_document
 DEFAULT_SECONDS = 300.0
 COLUMNS = (
     "step", "steps", "relative_error", "compile_seconds", "first_seconds", "best_seconds", "median_seconds",
-    "force_evaluations", "newton_iterations",
+    "force_evaluations", "newton_iterations", "tolerance",
 )  # fmt: skip
 
 

@@ -86,7 +86,9 @@ def _document(measured: Precision) -> dict[str, Any]:
             for label in labels
         ],
         "failed": [
-            {"label": s.requested.label, "step": s.step, "reason": s.reason} for s in measured.settings if s.reason
+            {"label": s.requested.label, "step": s.step, "tolerance": s.tolerance, "reason": s.reason}
+            for s in measured.settings
+            if s.reason
         ],
         "seconds_to_error": times_to_errors(measured),
         "machine": machine(),
@@ -100,8 +102,9 @@ def _first(measured: Precision, label: str) -> Setting:
 
 def _setting(setting: Setting, scale: float) -> dict[str, Any]:
     return {
-        "step": setting.step,
-        "steps": setting.steps,
+        "step": setting.step if setting.tolerance is None else None,
+        "steps": setting.steps if setting.tolerance is None else None,
+        "tolerance": setting.tolerance,
         "error": setting.error,
         "relative_error": None if setting.error is None else setting.error / scale,
         "compile_seconds": setting.compile,

@@ -1,6 +1,7 @@
 """Error against work for every method of a scene, measured by rules that favour none.
 
-Every method gets the same step sizes over the same length of time. Errors are taken at CHECKS common times against
+Every method gets the same step sizes over the same length of time; heyoka, which chooses its steps itself, gets
+tolerances. Errors are taken at CHECKS common times against
 the exact solution, or two references that agree. Compiling, the first call and steady runs are separate; steady
 runs of all settings alternate, best and median of several. A curve ends at its least error: what lies beyond is
 the round-off floor. A setting that failed is kept with its reason and has no error.
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 CHECKS = 8
+TOLERANCES = tuple(10.0**-k for k in range(3, 16))
 MOST_STEPS = 4_000_000
 # Errors below this share of the motion are round-off, whose noise is about this factor.
 ROUND_OFF = 1e-12
@@ -41,7 +43,8 @@ class Setting:
     """One method at one step, measured. Times in seconds; `reason` is empty where `error` is a number.
 
     `first` is the first call with compiling; `compile` is the part of it before the run; `best` and `median` are
-    of `repeats` later runs. `at_floor`: a smaller step than that of the least error.
+    of `repeats` later runs. `at_floor`: a smaller step than that of the least error. Where `tolerance` is not None the
+    method took steps of its own, and `step` is only the distance of the times at which it is seen.
     """
 
     requested: Requested
@@ -57,6 +60,12 @@ class Setting:
     force_evaluations: int
     newton_iterations: int
     at_floor: bool = False
+    tolerance: float | None = None
+
+    @property
+    def fineness(self) -> tuple[int, float]:
+        """Rises from coarse settings of a method to fine ones."""
+        return self.steps, -(self.tolerance or 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,11 +102,15 @@ def measure(
     methods = [requested for requested in scene.methods if requested.method != EXACT]
     settings: list[Setting] = []
     for requested in methods:
-        for count in counts:
+        for count, tolerance in _fineness(requested, counts):
             if progress is not None:
-                progress(f"{requested.label}, {count} steps")
+                progress(f"{requested.label}, {f'{count} steps' if tolerance is None else f'tolerance {tolerance:g}'}")
             late = time.monotonic() - begun > SHARE_OF_FIRST * time_limit
-            settings.append(_first(plain, requested, derived, truth, length, count, late))
+            blank = _blank(requested, length, count, tolerance)
+            if late:
+                settings.append(replace(blank, reason="not measured: the time limit was near"))
+            else:
+                settings.append(_first(plain, blank, derived, truth, length))
     settings = _repeated(plain, derived, settings, length, repeats, SHARE_OF_REPEATS * time_limit)
     scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0
     return Precision(scene, truth, scale, tuple(_with_floor(settings, scale)))
@@ -109,6 +122,21 @@ def _counts(length: float, steps: Sequence[float]) -> list[int]:
     return sorted(count for count in counts if count <= MOST_STEPS) or [min(counts)]
 
 
+def _fineness(requested: Requested, counts: Sequence[int]) -> list[tuple[int, float | None]]:
+    """(steps, None) of each setting; for heyoka (CHECKS, tolerance)."""
+    if requested.method == "heyoka":
+        return [(CHECKS, tolerance) for tolerance in TOLERANCES]
+    return [(count, None) for count in counts]
+
+
+def _blank(requested: Requested, length: float, count: int, tolerance: float | None) -> Setting:
+    """A setting before it is measured; a tolerance is part of what is requested."""
+    if tolerance is not None and requested.choice is not None:
+        requested = replace(requested, choice=replace(requested.choice, tolerance=tolerance))
+    step = _grid(length, count).step
+    return Setting(requested, step, count, None, "", 0.0, 0.0, None, None, 0, 0, 0, tolerance=tolerance)
+
+
 def _grid(length: float, count: int) -> Grid:
     return Grid(length / count, count, count // CHECKS)
 
@@ -117,15 +145,9 @@ def _truth(scene: Scene, derived: Derived, length: float, finest: int) -> Truth 
     return true_motion(replace(scene, grid=_grid(length, min(finest, 65_536))), derived)
 
 
-def _first(
-    scene: Scene, requested: Requested, derived: Derived, truth: Truth, length: float, count: int, late: bool
-) -> Setting:
-    grid = _grid(length, count)
-    blank = Setting(requested, grid.step, count, None, "", 0.0, 0.0, None, None, 0, 0, 0)
-    if late:
-        return replace(blank, reason="not measured: the time limit was near")
+def _first(scene: Scene, blank: Setting, derived: Derived, truth: Truth, length: float) -> Setting:
     begun = time.perf_counter()
-    run = run_method(replace(scene, grid=grid), requested, derived, None)
+    run = run_method(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None)
     first = time.perf_counter() - begun
     trajectory = run.trajectory
     if trajectory is None or not run.outcome.completed:
@@ -184,8 +206,8 @@ def _with_floor(settings: Sequence[Setting], scale: float) -> list[Setting]:
     """Mark what lies beyond the least error of its method, or beyond the first error that is round-off only."""
     found = []
     for setting in settings:
-        own = [s for s in settings if s.requested is setting.requested and s.error is not None]
-        beyond = bool(own) and setting.error is not None and setting.steps > _last_useful(own, scale).steps
+        own = [s for s in settings if s.requested.label == setting.requested.label and s.error is not None]
+        beyond = bool(own) and setting.error is not None and setting.fineness > _last_useful(own, scale).fineness
         found.append(replace(setting, at_floor=beyond))
     return found
 

@@ -23,7 +23,12 @@ def curves(measured: Precision) -> dict[str, list[Setting]]:
 
 
 def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
-    """The median slope of log error over log step where errors are below 1 % of the motion and above round-off."""
+    """The median slope of log error over log step where errors are below 1 % of the motion and above round-off.
+
+    None for a method that chooses its steps itself.
+    """
+    if any(setting.tolerance is not None for setting in curve):
+        return None
     slopes = [
         math.log(a.error / b.error) / math.log(a.step / b.step)
         for a, b in pairwise(curve)

@@ -52,6 +52,21 @@ def test_every_method_has_every_step_with_all_columns(found: dict[str, Any]) -> 
                 assert setting["force_evaluations"] > 0
 
 
+def test_heyoka_is_measured_by_tolerance() -> None:
+    pytest.importorskip("heyoka")
+    scene = read_json((SCENES / "particle-work-precision.json").read_bytes())
+    found = work_precision(scene | {"repeats": 1, "methods": ["heyoka", {"method": "runge-kutta", "order": 4}]})
+    settings = found["methods"][0]["settings"]
+    tolerances = [setting["tolerance"] for setting in settings]
+    assert len(tolerances) >= 8
+    assert tolerances == sorted(tolerances, reverse=True)
+    assert {setting["step"] for setting in settings} == {None}
+    assert settings[0]["relative_error"] > 1e-7 > 1e-12 > settings[-1]["relative_error"]
+    assert found["methods"][0]["measured_order"] is None
+    assert found["methods"][1]["measured_order"] == pytest.approx(4, abs=0.1)
+    assert all(setting["tolerance"] is None for setting in found["methods"][1]["settings"])
+
+
 def test_what_failed_is_listed_and_not_drawn(found: dict[str, Any]) -> None:
     failed = [line for line in found["failed"] if line["label"] == "modified-0"]
     settings = next(method for method in found["methods"] if method["label"] == "modified-0")["settings"]
