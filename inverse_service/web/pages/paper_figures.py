@@ -14,11 +14,12 @@ from starlette.responses import RedirectResponse, Response
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.figures import SERIES, columns_of, series
 from inverse_service.web.pages.plots import PlotLine, plot
+from inverse_service.web.pages.rendering import sent
 from inverse_service.web.pages.results import missing, result_address
 
 router = APIRouter()
 WAIT = "wait=20"
-MOST_POINTS = 260
+MOST_POINTS = 200
 TRUE_LOOK = ("#9aa3b2", "", 5.0)
 # Told apart by colour and by dashes, on light and on dark; by the method's place among those that are not the truth.
 LOOKS = (("#3b82d0", "", 2.0), ("#d9772b", "7 4", 2.0), ("#2f9e6e", "2 4", 2.0), ("#b5659b", "9 3 2 3", 2.0))
@@ -106,7 +107,7 @@ async def figure(request: Request, name: str) -> Response:
         # Not kept by the browser: the next look at the page asks again.
         return Response(status_code=503, headers={"Retry-After": "5"})
     headers = {"Cache-Control": "private, max-age=3600"}
-    return Response(drawing(found, answer.value), media_type="image/svg+xml", headers=headers)
+    return sent(drawing(found, answer.value), "image/svg+xml", headers)
 
 
 @router.get("/gallery/figures/{name}")

@@ -110,15 +110,15 @@ def with_sent(form: SceneForm, sent: Form) -> SceneForm:
     )
 
 
-def scene_document(form: SceneForm, system: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The Scene document, of `system` or of the form's catalogue entry; InputError where nothing is ticked."""
+def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]:
+    """The Scene document of a system; InputError where nothing is ticked."""
     if not form.methods and not form.kept:
         raise InputError("Tick at least one method.", "/methods")
     if not form.steps.isdigit() or len(form.steps) > 12:
         raise InputError("The number of steps must be a whole number.", "/steps")
     scene: dict[str, Any] = {
         "name": form.title,
-        "system": {"catalogue": form.system} if system is None else dict(system),
+        "system": dict(system),
         "parameters": dict(form.parameters),
         "initial": {"positions": _filled(form.positions), "velocities": _filled(form.velocities)},
         "step": form.step,

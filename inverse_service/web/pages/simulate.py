@@ -51,17 +51,14 @@ async def form(request: Request) -> HTMLResponse:
 async def run(request: Request) -> Response:
     """The job of the scene; on to its page, or back with what to change."""
     sent = await read_form(request, request.app.state.engine.settings.max_body)
-    base: dict[str, Any] = {}
     if sent.text("scene"):
         empty, base = await _form_of_scene(request, sent.text("scene"))
-        system: dict[str, Any] | None = base["system"]
     else:
-        empty, system = await _empty_form(request, sent.text("system"), sent.text("job"))
+        empty, base = await _empty_form(request, sent.text("system"), sent.text("job"))
     # A button of the start page sends the form as it is filled.
     filled = empty if sent.text("filled") else with_sent(empty, sent)
     try:
-        scene = scene_document(filled, system)
-        scene = changed_scene(base, scene) if base else scene
+        scene = changed_scene(base, scene_document(filled, base["system"]))
     except InputError as error:
         return simulate_page(filled, reading_back.problem_of_error(error, {}), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
@@ -86,23 +83,25 @@ def simulate_page(form: SceneForm, problem: reading_back.Problem | None = None, 
     )
 
 
-async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneForm, dict[str, Any] | None]:
-    """The form of a result with the system of its scenes, or that of a catalogue entry.
+async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneForm, dict[str, Any]]:
+    """The form of a result or of a catalogue entry, with what its scenes begin with.
 
-    A result of a constrained system gives that one, any other its equations with the Lagrangian that was found.
+    A result of a constrained system gives that one with the Lagrangian that was found for an associated system as
+    the free Lagrangian, any other its equations with their Lagrangian.
     """
     if not job:
-        document = example_document(system)
-        return scene_form(document, catalogue.entry(system)["title"], system=system), None
+        return form_of_system({"catalogue": system}), {"system": {"catalogue": system}}
     answer = await call(request, "GET", f"/v1/jobs/{job}") if IDENTIFIER.fullmatch(job) else None
     result = None if answer is None or answer.is_problem else answer.value.get("result")
     if not result or not result.get("system") or not result.get("lagrangian"):
         raise Refusal(404, "not-found", "There is no result with a Lagrangian at this address.")
     given = result["system"]["given"]
     if result.get("nonholonomic"):
-        chosen = {"document": {key: given[key] for key in CONSTRAINED if key in given}}
-        return form_of_system(chosen, job=job), chosen
-    return form_of_system({"result": result}, job=job), {"result": result}
+        system_of_it = {"document": {key: given[key] for key in CONSTRAINED if key in given}}
+        # A Lagrangian with arbitrary functions is looked for again, with the functions that the scene gives.
+        found = {} if given.get("functions") else {"free_lagrangian": result["lagrangian"]["text"]}
+        return form_of_system(system_of_it, job=job), {"system": system_of_it, **found}
+    return form_of_system({"result": result}, job=job), {"system": {"result": result}}
 
 
 def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:

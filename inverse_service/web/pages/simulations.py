@@ -8,10 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
-from inverse_service.web.pages import figures
+from inverse_service.expressions.names import Names
+from inverse_service.web.pages import figures, typesetting
 from inverse_service.web.pages.rendering import duration, page, short_number
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
@@ -32,6 +34,8 @@ class MethodRow:
     numbers: list[str]
     why: str
     has_points: bool
+    free_lagrangian: Markup | None = None
+    source: str = ""
 
 
 def simulation_result(request: Request, job: Mapping[str, Any], document: str) -> HTMLResponse:
@@ -39,13 +43,16 @@ def simulation_result(request: Request, job: Mapping[str, Any], document: str) -
     result = job["result"]
     address = str(request.base_url).rstrip("/")
     columns = quantities(result)
+    names = Names(tuple(result["system"]["coordinates"]))
+    rows = [method_row(method, columns, names) for method in result["methods"]]
     return page(
         "simulation.html",
         active="/simulate",
         job=job,
         result=result,
         headings=[heading for _, heading in columns],
-        rows=[method_row(method, columns) for method in result["methods"]],
+        rows=rows,
+        free=list({row.free_lagrangian: row for row in rows if row.free_lagrangian}.values()),
         costs=costs(result),
         figures=figures.figure_names(result),
         motion=figures.motion_of(result),
@@ -77,16 +84,18 @@ def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> MethodRow:
+def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]], names: Names) -> MethodRow:
     """A method as a line of the table."""
+    free = method.get("free_lagrangian")
     numbers = [short_number(_value(method, key)) for key, _ in columns]
     stopped = method.get("stopped") or {}
     why = method.get("reason") or ""
     if stopped:
         why = f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {stopped.get('remedy') or ''}"
     return MethodRow(
-        method["label"], method["outcome"], method["steps"], numbers, why, bool(figures.columns_of(method))
-    )
+        method["label"], method["outcome"], method["steps"], numbers, why, bool(figures.columns_of(method)),
+        None if free is None else typesetting.equation("L", free, names), method.get("free_lagrangian_source") or "",
+    )  # fmt: skip
 
 
 def _value(method: Mapping[str, Any], key: str) -> Any:

@@ -14,7 +14,7 @@ from starlette.responses import Response
 from inverse_service import catalogue
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.figures import columns_of
-from inverse_service.web.pages.rendering import can_simulate
+from inverse_service.web.pages.rendering import can_simulate, sent
 from inverse_service.web.pages.results import missing
 from inverse_service.web.pages.scenes import PLANE, scene_document, scene_form
 
@@ -45,12 +45,12 @@ async def thumbnail(request: Request, name: str) -> Response:
     if name not in catalogue.names("nonholonomic") or not has_thumbnail(name):
         return missing()
     form = scene_form(catalogue.document(name), "", system=name)
-    scene = scene_document(replace(form, methods=METHODS, observe=("trajectory",), steps=STEPS), None)
+    scene = scene_document(replace(form, methods=METHODS, observe=("trajectory",), steps=STEPS), {"catalogue": name})
     answer = await call(request, "POST", "/v1/simulate", scene, {"Prefer": WAIT})
     if answer.status != 200:
         return Response(drawing([]), media_type="image/svg+xml")
     headers = {"Cache-Control": "private, max-age=3600"}
-    return Response(drawing(paths(answer.value, plane_of(name))), media_type="image/svg+xml", headers=headers)
+    return sent(drawing(paths(answer.value, plane_of(name))), "image/svg+xml", headers)
 
 
 def paths(result: Mapping[str, Any], plane: tuple[str, str]) -> list[list[tuple[float, float]]]:

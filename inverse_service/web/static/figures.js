@@ -2,7 +2,9 @@
 
 const style = () => getComputedStyle(document.documentElement);
 const colour = (name) => style().getPropertyValue(name).trim();
-const inked = (name) => (name === "ink" ? colour("--ink") : name);
+// On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
+const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
+const inked = (name) => (name in LIFTED ? colour(LIFTED[name]) : name);
 
 function script(address) {
   return new Promise((resolve, reject) => {

@@ -33,9 +33,7 @@ def test_a_batch_is_uploaded_and_its_lines_lead_to_results(
     at.go("/batch")
     at.page.get_by_label("A file").set_input_files(file)
     at.page.get_by_role("button", name="Decide all of them").click()
-    if not scripts:
-        at.page.wait_for_timeout(1_500)
-        at.page.reload()
+    # Without a script the page asks again by itself every three seconds.
     expect(at.page.get_by_role("status")).to_contain_text("4 of 4 done, 1 failed")
     expect(at.page.locator("tbody tr")).to_have_count(4)
     expect(at.page.locator("tbody tr").nth(3)).to_contain_text("Line 4")
@@ -72,6 +70,48 @@ def test_the_rolling_disk_moves_under_the_slider_and_by_itself(visit: Visit) -> 
     expect(figure.get_by_label("Time")).not_to_have_value("0")
     figure.get_by_role("button", name="Pause").click()
     expect(figure.get_by_role("button", name="Play")).to_be_visible()
+
+
+def test_keys_play_the_motion_and_move_it(visit: Visit) -> None:
+    visit.go("/learn")
+    figure = visit.page.locator("[data-motion=disk]")
+    time, play = figure.get_by_label("Time"), figure.locator("[data-play]")
+    play.focus()
+    visit.page.keyboard.press("Enter")
+    expect(play).to_have_text("Pause")
+    visit.page.keyboard.press("Enter")
+    expect(play).to_have_text("Play")
+    time.fill("0.5")
+    visit.page.keyboard.press("Tab")
+    time.focus()
+    visit.page.keyboard.press("ArrowRight")
+    expect(time).to_have_value("0.52")
+    visit.page.keyboard.press("Home")
+    expect(time).to_have_value("0")
+    expect(time).to_have_attribute("aria-valuetext", "t = 0.00")
+    visit.page.keyboard.press(" ")
+    expect(play).to_have_text("Pause")
+
+
+def test_every_control_is_reached_by_keys_and_shows_that_it_is(visit: Visit) -> None:
+    visit.go("/")
+    controls = "a[href], button, summary, textarea, input:not([type=hidden]), select, [tabindex='0']"
+    wanted = visit.page.evaluate(
+        f"""() => [...document.querySelectorAll("{controls}")].filter(n => n.checkVisibility()).length"""
+    )
+    seen = set()
+    for _ in range(wanted + 5):
+        visit.page.keyboard.press("Tab")
+        place, outline = visit.page.evaluate("""() => {
+            const node = document.activeElement;
+            return [[...document.querySelectorAll('*')].indexOf(node), getComputedStyle(node).outlineStyle];
+        }""")
+        if place in seen or visit.page.evaluate("document.activeElement === document.body"):
+            break
+        seen.add(place)
+        assert outline != "none"
+    # The skip link is hidden until it has the focus; a disabled control would be missing here.
+    assert len(seen) >= wanted
 
 
 def test_every_call_is_described_with_an_example(visit: Visit) -> None:

@@ -93,12 +93,26 @@ def test_a_lagrangian_that_was_found_is_simulated_and_the_scene_changed(visit: V
     visit.page.get_by_role("link", name="Simulate this").click()
     visit.page.get_by_label("Steps").fill("50")
     visit.page.get_by_role("button", name="Run").click()
-    expect(visit.page.locator("[data-drawn]")).to_be_visible(timeout=40_000)
-    visit.go("/simulate")
+    visit.page.get_by_role("link", name="Change the scene").click(timeout=40_000)
+    expect(visit.page.get_by_label("Steps")).to_have_value("50")
     visit.page.get_by_label("Steps").fill("60")
     visit.page.get_by_role("button", name="Run").click()
-    visit.page.get_by_role("link", name="Change the scene").click(timeout=40_000)
-    expect(visit.page.get_by_label("Steps")).to_have_value("60")
+    expect(visit.page.locator("tbody tr", has_text="completed").first).to_contain_text("60", timeout=40_000)
+
+
+def test_a_constrained_result_is_simulated_with_the_lagrangian_that_was_found(visit: Visit) -> None:
+    document = {
+        "coordinates": ["x", "y", "z"], "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' + x*y'"],
+        "associated": "second",
+    }  # fmt: skip
+    solved = visit.page.request.post(f"{visit.address}/v1/solve", data=document, headers={"Prefer": "wait=20"})
+    found = solved.json()["lagrangian"]["text"]
+    visit.go("/simulate?job=" + solved.headers["location"].rpartition("/")[2])
+    visit.page.get_by_label("Steps").fill("40")
+    visit.page.get_by_role("button", name="Run").click()
+    visit.page.get_by_text("The scene as a document").click(timeout=40_000)
+    expect(visit.page.get_by_label("The scene as JSON")).to_contain_text(f'"free_lagrangian": "{found}"')
+    expect(visit.page.locator("tbody tr", has_text="variational").first).to_contain_text("completed")
 
 
 def test_error_is_measured_against_time(visit: Visit) -> None:
@@ -125,5 +139,13 @@ def test_the_gallery_draws_the_paths_of_the_systems(visit: Visit) -> None:
     visit.go("/gallery")
     picture = visit.page.locator("img.thumbnail[src*='vertically-rolling-disk']")
     picture.scroll_into_view_if_needed()
-    answer = visit.page.context.request.get(visit.address + "/gallery/vertically-rolling-disk.svg", timeout=40_000)
+    request = visit.page.context.request
+    answer = request.get(visit.address + "/gallery/vertically-rolling-disk.svg", timeout=40_000)
     assert answer.text().count("<polyline") == 2
+    # The figures of the paper: three methods and the exact path, three methods in time.
+    for name, lines in (("disk-paths", 4), ("disk-energy", 3), ("disk-constraints", 3)):
+        figure = request.get(f"{visit.address}/gallery/figures/{name}.svg", timeout=40_000)
+        assert figure.text().count("<polyline") == lines
+    visit.page.get_by_role("link", name="Open the scene: Rolling disk, \u03b1 = 0: energy error").click()
+    expect(visit.page.locator("[data-plot=energy]")).to_be_visible()
+    assert request.get(f"{visit.address}/gallery/figures/none.svg").status == 404

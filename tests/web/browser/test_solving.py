@@ -143,6 +143,10 @@ def test_the_page_of_open_work_becomes_its_result_by_itself(visit: Visit) -> Non
     expect(visit.page.get_by_role("progressbar")).to_be_visible()
     expect(visit.page.locator(".verdict.undetermined")).to_be_visible(timeout=18_000)
     expect(visit.page.locator(".verdict")).to_contain_text("limit")
+    visit.page.get_by_role("button", name="Ask again with 10 s").click()
+    expect(visit.page.get_by_role("progressbar")).to_be_visible()
+    visit.page.get_by_role("button", name="Cancel").click()
+    expect(visit.page.get_by_role("heading", level=1)).to_have_text("This was cancelled")
 
 
 def test_keys_alone_suffice(visit: Visit) -> None:

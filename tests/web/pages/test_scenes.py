@@ -73,7 +73,7 @@ def test_a_method_that_the_form_has_no_field_for_can_be_left_out() -> None:
 @pytest.mark.parametrize("name", catalogue.names("nonholonomic"))
 def test_every_system_of_the_catalogue_has_a_filled_form(name: str) -> None:
     form = scene_form(catalogue.document(name), "title", system=name)
-    scene = scene_document(form, None)
+    scene = scene_document(form, {"catalogue": name})
     assert set(scene["initial"]["positions"]) == set(catalogue.document(name)["coordinates"])
     assert all(scene["parameters"].values())
 

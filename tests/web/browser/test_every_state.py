@@ -1,0 +1,110 @@
+"""Every state of every page, in both colours and both widths; long, so not in the default suite."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, expect
+
+from inverse_service import catalogue
+
+from .conftest import NARROW, WIDE, Scheme, Visit, visited
+from .test_every_page import HEAVIEST, PAGES, is_too_wide, open_all, violations, weight
+
+pytestmark = pytest.mark.slow
+NAMES = [f"x{k}" for k in range(8)]
+PATIENCE = 90.0
+LINEAR = {"coordinates": ["x", "y"], "parameters": ["a", "b", "c", "d"], "special_cases": True,
+          "equations": {"x": "-a*x + b*y", "y": "-c*y + d*x"}}  # fmt: skip
+SCENE: dict[str, Any] = {
+    "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
+    "initial": {"positions": dict.fromkeys(("phi", "theta", "x", "y"), 0), "velocities": {"phi": 1, "theta": 1}},
+    "step": 0.05, "steps": 100, "methods": ["variational", "nonholonomic", "exact"],
+    "observe": ["trajectory", "energy", "constraints", "matching_circle", "error"],
+}  # fmt: skip
+
+
+def hard(function: str, seconds: float) -> dict[str, Any]:
+    """A document that no one decides in this time."""
+    equations = {c: "+".join(f"{a}*{b}'^2*{function}({a}*{b}*{c})" for a in NAMES for b in NAMES) for c in NAMES}
+    return {"coordinates": NAMES, "equations": equations, "options": {"time_limit": seconds}}
+
+
+def documents() -> dict[str, tuple[str, dict[str, Any]]]:
+    """A call and a document for each state of a result's page."""
+    particle = catalogue.document("nonholonomic-particle")
+    return {
+        "proof": ("solve", catalogue.document("vertically-rolling-disk-first")),
+        "lagrangian": ("solve", catalogue.document("vertically-rolling-disk-second")),
+        "functions": ("solve", catalogue.document("generic-class-one-second")),
+        "special cases": ("solve", LINEAR),
+        "constrained": ("solve", {**particle, "associated": "second"}),
+        "search": ("solve", {**particle, "associated": "search"}),
+        "undetermined": ("solve", hard("sin", 1)),
+        "failed": ("simulate", {**SCENE, "initial": {"positions": {"phi": 0}}}),
+        "simulation": ("simulate", SCENE),
+        "precision": ("work-precision", {**SCENE, "steps": 20, "observe": []}),
+    }
+
+
+@pytest.fixture(scope="module")
+def states(service: str) -> dict[str, str]:
+    """The address of each state's page."""
+    with httpx.Client(base_url=service, timeout=PATIENCE, headers={"Prefer": "respond-async"}) as client:
+        found = {name: post(client, f"/v1/{call}", document) for name, (call, document) in documents().items()}
+        cancelled = post(client, "/v1/solve", hard("cos", 9))
+        client.delete(f"/v1/jobs/{cancelled}")
+        end = time.monotonic() + PATIENCE
+        while any(client.get(f"/v1/jobs/{id}").status_code == 202 for id in found.values()):
+            assert time.monotonic() < end
+            time.sleep(0.2)
+        lines = [{"id": "good", "equations": "x'' = -x"}, {"id": "bad", "equations": "x''="}]
+        batch = client.post("/v1/batches", json=lines).json()["id"]
+    pages = {name: f"/results/{id}" for name, id in (found | {"cancelled": cancelled}).items()}
+    return pages | {"batch": f"/batch/{batch}"} | {path: path for path in PAGES}
+
+
+def post(client: httpx.Client, path: str, document: dict[str, Any]) -> str:
+    answer = client.post(path, json=document)
+    assert answer.status_code in (200, 202), answer.text
+    return answer.headers["location"].rpartition("/")[2]
+
+
+@pytest.fixture(params=[(s, w) for s in ("light", "dark") for w in ("wide", "narrow")], ids="-".join)
+def look(request: pytest.FixtureRequest, browser: Browser, service: str) -> Iterator[Visit]:
+    scheme: Scheme
+    scheme, width = request.param
+    yield from visited(browser, service, size=WIDE if width == "wide" else NARROW, scheme=scheme)
+
+
+def test_axe_finds_nothing_and_nothing_is_too_wide(look: Visit, states: dict[str, str]) -> None:
+    faults = {}
+    for name, path in states.items():
+        look.go(path)
+        if name in ("simulation", "precision"):
+            expect(look.page.locator("[data-drawn]")).to_be_visible()
+        if name != "/gallery":
+            open_all(look)
+        found = violations(look)
+        if found or is_too_wide(look):
+            faults[name] = found or ["too wide"]
+    assert faults == {}
+
+
+def test_work_that_is_open_has_no_violation(look: Visit) -> None:
+    with httpx.Client(base_url=look.address, headers={"Prefer": "respond-async"}) as client:
+        id = post(client, "/v1/solve", hard("tan", 10))
+        look.go(f"/results/{id}")
+        expect(look.page.get_by_role("progressbar")).to_be_visible()
+        assert violations(look) == []
+        client.delete(f"/v1/jobs/{id}")
+
+
+def test_no_state_weighs_100_kilobytes(visit: Visit, states: dict[str, str]) -> None:
+    weights = {name: weight(visit, path) for name, path in states.items()}
+    print(weights)
+    assert {name: found for name, found in weights.items() if found >= HEAVIEST} == {}
