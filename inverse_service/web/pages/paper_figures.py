@@ -140,7 +140,7 @@ def _points(figure: PaperFigure, method: Mapping[str, Any]) -> tuple[tuple[float
     a = columns.get("t" if figure.series else figure.plane[0], [])
     b = series(figure.series, method) if figure.series else columns.get(figure.plane[1], [])
     every = max(1, math.ceil(len(a) / MOST_POINTS))
-    # What a series says of the start itself is only the rounding of the data.
-    first = 1 if figure.series else 0
+    # The first two points are the start: what a series says of them is only the rounding of the data.
+    first = 2 if figure.series else 0
     pairs = zip(a[first::every], b[first::every], strict=False)
     return tuple((x, y) for x, y in pairs if x is not None and y is not None)
