@@ -231,7 +231,7 @@ def _contract_scene() -> HardCase:
 
 
 def non_reversible() -> Iterator[HardCase]:
-    """A contact oscillator whose driver is not symmetric."""
+    """A contact oscillator with a magnetic term and a driver that is not symmetric: no reflection turns time round."""
     for order, bound in ((2, 0.06), (4, 1e-3), (8, 1e-7)):
         yield _case("not reversible", f"contact oscillator, nonholonomic, order {order}", CONTACT,
                     MethodChoice("nonholonomic", 0.5, order=order), contact_start(), Grid(0.05, 2000, 10),

@@ -111,11 +111,17 @@ ROBOT = problem(
     ),
     parameters="k",
 )
-# A contact oscillator whose driver y is not symmetric, so that v -> -v with y -> -y is no symmetry of the motion:
-# after K. Modin, O. Verdier, Numer. Math. 145 (2020) 405. k is the strength of the asymmetry.
-CONTACT = problem(
+# Contact oscillators x' = -y z', y drives: after K. Modin, O. Verdier, What makes nonholonomic integrators work?,
+# Numer. Math. 145 (2020) 405. The systems are our own.
+# Without terms linear in the velocities (q, v) -> (q, -v) turns time round, whatever the potential: the first is
+# reversible although its driver is not symmetric. The second has a magnetic term too, k x z', which changes its sign
+# then; of the reflections that keep the constraint, (x, y) -> -(x, y) and (y, z) -> -(y, z) would undo that, but y^3
+# breaks them. Both keep the same energy.
+_CONTACT_POTENTIAL = "1/2*(x^2 + y^2 + z^2) + k*y^3/3"
+_CONTACT_KINETIC = "1/2*(x'^2 + y'^2 + z'^2)"
+CONTACT_REVERSIBLE = problem(
     "x y z",
-    lagrangian="1/2*(x'^2 + y'^2 + z'^2) - 1/2*(x^2 + y^2 + z^2) - k*y^3/3",
+    lagrangian=f"{_CONTACT_KINETIC} - ({_CONTACT_POTENTIAL})",
     constraints=("x' + y*z'",),
     accelerations=(
         "-x - (z'*y' - x - y*z)/(1 + y^2)",
@@ -124,9 +130,15 @@ CONTACT = problem(
     ),
     parameters="k",
 )
-CONTACT_ENERGY = Observable(
-    "energy", read("1/2*(x'^2 + y'^2 + z'^2) + 1/2*(x^2 + y^2 + z^2) + k*y^3/3", CONTACT.coordinates, ("k",))
+_REACTION = "(z'*y' + k*z' - k*y*x' - x - y*z)/(1 + y^2)"
+CONTACT = problem(
+    "x y z",
+    lagrangian=f"{_CONTACT_KINETIC} - ({_CONTACT_POTENTIAL}) + k*x*z'",
+    constraints=("x' + y*z'",),
+    accelerations=(f"-x + k*z' - {_REACTION}", "-y - k*y^2", f"-z - k*x' - y*{_REACTION}"),
+    parameters="k",
 )
+CONTACT_ENERGY = Observable("energy", read(f"{_CONTACT_KINETIC} + {_CONTACT_POTENTIAL}", CONTACT.coordinates, ("k",)))
 # A system whose mass matrix depends on the place, and a chain of four with cubic forces: L has no constraints.
 DOUBLE_PENDULUM = problem(
     "a b",
