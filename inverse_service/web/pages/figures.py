@@ -16,6 +16,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
 MOST_POINTS = 800
 DIGITS = 7
+ROUNDING = 1e-13
 SERIES = {
     "energy": ("Energy error", "|E/E\u2080 \u2212 1|"),
     "constraints": ("Constraint defect", "greatest |\u03c9(q) q\u2032|"),
@@ -46,16 +47,24 @@ def columns_of(method: Mapping[str, Any]) -> Mapping[str, list[float | None]]:
 
 
 def series(name: str, method: Mapping[str, Any]) -> list[float | None]:
-    """The values of an observed quantity; None where they are zero or unknown, as the axis is logarithmic."""
+    """The values of an observed quantity; None where they are zero, unknown or only the rounding of the start."""
     columns = columns_of(method)
     if name == "energy":
         start = method.get("energy_start")
         values = columns.get("energy", [])
-        return [_positive(None if e is None or start is None else (e - start) / (abs(start) or 1.0)) for e in values]
+        errors = [None if e is None or start is None else (e - start) / (abs(start) or 1.0) for e in values]
+        return _after_start([_positive(error) for error in errors])
     if name == "constraints":
         rows = [column for key, column in columns.items() if key.startswith("constraint_")]
-        return [_positive(max((abs(w) for w in at if w is not None), default=None)) for at in zip(*rows, strict=True)]
-    return [_positive(value) for value in columns.get(name, [])]
+        worst = [max((abs(w) for w in at if w is not None), default=None) for at in zip(*rows, strict=True)]
+        return _after_start([_positive(value) for value in worst])
+    return _after_start([_positive(value) for value in columns.get(name, [])])
+
+
+def _after_start(values: list[float | None]) -> list[float | None]:
+    """Without the rounding of the start, which a two-step method has twice: it would stretch the axis for nothing."""
+    start = [None if value is not None and value < ROUNDING else value for value in values[:2]]
+    return start + values[2:]
 
 
 def _positive(value: float | None) -> float | None:

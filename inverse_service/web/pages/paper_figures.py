@@ -30,7 +30,7 @@ def _both(*alphas: str) -> list[dict[str, str]]:
 
 
 DISK = {
-    "name": "vertically rolling disk, figures 1 to 5",
+    "name": "vertically rolling disk, \u03b1 = 0",
     "system": {"catalogue": "vertically-rolling-disk"},
     "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
     "initial": {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}},
@@ -39,12 +39,12 @@ DISK = {
     "observe": ["trajectory", "energy", "constraints", "matching_circle"],
 }  # fmt: skip
 ALPHAS = DISK | {
-    "name": "vertically rolling disk, figure 6",
+    "name": "vertically rolling disk, four \u03b1",
     "methods": [{"method": "nonholonomic", "alpha": alpha} for alpha in ("0", "1/3", "1/2", "1")],
     "observe": ["trajectory", "matching_circle"],
 }
 KNIFE_EDGE = {
-    "name": "knife edge, figure 7",
+    "name": "knife edge, \u03b1 = 0",
     "system": {"catalogue": "knife-edge"},
     "parameters": {"m": 1, "J": 1},
     "initial": {"positions": {"phi": 0.3, "x": 0, "y": 0}, "velocities": {"phi": 1, "x": 0.5}},
@@ -53,7 +53,7 @@ KNIFE_EDGE = {
     "observe": ["trajectory", "energy", "constraints", "matching_circle"],
 }  # fmt: skip
 PARTICLE = {
-    "name": "nonholonomic particle, figure 8",
+    "name": "nonholonomic particle, \u03b1 = 0",
     "system": {"catalogue": "nonholonomic-particle"},
     "initial": {"positions": {"x": 0.5, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1}},
     "start": "discrete_constraint", "step": 0.2, "time": 10,
@@ -140,7 +140,5 @@ def _points(figure: PaperFigure, method: Mapping[str, Any]) -> tuple[tuple[float
     a = columns.get("t" if figure.series else figure.plane[0], [])
     b = series(figure.series, method) if figure.series else columns.get(figure.plane[1], [])
     every = max(1, math.ceil(len(a) / MOST_POINTS))
-    # The first two points are the start: what a series says of them is only the rounding of the data.
-    first = 2 if figure.series else 0
-    pairs = zip(a[first::every], b[first::every], strict=False)
+    pairs = zip(a[::every], b[::every], strict=False)
     return tuple((x, y) for x, y in pairs if x is not None and y is not None)

@@ -34,8 +34,15 @@ class MethodRow:
     numbers: list[str]
     why: str
     has_points: bool
-    free_lagrangian: Markup | None = None
-    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FreeLagrangian:
+    """What a variational method discretises, the first method that does, and where it comes from."""
+
+    math: Markup
+    label: str
+    source: str
 
 
 def simulation_result(request: Request, job: Mapping[str, Any], document: str) -> HTMLResponse:
@@ -43,16 +50,14 @@ def simulation_result(request: Request, job: Mapping[str, Any], document: str) -
     result = job["result"]
     address = str(request.base_url).rstrip("/")
     columns = quantities(result)
-    names = Names(tuple(result["system"]["coordinates"]))
-    rows = [method_row(method, columns, names) for method in result["methods"]]
     return page(
         "simulation.html",
         active="/simulate",
         job=job,
         result=result,
         headings=[heading for _, heading in columns],
-        rows=rows,
-        free=list({row.free_lagrangian: row for row in rows if row.free_lagrangian}.values()),
+        rows=[method_row(method, columns) for method in result["methods"]],
+        free=free_lagrangians(result),
         costs=costs(result),
         figures=figures.figure_names(result),
         motion=figures.motion_of(result),
@@ -84,18 +89,35 @@ def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]], names: Names) -> MethodRow:
+def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> MethodRow:
     """A method as a line of the table."""
-    free = method.get("free_lagrangian")
     numbers = [short_number(_value(method, key)) for key, _ in columns]
     stopped = method.get("stopped") or {}
     why = method.get("reason") or ""
     if stopped:
         why = f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {stopped.get('remedy') or ''}"
     return MethodRow(
-        method["label"], method["outcome"], method["steps"], numbers, why, bool(figures.columns_of(method)),
-        None if free is None else typesetting.equation("L", free, names), method.get("free_lagrangian_source") or "",
-    )  # fmt: skip
+        method["label"], method["outcome"], method["steps"], numbers, why, bool(figures.columns_of(method))
+    )
+
+
+def free_lagrangians(result: Mapping[str, Any]) -> list[FreeLagrangian]:
+    """The Lagrangians without constraints that methods of a constrained system used, each once."""
+    found: dict[str, FreeLagrangian] = {}
+    for method in result["methods"]:
+        text = method.get("free_lagrangian")
+        if text and text not in found and result["system"].get("constraints"):
+            letters = tuple(dict.fromkeys((*result["system"].get("parameters", {}), *(method.get("constants") or {}))))
+            math = typesetting.equation("L", text, Names(tuple(result["system"]["coordinates"]), letters))
+            found[text] = FreeLagrangian(math, method["label"], _named(method.get("free_lagrangian_source") or ""))
+    return list(found.values())
+
+
+def _named(source: str) -> str:
+    """L~2 with its tilde above and its index below."""
+    for index, below in (("1", "\u2081"), ("2", "\u2082"), ("3", "\u2083"), ("", "")):
+        source = source.replace(f"L~{index}", f"L\u0303{below}")
+    return source
 
 
 def _value(method: Mapping[str, Any], key: str) -> Any:

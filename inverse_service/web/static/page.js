@@ -24,7 +24,9 @@ function echo(form) {
       if (error.name !== "AbortError") target.textContent = "The service does not answer at the moment.";
     }
   };
-  form.addEventListener("input", () => {
+  form.addEventListener("input", (event) => {
+    // Other equations are no longer the example whose name the form carries.
+    if (form.elements.name && event.target.tagName === "TEXTAREA") form.elements.name.value = "";
     clearTimeout(timer);
     timer = setTimeout(ask, ECHO_PAUSE);
   });
