@@ -42,7 +42,7 @@ lint: install
 paper: install
 	.venv/bin/inverse-service paper --output docs
 
-# 27,000 cases on all cores, some hours of processor time at most; interrupted, it goes on where it was.
+# 26,000 cases on all cores; interrupted, it goes on where it was.
 soundness: install
 	.venv/bin/python -m tests.soundness --output build/soundness --report docs/soundness.md
 

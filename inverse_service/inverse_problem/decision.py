@@ -181,7 +181,7 @@ def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
     if time.monotonic() > run.limits.deadline:
         return f"the time limit came before order {order} of prolongation"
     bits = 63 // prolongation.size
-    unknowns = prolongation.width(order - 1) if order else 0
+    unknowns = prolongation.width(order - 1)
     if order + 2 >= 1 << bits or unknowns + len(unknown_block(prolongation, order)) > _MOST_UNKNOWNS:
         return f"order {order} of prolongation would need more than {_MOST_UNKNOWNS} unknowns"
     return ""

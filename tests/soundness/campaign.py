@@ -24,13 +24,22 @@ def run(counts: Mapping[str, int], seed: int, folder: Path, processes: int | Non
     path = folder / f"cases-{seed}.ndjson"
     known = {(line["kind"], line["index"]): line for line in _read(path)}
     wanted = [(kind, index) for kind, count in counts.items() for index in range(count)]
-    open_tasks = [(kind, seed, index) for kind, index in wanted if (kind, index) not in known]
+    # All kinds come forward together, so that what an interrupted run has done is a fair sample.
+    ordered = sorted(wanted, key=lambda case: case[1] / counts[case[0]])
+    open_tasks = [(kind, seed, index) for kind, index in ordered if (kind, index) not in known]
     with path.open("a", encoding="utf-8") as file:
         for line in _shown(_outcomes(open_tasks, processes or os.cpu_count() or 1), len(open_tasks)):
             file.write(json.dumps(line) + "\n")
             file.flush()
             known[line["kind"], line["index"]] = line
     return [known[key] for key in wanted]
+
+
+def done(counts: Mapping[str, int], seed: int, folder: Path) -> list[Line]:
+    """The outcomes that are there, of a campaign that has not ended."""
+    order = {kind: place for place, kind in enumerate(counts)}
+    lines = [line for line in _read(folder / f"cases-{seed}.ndjson") if line["index"] < counts.get(line["kind"], 0)]
+    return sorted(lines, key=lambda line: (order[line["kind"]], line["index"]))
 
 
 def _read(path: Path) -> list[Line]:

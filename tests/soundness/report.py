@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import platform
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -23,13 +23,14 @@ MEANING = {
 }
 
 
-def markdown(lines: Sequence[Line], seed: int, command: str) -> str:
-    """The whole page."""
+def markdown(lines: Sequence[Line], counts: Mapping[str, int], seed: int, command: str) -> str:
+    """The whole page; it says so where cases of the campaign are still to run."""
     parts = [
         "# Soundness",
         "A wrong verdict is the worst fault there is. This page counts them over many random systems.",
         f"```\n{command}\n```",
         _versions(lines, seed),
+        *_missing(lines, counts),
         "## Verdicts",
         _kinds_table(lines),
         "\n".join(f"- **{kind}**: {MEANING[kind]}." for kind in _kinds(lines)),
@@ -58,6 +59,14 @@ def _versions(lines: Sequence[Line], seed: int) -> str:
         f"{os.cpu_count()} cores, {libraries}. Seed {seed}. {len(lines)} cases, {seconds:.0f} s of processor time, "
         "the making of the systems included."
     )
+
+
+def _missing(lines: Sequence[Line], counts: Mapping[str, int]) -> list[str]:
+    total = sum(counts.values())
+    if len(lines) == total:
+        return []
+    rest = "The same command goes on; the tables count what has run."
+    return [f"**Not ended:** {len(lines)} of {total} cases have run. {rest}"]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

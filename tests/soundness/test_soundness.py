@@ -92,7 +92,10 @@ def test_a_campaign_goes_on_where_it_was_and_writes_its_page(tmp_path: Path) -> 
     path, page = tmp_path / "cases-4.ndjson", (tmp_path / "soundness.md").read_text()
     lines = path.read_text().splitlines()
     assert len(lines) == 8
+    assert "Not ended" not in page
     path.write_text("\n".join(lines[:5]) + "\n" + lines[5][:20])
+    assert main([*arguments, "--so-far"]) == 0
+    assert "**Not ended:** 5 of 8 cases have run." in (tmp_path / "soundness.md").read_text()
     assert main(arguments) == 0
     again = path.read_text().splitlines()
     assert again[:5] == lines[:5]

@@ -1,0 +1,115 @@
+"""What stands between a run at one point and a verdict: each safeguard by itself stops a wrong one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.inverse_problem import certify, decision, involution
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision import Decision, Limits, decide
+from inverse_service.inverse_problem.prolongation import LocalSystem
+from inverse_service.mechanics.reading import read_system
+
+OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
+ROTATION = read_system(["x", "y"], {"x": "x*y'", "y": "y*x'^2"})
+
+
+def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert decide(OSCILLATORS, False).verdict == "variational"
+    monkeypatch.setattr(involution, "symbol", lambda *_: involution.Symbol(2, 1, (2, 0, 0, 0)))
+    found = decide(OSCILLATORS, False, limits=Limits(order=4))
+    assert (found.verdict, found.reason) == ("undetermined", "not settled by order 4 of prolongation")
+
+
+def test_a_dimension_that_still_falls_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(decision.Prolongation, "dimension", lambda self, degree: 99 - self.order)
+    assert decide(OSCILLATORS, False, limits=Limits(order=4)).verdict == "undetermined"
+
+
+FIRST = Decision("variational", False, 3, history=((1,), (1, 2)))
+
+
+@pytest.mark.parametrize(
+    "second",
+    [
+        replace(FIRST, verdict="not_variational"),
+        replace(FIRST, order=4),
+        replace(FIRST, history=((1,), (1, 3))),
+    ],
+)
+def test_two_points_that_do_not_agree_leave_it_undetermined(
+    second: Decision, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = iter((FIRST, second, FIRST, FIRST))
+    monkeypatch.setattr(decision, "_decide_once", lambda _: next(answers))
+    found = decide(OSCILLATORS, False)
+    assert (found.verdict, found.reason) == ("undetermined", "two random points gave two answers")
+    assert decide(OSCILLATORS, False).verdict == "variational"
+
+
+def test_a_second_point_that_meets_a_limit_leaves_it_undetermined(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = iter((FIRST, Decision("undetermined", False, 2, reason="the time limit")))
+    monkeypatch.setattr(decision, "_decide_once", lambda _: next(answers))
+    found = decide(OSCILLATORS, False)
+    assert (found.verdict, found.reason) == ("undetermined", "the time limit")
+
+
+def test_the_second_point_expands_to_the_order_at_which_the_first_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    orders: list[int] = []
+    expand = decision._expand
+    monkeypatch.setattr(decision, "_expand", lambda run, seed, order: orders.append(order) or expand(run, seed, order))
+    assert decide(OSCILLATORS, False).order == 3
+    assert orders == [2, 3, 3]
+
+
+def test_what_the_first_point_leaves_open_is_not_asked_at_a_second() -> None:
+    told: list[str] = []
+    assert decide(OSCILLATORS, False, limits=Limits(order=1), progress=told.append).verdict == "undetermined"
+    assert told == ["prolongation to order 0", "prolongation to order 1"]
+
+
+@pytest.mark.parametrize(("most", "order"), [(2, 0), (3, 1), (12, 1), (13, 2), (34, 2), (35, 3)])
+def test_no_more_unknowns_than_the_limit_are_ever_made(most: int, order: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With two coordinates 3, 13 and 35 unknowns are of degree 0, of at most 1, of at most 2."""
+    monkeypatch.setattr(decision, "_MOST_UNKNOWNS", most)
+    found = decide(OSCILLATORS, False)
+    assert (found.verdict, found.order) == ("undetermined", order - 1)
+    assert found.reason == f"order {order} of prolongation would need more than {most} unknowns"
+
+
+def test_another_way_to_expand_takes_the_place_of_the_trees() -> None:
+    asked: list[tuple[bool, int, int]] = []
+    run = decision._Run(analyse(OSCILLATORS), False, 2, Limits(), lambda _: None)
+
+    def expander(with_time: bool, seed: int, order: int) -> LocalSystem:
+        asked.append((with_time, seed, order))
+        return decision._expand(run, seed, order)
+
+    # It stands for the oscillators, whatever the trees say.
+    assert decide(ROTATION, False, expander=expander).verdict == "variational"
+    assert asked == [(False, 2, 2), (False, 2, 3), (False, 3, 3)]
+
+
+def test_only_a_positive_verdict_has_a_degree_and_a_symbol() -> None:
+    negative, positive = decide(ROTATION, False), decide(OSCILLATORS, False)
+    assert (negative.degree, negative.symbol, negative.space) == (0, None, None)
+    assert (positive.degree, positive.order) == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("equations", "count"),
+    [({"x": "x*y'", "y": "y*x'^2"}, 2), ({"x": "x*y", "y": "0"}, 2), ({"x": "y'^3", "y": "x*y*x'"}, 2)],
+)
+def test_consequences_that_are_not_needed_are_not_traced(equations: dict[str, str], count: int) -> None:
+    """g_11 = g_12 = 0 or the like suffices: without any one of the rows named the proof falls."""
+    system = read_system(["x", "y"], equations)
+    analysis = analyse(system)
+    proof = certify.of_decision(analysis, decide(system, False, analysis=analysis))
+    assert check_certificate(proof, seed=1).verdict == "valid"
+    assert len(proof["rows"]) >= count
+    for k in range(len(proof["rows"])):
+        less = proof | {"rows": proof["rows"][:k] + proof["rows"][k + 1 :]}
+        assert check_certificate(less, seed=1).verdict == "invalid"

@@ -1,0 +1,99 @@
+"""All small changes of a source: a comparison shifted, a condition dropped, a number off by one, a sign turned.
+
+Left alone are annotations, decorators, docstrings and the sentences of messages: what they say decides nothing.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.And: ast.Or, ast.Or: ast.And,
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Add, ast.FloorDiv: ast.Mult, ast.Mod: ast.Add,
+    ast.LShift: ast.RShift, ast.RShift: ast.LShift, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.Pow: ast.Mult,
+}  # fmt: skip
+Change = Callable[[], None]
+Site = tuple[ast.expr, str, Change]
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """One change: its number in the source, its line, the expression before, and what is done to it."""
+
+    number: int
+    line: int
+    before: str
+    rule: str
+
+
+def mutants(source: str) -> list[Mutant]:
+    """Every mutant of the source, in the order of the text."""
+    sites = enumerate(_sites(ast.parse(source)))
+    return [Mutant(number, node.lineno, ast.unparse(node), rule) for number, (node, rule, _) in sites]
+
+
+def mutated(source: str, mutant: Mutant) -> str:
+    """The source with this change."""
+    tree = ast.parse(source)
+    _, _, change = list(_sites(tree))[mutant.number]
+    change()
+    return ast.unparse(ast.fix_missing_locations(tree))
+
+
+def _sites(tree: ast.AST) -> Iterator[Site]:
+    for parent, name, index, node in _expressions(tree):
+        yield from _changes(node, lambda new, p=parent, k=name, i=index: _put(p, k, i, new))  # type: ignore[misc]
+
+
+def _put(parent: ast.AST, name: str, index: int | None, new: ast.expr) -> None:
+    if index is None:
+        setattr(parent, name, new)
+    else:
+        getattr(parent, name)[index] = new
+
+
+def _expressions(node: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.AST]]:
+    """(parent, field, place in the field, node) of all that may be changed."""
+    for name, value in ast.iter_fields(node):
+        if name in ("annotation", "returns", "decorator_list", "type_comment", "format_spec"):
+            continue
+        for index, child in enumerate(value) if isinstance(value, list) else [(None, value)]:
+            if not isinstance(child, ast.AST) or isinstance(child, ast.JoinedStr) or _is_docstring(child):
+                continue
+            yield node, name, index, child
+            yield from _expressions(child)
+
+
+def _is_docstring(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _changes(node: ast.AST, put: Callable[[ast.expr], None]) -> Iterator[Site]:
+    match node:
+        case ast.Compare(ops=operators):
+            for k, operator in enumerate(operators):
+                new = OPERATORS[type(operator)]
+                yield node, _turned(operator, new), lambda k=k, new=new: operators.__setitem__(k, new())  # type: ignore[misc]
+        case ast.BoolOp(op=operator) | ast.BinOp(op=operator) if type(operator) in OPERATORS:
+            new = OPERATORS[type(operator)]
+            yield node, _turned(operator, new), lambda: setattr(node, "op", new())
+        case ast.UnaryOp(op=ast.Not() | ast.USub(), operand=operand):
+            yield node, "dropped " + ("not" if isinstance(node.op, ast.Not) else "minus"), lambda: put(operand)
+        case ast.Constant(value=bool() as truth):
+            yield node, f"{not truth}", lambda: put(ast.Constant(not truth))
+        case ast.Constant(value=int() as number):
+            yield node, f"{number + 1}", lambda: put(ast.Constant(number + 1))
+        case ast.Call(func=ast.Name(id="require"), args=arguments):
+            yield node, "condition dropped", lambda: arguments.__setitem__(0, ast.Constant(True))
+        case ast.comprehension(ifs=conditions) if conditions:
+            yield conditions[0], "condition dropped", lambda: conditions.clear()
+        case ast.If(test=test) | ast.IfExp(test=test):
+            yield test, "condition never", lambda: setattr(node, "test", ast.Constant(False))
+            yield test, "condition always", lambda: setattr(node, "test", ast.Constant(True))
+
+
+def _turned(old: ast.AST, new: type[ast.AST]) -> str:
+    return f"{type(old).__name__} to {new.__name__}"
