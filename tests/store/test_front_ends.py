@@ -69,10 +69,10 @@ def test_a_job_given_to_one_is_known_to_all(start: Start) -> None:
         time.sleep(0.05)
     two.cancel(hard)
     with pytest.raises(JobDismissed):
-        one.wait(hard, timeout=5)
+        one.wait(hard, timeout=60)
     begin = time.monotonic()
     assert one.solve(oscillator(50)).verdict == "variational", "the cancelled work still has the only process"
-    assert time.monotonic() - begin < 15
+    assert time.monotonic() - begin < 25
 
 
 @pytest.mark.slow

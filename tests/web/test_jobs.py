@@ -66,7 +66,7 @@ def test_past_the_wait_a_call_gets_202_and_before_it_its_result(client: httpx.Cl
     begin = time.monotonic()
     response = client.post("/v1/solve?time_limit=8", json=hard(), headers={"Prefer": "wait=1"})
     assert response.status_code == 202
-    assert 0.9 < time.monotonic() - begin < 4
+    assert 0.9 < time.monotonic() - begin < 8
     assert response.headers["preference-applied"] == "wait=1"
     client.delete(response.headers["location"])
     assert client.post("/v1/solve", json=easy(), headers={"Prefer": "wait=20"}).status_code == 200
@@ -164,7 +164,7 @@ def test_events_tell_the_stages_and_can_be_resumed(client: httpx.Client) -> None
 
 def test_a_cancelled_job_stops_working(client: httpx.Client) -> None:
     place = client.post("/v1/solve", json=hard(), headers=ASYNC).headers["location"]
-    end = time.monotonic() + 20
+    end = time.monotonic() + 120
     while client.get(place).json()["status"] != "running" and time.monotonic() < end:
         time.sleep(0.02)
     assert client.get(place).json()["progress"] is not None
@@ -175,8 +175,8 @@ def test_a_cancelled_job_stops_working(client: httpx.Client) -> None:
     # Both workers are free again at once: two quick jobs do not wait for the time limit of the cancelled one.
     begin = time.monotonic()
     for document in (easy(), easy()):
-        assert client.post("/v1/solve", json=document, headers={"Prefer": "wait=5"}).status_code == 200
-    assert time.monotonic() - begin < 5
+        assert client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"}).status_code == 200
+    assert time.monotonic() - begin < 9
     assert client.delete(place).json()["status"] == "dismissed"
 
 

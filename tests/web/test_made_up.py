@@ -27,11 +27,11 @@ def ask(service: str, count: int, seed: int) -> Counter[str]:
     return Counter(answer.get("verdict", "refused") for answer in answers)
 
 
-def test_three_hundred_documents(service: str) -> None:
-    found = ask(service, 300, seed=1)
+def test_a_hundred_and_fifty_documents(service: str) -> None:
+    found = ask(service, 150, seed=1)
     assert set(found) - {"refused"} <= VERDICTS
-    assert found["refused"] > 100
-    assert found.total() - found["refused"] > 10
+    assert found["refused"] > 50
+    assert found.total() - found["refused"] > 5
 
 
 @pytest.mark.nightly

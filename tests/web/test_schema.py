@@ -47,7 +47,7 @@ def ask(operation: Any, mode: GenerationMode, examples: int, derandomize: bool) 
 
 
 def test_every_call_answers_as_described(service: str) -> None:
-    found = ask_all(service, 3, derandomize=True)
+    found = ask_all(service, 2, derandomize=True)
     assert {"POST /v1/solve", "POST /v1/batches", "DELETE /v1/jobs/{id}", "GET /v1/jobs/{id}/events"} <= set(found)
 
 

@@ -98,6 +98,9 @@ def test_an_oscillator_is_solved_and_its_result_checks(client: httpx.Client) -> 
     )
     assert client.post("/v1/check", json=result).json()["verdict"] == "valid"
     assert client.post("/v1/check", json={**result, "verdict": "not_variational"}).json()["verdict"] == "invalid"
+    assert client.post("/v1/check", json=result["certificate"]).json()["verdict"] == "valid"
+    spoilt = {**result["certificate"], "lagrangian": "x'^2/2"}
+    assert client.post("/v1/check", json=spoilt).json()["verdict"] == "invalid"
 
 
 def test_what_is_no_result_is_told_so(client: httpx.Client) -> None:
@@ -124,7 +127,10 @@ def test_a_deadline_gives_an_undetermined_result(client: httpx.Client) -> None:
     assert "limit" in response.json()["reason"]
 
 
-@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf", "1e9", "x", "9" * 100, "", "1_0", " 2", "\u0663", "0x2", "2."])
+BAD_LIMITS = ("0", "-1", "nan", "inf", "1e9", "x", "9" * 100, "", "1_0", " 2", "\u0663", "0x2", "2.")
+
+
+@pytest.mark.parametrize("limit", BAD_LIMITS)
 def test_a_bad_time_limit_is_a_problem(client: httpx.Client, limit: str) -> None:
     problem(client.post(f"/v1/solve?time_limit={limit}", json=OSCILLATOR), 422)
 
