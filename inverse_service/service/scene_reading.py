@@ -14,6 +14,10 @@ from inverse_service.service.scene_numbers import number_of, read_grid
 from inverse_service.service.scene_system import MechanicalSystem, formula, mechanical_system
 from inverse_service.simulation.effects import BUILT_IN, CONSTRAINTS, lagrangian_parts, with_effects
 from inverse_service.simulation.scene import OBSERVED, Scene
+TIME_REFUSED = (
+    "the system depends on the time t: only systems without t can be simulated. Write a further coordinate for t, "
+    "with acceleration 0, and start it at 0 with velocity 1."
+)
 
 
 def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
@@ -101,7 +105,7 @@ def _with_effects(
 def _refuse_open(formulas: list[Expression], names: Names) -> None:
     for tree in formulas:
         if any(node == TIME for node in walk(tree)):
-            raise InputError("the system depends on the time t: only systems without t can be simulated.", "/system")
+            raise InputError(TIME_REFUSED, "/system")
     missing = sorted({node.name for tree in formulas for node in walk(tree) if isinstance(node, Arbitrary)})
     if missing:
         raise undefined_functions(missing, names)

@@ -12,10 +12,12 @@ from inverse_service.integrators.trajectory import FloatArray, Outcome, Trajecto
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.execution import CLOCK, Run, Stopped, at_last, stopped
 from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.poles import pole_ahead
 from inverse_service.simulation.quantity_text import limit_text
 from inverse_service.simulation.schemes import parts_of, program_of
 from inverse_service.simulation.starting import Initial
 
+OTHER_LAGRANGIAN = "give another free_lagrangian, one that is regular there, or use the method reference or runge-kutta"
 _POINT_METHODS = ("runge_kutta", "reference")
 
 
@@ -111,12 +113,28 @@ def _outcome(
         cause = _vanished(f, choice, card, run, lane, grid, begin)
         if cause:
             return Outcome("singular", halt.step, when, *cause, _remedy(f, choice))
+    cause = _pole(f, choice, card, run, lane, grid, begin)
+    if cause:
+        return Outcome("singular", halt.step, when, *cause, OTHER_LAGRANGIAN)
     remedy = halt.remedy
     if halt.kind == "guard" and halt.value:
         # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are proportional to h.
         excess = math.sqrt(halt.value) if halt.quantity.startswith("1 - det") else abs(halt.value)
         remedy += f"; |step| below {abs(grid.step) / excess:.3g} passes here; or go on with guard = false, unchecked"
     return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, remedy)
+
+
+def _pole(
+    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, grid: Grid, begin: Initial
+) -> tuple[str, float] | None:
+    """What L~ and H~ divide by, where it passes 0 just ahead: guard and Newton fail because of it."""
+    if choice.method != "variational" or f.problem.free_hamiltonian is None or f.problem.free_lagrangian is None:
+        return None
+    last = at_last(card, run.memory, lane)
+    places = {name: card.layout.argument_place(name) for name in card.layout.arguments if name != "h"}
+    state = last | {name: float(run.memory[place, lane]) for name, place in places.items()}
+    state |= {name: begin.state[name] for name in begin.state if name not in state}
+    return pole_ahead(f, state, [last.get(f"d{k}_rate", 0.0) for k in range(f.size)], grid.step)
 
 
 def _own_singular_set(f: Formulas, choice: MethodChoice, halt: Stopped) -> tuple[str, float]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from inverse_service.codegen.compiled import kernel_text
@@ -265,3 +266,38 @@ def test_one_coordinate_has_no_circle() -> None:
     assert result["circle_coordinates"] is None
     assert result["methods"][0]["circle"] is None
     assert result["methods"][0]["max_constraint"] is None
+
+
+DAMPED = "((x + 4*x')*atan((x + 4*x')/(x*sqrt(15)))/(x*sqrt(15)) - log(2*x^2 + 2*x'^2 + x*x')/2)/2"
+
+
+@pytest.mark.parametrize("form", ["hamiltonian", "raw"])
+def test_a_pole_of_the_free_lagrangian_on_the_way_is_named(form: str) -> None:
+    """The damped oscillator passes x = 0, by which this Lagrangian divides; the guard alone would not say why."""
+    found = simulate({
+        "system": {"document": {"coordinates": ["x"], "equations": {"x": "-x - x'/2"}}},
+        "initial": {"positions": {"x": 1}, "velocities": {"x": "1/10"}},
+        "free_lagrangian": DAMPED, "step": 0.02, "steps": 1000,
+        "methods": [{"method": "variational", "form": form}, "runge-kutta"],
+    })  # fmt: skip
+    stopped = found["methods"][0]["stopped"]
+    assert found["methods"][0]["outcome"] == "singular"
+    assert stopped["quantity"] == "x"
+    assert 0 < stopped["value"] < 0.2
+    assert "free_lagrangian" in stopped["remedy"]
+    assert found["methods"][1]["outcome"] == "completed"
+
+
+def test_the_time_as_a_coordinate_is_what_the_refusal_of_t_proposes() -> None:
+    given: dict[str, Any] = {
+        "system": {"document": {"coordinates": ["x", "s"], "equations": {"x": "-x + s", "s": "0"}}},
+        "initial": {"positions": {"x": 0, "s": 0}, "velocities": {"x": 0, "s": 1}},
+        "step": 0.1, "steps": 20, "methods": ["reference"],
+    }  # fmt: skip
+    columns = simulate(given)["methods"][0]["points"]["columns"]
+    times = np.array(columns["t"])
+    np.testing.assert_allclose(columns["x"], times - np.sin(times), rtol=0, atol=1e-13)
+    given["system"] = {"document": {"coordinates": ["x"], "equations": {"x": "-x + t"}}}
+    given["initial"] = {"positions": {"x": 0}, "velocities": {"x": 0}}
+    with pytest.raises(InputError, match="Write a further coordinate for t"):
+        simulate(given)
