@@ -76,6 +76,13 @@ def test_what_is_no_formula_is_named_by_its_column(formula: str, column: int) ->
         read_tokens(formula, "here")
 
 
+@pytest.mark.parametrize("number", ["9" * 401, "1." + "0" * 400, "12." + "5" * 399, "0." + "1" * 400])
+def test_a_number_of_more_digits_than_the_limit_is_refused(number: str) -> None:
+    with pytest.raises(Ended, match="at column 3 is no part"):
+        read_tokens(f"x+{number}", "here")
+    assert read_tokens(f"x+{number[:400]}", "here") == ("x", "+", number[:400], "")
+
+
 def test_related_functions_leave_no_consequence_of_their_rounding_errors() -> None:
     """(sin^2 + cos^2 - 1) x'^2 y' and the like is zero to all digits: a harmonic oscillator stays what it is."""
     zero = "(sin(3*x)^2+cos(3*x)^2-1)"
