@@ -14,6 +14,7 @@ from inverse_service.service.scene_numbers import number_of, read_grid
 from inverse_service.service.scene_system import MechanicalSystem, formula, mechanical_system
 from inverse_service.simulation.effects import BUILT_IN, CONSTRAINTS, lagrangian_parts, with_effects
 from inverse_service.simulation.scene import OBSERVED, Scene
+
 TIME_REFUSED = (
     "the system depends on the time t: only systems without t can be simulated. Write a further coordinate for t, "
     "with acceleration 0, and start it at 0 with velocity 1."

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from inverse_service.codegen.compiled import kernel_text
+from inverse_service.errors import InputError
 from inverse_service.service.reading import read_json
 from inverse_service.service.scene_lagrangian import finder
 from inverse_service.service.scene_reading import read_scene
