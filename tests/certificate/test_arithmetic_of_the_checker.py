@@ -67,6 +67,7 @@ def test_modulo_a_prime_only_multiples_of_it_are_zero() -> None:
     assert field.vanishes(3 * PRIME, 1)
     assert not field.vanishes(3 * PRIME + 1, 1 << 900)
     assert field.row({1: PRIME, 2: PRIME + 2, 3: -1}) == {2: 2, 3: PRIME - 1}
+    assert field.reduce((PRIME - 2) * (PRIME - 3)) == 6
     assert len({field.draw() for _ in range(50)}) == 50
 
 
@@ -81,6 +82,17 @@ def test_a_number_of_more_digits_than_the_limit_is_refused(number: str) -> None:
     with pytest.raises(Ended, match="at column 3 is no part"):
         read_tokens(f"x+{number}", "here")
     assert read_tokens(f"x+{number[:400]}", "here") == ("x", "+", number[:400], "")
+
+
+@pytest.mark.parametrize(("digits", "verdict"), [(110, "invalid"), (130, "incomplete"), (260, "incomplete")])
+def test_a_small_error_of_a_lagrangian_is_never_taken_for_none(digits: int, verdict: str) -> None:
+    """Beside terms of the size 1: seen above 1e-120, too close to zero to judge down to 1e-270."""
+    certificate = {
+        "format": "inverse-service/certificate/1", "question": "autonomous", "claim": "variational",
+        "kind": "lagrangian", "system": {"coordinates": ["x"], "equations": {"x": "-x"}},
+        "lagrangian": f"x'^2-x^2+exp(x)/10^{digits}",
+    }  # fmt: skip
+    assert check_certificate(certificate, seed=1).verdict == verdict
 
 
 def test_related_functions_leave_no_consequence_of_their_rounding_errors() -> None:
