@@ -28,7 +28,7 @@ def markdown(lines: Sequence[Line], counts: Mapping[str, int], seed: int, comman
     parts = [
         "# Soundness",
         "A wrong verdict is the worst fault there is. This page counts them over many random systems.",
-        f"```\n{command}\n```",
+        f"Command: `{command}`, in short `make soundness`.",
         _versions(lines, seed),
         *_missing(lines, counts),
         "## Verdicts",
