@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from inverse_service.expressions.derivative import differentiate
@@ -33,7 +33,6 @@ STEPS, STEP = 100, 0.01
 _STARTS = 12
 _LARGE = 1e6
 State = list[float]
-Function = Callable[[State], float]
 _FUNCTIONS: dict[str, Callable[[float], float]] = {
     name: getattr(math, name)
     for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh")
@@ -106,41 +105,67 @@ def with_functions(tree: Expression, table: Mapping[str, tuple[tuple[Symbol, ...
     return substitute(body, dict(zip(arguments, inner.arguments, strict=True)))
 
 
-def compiled(tree: Expression, places: Mapping[Expression, int]) -> Function:
-    """The tree as a function of the state; KeyError for a name that is not in `places`."""
-    match tree:
-        case Number(value):
-            constant = float(value)
-            return lambda state: constant
-        case Sum(terms):
-            parts = [compiled(term, places) for term in terms]
-            return lambda state: sum(part(state) for part in parts)
-        case Product(factors):
-            parts = [compiled(factor, places) for factor in factors]
-            return lambda state: math.prod(part(state) for part in parts)
-        case Power(base, Number(value)) if value.denominator == 1:
-            inner, whole = compiled(base, places), int(value)
-            return lambda state: inner(state) ** whole
-        case Power(base, exponent):
-            inner, upper = compiled(base, places), compiled(exponent, places)
-            return lambda state: math.pow(inner(state), upper(state))
-        case Apply(function, argument):
-            inner, operation = compiled(argument, places), _FUNCTIONS[function]
-            return lambda state: operation(inner(state))
-    if tree == PI:
-        return lambda state: math.pi
-    place = places[tree]
-    return lambda state: state[place]
+@dataclass(slots=True)
+class _Tape:
+    """Operations in an order in which each finds its operands; equal subtrees stand on it once."""
+
+    places: Mapping[Expression, int]
+    known: dict[Expression, int] = field(default_factory=dict)
+    operations: list[Callable[[State], float]] = field(default_factory=list)
+
+    def place(self, tree: Expression) -> int:
+        """Where the value of the tree is found; KeyError for a name that has no place."""
+        if tree in self.places:
+            return self.places[tree]
+        if tree not in self.known:
+            operation = self._operation(tree)
+            self.known[tree] = len(self.places) + len(self.operations)
+            self.operations.append(operation)
+        return self.known[tree]
+
+    def _operation(self, tree: Expression) -> Callable[[State], float]:
+        match tree:
+            case Number(value):
+                constant = float(value)
+                return lambda values: constant
+            case Sum(terms):
+                parts = [self.place(term) for term in terms]
+                return lambda values: sum([values[k] for k in parts])
+            case Product(factors):
+                parts = [self.place(factor) for factor in factors]
+                return lambda values: math.prod([values[k] for k in parts])
+            case Power(base, Number(value)) if value.denominator == 1:
+                inner, whole = self.place(base), int(value)
+                return lambda values: values[inner] ** whole
+            case Power(base, exponent):
+                inner, upper = self.place(base), self.place(exponent)
+                return lambda values: math.pow(values[inner], values[upper])
+            case Apply(function, argument):
+                inner, operation = self.place(argument), _FUNCTIONS[function]
+                return lambda values: operation(values[inner])
+        if tree == PI:
+            return lambda values: math.pi
+        raise KeyError(tree)
+
+
+def compiled(trees: Sequence[Expression], places: Mapping[Expression, int]) -> Callable[[State], State]:
+    """The trees as one function of the state; KeyError for a name that is not in `places`."""
+    tape = _Tape(places)
+    wanted = [tape.place(tree) for tree in trees]
+
+    def values_at(state: State) -> State:
+        values = list(state)
+        for operation in tape.operations:
+            values.append(operation(values))
+        return [values[k] for k in wanted]
+
+    return values_at
 
 
 def integrated(flow: Flow, start: State, steps: int = STEPS, step: float = STEP) -> list[State]:
     """The states at 0, h, 2h, …; ArithmeticError or ValueError where the flow leaves its domain."""
     places = {variable: place for place, variable in enumerate(flow.variables)}
-    rates = [compiled(rate, places) for rate in flow.rates]
-
-    def slope(state: State) -> State:
-        return [rate(state) for rate in rates]
-
+    slope = compiled(flow.rates, places)
     states = [start]
     for _ in range(steps):
         states.append(_runge_kutta(slope, states[-1], step))
@@ -182,6 +207,8 @@ def compare(
             return _compared(nonholonomic, hamiltonian, placed, len(momenta), (values, samples), source)
         except (ArithmeticError, ValueError, TypeError):
             continue
+        except KeyError:  # a function that floats do not know
+            return None
     return None
 
 
@@ -198,12 +225,12 @@ def _compared(
     second = Flow(hamiltonian.variables, tuple(placed[m : m + n]))
     start = [source.randrange(20, 90) / 100 for _ in range(m)]
     places = {variable: place for place, variable in enumerate(first.variables)}
-    lifted = [compiled(tree, places)(start) for tree in placed[m + n : m + n + count]]
+    lifted = compiled(placed[m + n : m + n + count], places)(start)
     one = integrated(first, start)
     other = integrated(second, [*start[: n // 2], *lifted])
     spots = {variable: place for place, variable in enumerate(second.variables)}
-    energy, *images = [compiled(tree, spots) for tree in placed[m + n + count :]]
-    level = energy(other[0])
+    observe = compiled(placed[m + n + count :], spots)
+    observed = [observe(state) for state in other]
     return Comparison(
         time=STEPS * STEP,
         step=STEP,
@@ -211,8 +238,8 @@ def _compared(
         functions={name: body for name, (_, body) in chosen[1].items()},
         start={_name(variable): value for variable, value in zip(first.variables, start, strict=True)},
         difference=max(abs(a - b) for x, y in zip(one, other, strict=True) for a, b in _positions(x, y, n // 2)),
-        constraint=max((abs(image(state)) for state in other for image in images), default=0.0),
-        energy=max(abs(energy(state) - level) for state in other),
+        constraint=max((abs(image) for _, *images in observed for image in images), default=0.0),
+        energy=max(abs(energy - observed[0][0]) for energy, *_ in observed),
     )
 
 

@@ -22,6 +22,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 TERM_LIMIT = 2_000
 TIME_LIMIT = 1.0
 LARGEST_N = 4
+# More terms than this fill pages, and to print them takes seconds.
+MOST_TERMS_SHOWN = 600
 Matrix = Sequence[Sequence[Quotient]]
 
 
@@ -71,6 +73,9 @@ def _worked_out(exact: ExactMotion, g: Matrix) -> Explanation:
     _require_zero([moved[i][j] - forced[i][j] for i in span for j in span])
     if size.is_zero:
         raise TooLarge("the determinant was seen to vanish")
+    shown = [entry for matrix in (g, moved, n, lowered) for row in matrix for entry in row]
+    if sum(len(entry.numerator) for entry in [*shown, size]) > MOST_TERMS_SHOWN:
+        raise TooLarge("the products fill pages")
     steps = (
         Step(f"The Hessian of L in the velocities is g = {_text(exact, g)}.", f"g = {_latex(exact, g)}"),
         Step("Its derivatives dg_ij/dv^k are symmetric in j and k.", _FIRST),
