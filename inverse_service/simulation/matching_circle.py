@@ -21,6 +21,9 @@ LARGEST = 1e150
 MOST_CORRECTIONS = 30
 SHARE = 0.01
 FEWEST_POINTS = 30
+# Below pi the turning of a chord is no other angle; the margin is for rates that change.
+LARGEST_TURN = 2.0
+SAME_CHORD = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +153,22 @@ def sparse_drift(points: Array) -> CircleDrift | None:
         return None if circle is None else CircleDrift(circle, circle, float("nan"))
     first, last = least_squares_circle(points[1 : 1 + count]), least_squares_circle(points[-count:])
     return None if first is None or last is None else CircleDrift(first, last, float("nan"))
+
+
+def recorded_drift(points: Array, reach: float) -> CircleDrift | None:
+    """The drift of a path of which not every step is known; `reach` is speed times the time between two points.
+
+    Where that turns by less than LARGEST_TURN, and the chords say so too, revolutions are counted as in `circle_drift`.
+    """
+    found = sparse_drift(points)
+    if found is None:
+        return None
+    angle = reach / found.first.radius
+    chord = float(np.hypot(*(points[2] - points[1]))) if len(points) > 2 else 0.0
+    expected = 2 * found.first.radius * np.sin(angle / 2)
+    if not (angle < LARGEST_TURN and abs(chord - expected) <= SAME_CHORD * expected):
+        return found
+    return circle_drift(points) or found
 
 
 def turned(points: Array) -> Array:

@@ -32,7 +32,7 @@ from inverse_service.simulation.matching_circle import (
     least_squares_circle,
     phase_error,
     radial_distance,
-    sparse_drift,
+    recorded_drift,
 )
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.scene import Scene
@@ -137,12 +137,13 @@ def momentum_numbers(trajectory: Trajectory, conserved: Mapping[int, str]) -> di
     return {"max_momentum_drift": max(each.values(), default=None), "momentum_drift": each}
 
 
-def circle_numbers(points: Array, exact: Array | None, every: int = 1) -> dict[str, Any]:
+def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: float = np.inf) -> dict[str, Any]:
     """The `circle` part of a summary; {"circle": None} where the path is not round (a line, too few points).
 
-    `every` says which steps were recorded: a revolution is seen only where all are.
+    `every` says which steps were recorded, `reach` how long the way between two of them is at the start: a revolution
+    is seen only where that turns by less than half of one.
     """
-    drift = circle_drift(points) if every == 1 else sparse_drift(points)
+    drift = circle_drift(points) if every == 1 else recorded_drift(points, reach)
     if drift is None:
         return {"circle": None}
     numbers: dict[str, Any] = {
@@ -154,11 +155,13 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1) -> dict[s
         "centre_drift": drift.centre_drift,
         "misfit": drift.first.misfit,
         "shape_misfit": _shape(points),
-        "revolutions": drift.revolutions if every == 1 else None,
+        "revolutions": None if np.isnan(drift.revolutions) else drift.revolutions,
         "through_three_points": _three(points, drift),
     }
-    if every > 1:
-        numbers["note"] = "Not every step is recorded: the circles are those of the first and last 1 % of the points."
+    if np.isnan(drift.revolutions):
+        numbers["note"] = (
+            "Too few steps are recorded to count revolutions: the circles are those of the first and last 1 % of them."
+        )
     elif drift.revolutions < 1:
         numbers["note"] = "The path is less than one revolution, so both circles are that of the whole path."
     reference = None if exact is None else least_squares_circle(exact)

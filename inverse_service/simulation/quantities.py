@@ -76,7 +76,9 @@ def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, A
         if scene.circle is None:
             return {"circle": None}, {}
         pair = list(scene.circle)
-        return circle_numbers(positions[:, pair], None if true is None else true[:, pair], scene.grid.record_every), {}
+        every = scene.grid.record_every
+        reach = float(np.hypot(*scene.velocities[pair])) * abs(scene.grid.step) * every
+        return circle_numbers(positions[:, pair], None if true is None else true[:, pair], every, reach), {}
     if name in ("phase", "error"):
         return _compared(name, scene, positions, true, truth)
     return {}, {}

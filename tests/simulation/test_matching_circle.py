@@ -12,6 +12,7 @@ from inverse_service.simulation.matching_circle import (
     least_squares_circle,
     phase_error,
     radial_distance,
+    recorded_drift,
     sparse_drift,
     turned,
 )
@@ -134,3 +135,26 @@ def test_a_spiral_in_step_has_no_phase_error(every: int) -> None:
 @pytest.mark.parametrize("count", [0, 1])
 def test_no_chord_has_no_phase_error(count: int) -> None:
     assert (phase_error(np.ones((count, 2)), np.ones((count, 2))) == 0).all()
+
+
+@pytest.mark.parametrize("turn", [0.01, 0.3, 1.9])
+def test_revolutions_are_counted_over_recorded_points_too(turn: float) -> None:
+    angles = turn * np.arange(4000)
+    spiral = arc((0, 0), 1, angles) * (1 - 1e-5 * angles)[:, None]
+    found = recorded_drift(spiral, turn)
+    assert found is not None
+    assert found.revolutions == pytest.approx(angles[-1] / (2 * np.pi), rel=1e-2)
+    assert found == circle_drift(spiral)
+
+
+def test_points_more_than_half_a_turn_apart_do_not_say_how_often_the_path_turned() -> None:
+    angles = (2 * np.pi + 0.3) * np.arange(4000)
+    points = arc((0, 0), 1, angles)
+    found = recorded_drift(points, 2 * np.pi + 0.3)
+    assert found is not None
+    assert np.isnan(found.revolutions)
+    assert found.first.radius == pytest.approx(1)
+    # A speed that does not fit the chords is not believed.
+    other = recorded_drift(points, 1.5)
+    assert other is not None
+    assert np.isnan(other.revolutions)
