@@ -95,6 +95,19 @@ def test_a_small_error_of_a_lagrangian_is_never_taken_for_none(digits: int, verd
     assert check_certificate(certificate, seed=1).verdict == verdict
 
 
+@pytest.mark.parametrize(("count", "verdict"), [(6, "valid"), (7, "invalid")])
+def test_functions_have_at_most_six_arguments(count: int, verdict: str) -> None:
+    names = list("abcdefg")
+    equations = dict.fromkeys(names, "0") | {"a": "A'(a)"}
+    system = {"coordinates": names, "equations": equations, "functions": {"A": ["a"], "B": names[:count]}}
+    kinetic = "+".join(f"{name}'^2/2" for name in names)
+    certificate = {
+        "format": "inverse-service/certificate/1", "question": "autonomous", "claim": "variational",
+        "kind": "lagrangian", "system": system, "lagrangian": f"{kinetic}+A(a)",
+    }  # fmt: skip
+    assert check_certificate(certificate, seed=1).verdict == verdict
+
+
 def test_related_functions_leave_no_consequence_of_their_rounding_errors() -> None:
     """(sin^2 + cos^2 - 1) x'^2 y' and the like is zero to all digits: a harmonic oscillator stays what it is."""
     zero = "(sin(3*x)^2+cos(3*x)^2-1)"
