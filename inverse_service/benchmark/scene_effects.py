@@ -2,13 +2,15 @@
 
 `python -m inverse_service.benchmark.scene_effects [--steps N] [--repeats N]`. The system is a rolling disk with a
 spring, a field and a term of its own; each row adds one thing to the row it names. Times a step alternate between
-all rows, best of several; compile times are those of an empty cache.
+all rows, best of several; compile times are those of an empty cache. Operations are the floating-point instructions
+and calls in the text of the kernel: they do not depend on the machine or its load.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import tempfile
 import time
 from collections.abc import Sequence
@@ -16,13 +18,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from inverse_service.codegen.compiled import kernel_text
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.simulation.choices import Grid, MethodChoice
-from inverse_service.simulation.derivation import derive
+from inverse_service.simulation.derivation import derive, problem_of
 from inverse_service.simulation.effects import lagrangian_parts, with_effects
+from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.observing import ENERGY_START, observation_of
+from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.running import MethodRun, run_method
 from inverse_service.simulation.scene import FreeLagrangian, Requested, Scene, Unavailable
+from inverse_service.simulation.schemes import program_of
 
 COORDINATES = ("phi", "theta", "x", "y")
 LAGRANGIAN = "(x'^2 + y'^2)/2 + theta'^2/4 + phi'^2/8 + B*(x*y' - y*x')/2 - k*(x^2 + y^2)/2"
@@ -31,6 +38,7 @@ TERMS = {"bumps": "-a*cos(x)*cos(y)"}
 VALUES = {"B": 0.1, "k": 0.2, "a": 0.05}
 METHOD = Requested("nonholonomic", "nonholonomic", "0.5", MethodChoice("nonholonomic"))
 Named = tuple[str, ...]
+_OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 # Row, effects, observed quantities; a row adds one thing to the first, or to the row before it with the same start.
 ROWS: tuple[tuple[str, Named, Named], ...] = (
     ("kinetic energy alone", (), ()),
@@ -47,11 +55,12 @@ ROWS: tuple[tuple[str, Named, Named], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Seconds to derive and to compile, nanoseconds a step (best), and observing after the run in seconds."""
+    """Seconds to derive and to compile, operations in the kernel, nanoseconds a step (best), seconds of observing."""
 
     row: str
     derive: float
     compile: float
+    operations: int
     step: float
     observing: float
 
@@ -88,9 +97,20 @@ def costs(steps: int, repeats: int) -> list[Cost]:
             best[k] = min(best[k], last[k].seconds["run"])
     rows = zip(ROWS, derived_in, firsts, best, last, strict=True)
     return [
-        Cost(row[0], seconds, first.seconds["compile"], 1e9 * least / steps, _observing(run))
-        for row, seconds, first, least, run in rows
+        Cost(row[0], seconds, first.seconds["compile"], operations(scene), 1e9 * least / steps, _observing(run))
+        for scene, (row, seconds, first, least, run) in zip(scenes, rows, strict=True)
     ]
+
+
+def operations(scene: Scene) -> int:
+    """Floating-point instructions and calls in the kernel of the scene's method, each counted once."""
+    problem = problem_of(scene, METHOD, derive(scene, _no_free))
+    assert isinstance(problem, Problem)
+    assert METHOD.choice is not None
+    if "energy" in scene.observe:
+        problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
+    text = kernel_text(program_of(Formulas(problem), METHOD.choice, observation_of(scene)))
+    return len(_OPERATION.findall(text))
 
 
 def _observing(run: MethodRun) -> float:
@@ -103,11 +123,14 @@ def _no_free(*_: object) -> FreeLagrangian | Unavailable:
 
 def table(found: Sequence[Cost]) -> str:
     """Markdown."""
-    head = "| scene | derive, ms | compile, ms | ns a step | observing, ms |\n| --- | --- | --- | --- | --- |\n"
-    return head + "".join(
-        f"| {c.row} | {1e3 * c.derive:.2f} | {1e3 * c.compile:.0f} | {c.step:.0f} | {1e3 * c.observing:.2f} |\n"
+    heads = ("scene", "derive, ms", "compile, ms", "operations", "ns a step", "observing, ms")
+    head = f"| {' | '.join(heads)} |\n| --- |{' ---: |' * (len(heads) - 1)}\n"
+    rows = (
+        (c.row, f"{1e3 * c.derive:.2f}", f"{1e3 * c.compile:.0f}", str(c.operations), f"{c.step:.0f}",
+         f"{1e3 * c.observing:.2f}")
         for c in found
-    )
+    )  # fmt: skip
+    return head + "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
 
 
 def main() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.benchmark.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, ROBOT, problem
+from inverse_service.benchmark.scene_effects import operations, scene_of
 from inverse_service.codegen.compiled import card_of, kernel_text
 from inverse_service.simulation.choices import MethodChoice, Observation
 from inverse_service.simulation.formulas import Formulas
@@ -78,3 +79,15 @@ def test_cyclic_coordinates_are_not_iterated() -> None:
     assert [block.affine for block in euler.blocks] == [True]  # type: ignore[union-attr]
     explicit = card_of(program_of(Formulas(DISK), MethodChoice("nonholonomic", 0.3), BARE))
     assert all(len(names) == 1 for names in explicit.solves)
+
+
+def test_every_effect_and_observed_quantity_has_its_price_in_operations() -> None:
+    base = operations(scene_of(("constraints",), (), 10))
+    added = {
+        name: operations(scene_of(("constraints", name), (), 10)) - base for name in ("potential", "magnetic", "bumps")
+    }
+    observed = {name: operations(scene_of(("constraints",), (name,), 10)) - base for name in ("energy", "constraints")}
+    assert operations(scene_of((), (), 10)) < base
+    assert all(price > 0 for price in (*added.values(), *observed.values()))
+    # Quantities made of the recorded points cost nothing in the kernel.
+    assert operations(scene_of(("constraints",), ("trajectory", "matching_circle", "error", "phase"), 10)) == base
