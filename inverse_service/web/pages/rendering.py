@@ -38,6 +38,7 @@ def environment() -> Environment:
     found = Environment(
         loader=PackageLoader("inverse_service.web", "templates"),
         autoescape=True,
+        auto_reload=False,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -8,11 +8,11 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
 from inverse_service import catalogue
 
-from .conftest import NARROW, WIDE, Scheme, Visit, visited
+from .conftest import Look, Pages, Visit, visited
 from .test_every_page import HEAVIEST, PAGES, is_too_wide, open_all, violations, weight
 
 pytestmark = pytest.mark.slow
@@ -75,10 +75,9 @@ def post(client: httpx.Client, path: str, document: dict[str, Any]) -> str:
 
 
 @pytest.fixture(params=[(s, w) for s in ("light", "dark") for w in ("wide", "narrow")], ids="-".join)
-def look(request: pytest.FixtureRequest, browser: Browser, service: str) -> Iterator[Visit]:
-    scheme: Scheme
+def look(request: pytest.FixtureRequest, pages: Pages, service: str) -> Iterator[Visit]:
     scheme, width = request.param
-    yield from visited(browser, service, size=WIDE if width == "wide" else NARROW, scheme=scheme)
+    yield from visited(pages(Look(narrow=width == "narrow", scheme=scheme)), service)
 
 
 def test_axe_finds_nothing_and_nothing_is_too_wide(look: Visit, states: dict[str, str]) -> None:
@@ -104,7 +103,7 @@ def test_work_that_is_open_has_no_violation(look: Visit) -> None:
         client.delete(f"/v1/jobs/{id}")
 
 
-def test_no_state_weighs_100_kilobytes(visit: Visit, states: dict[str, str]) -> None:
-    weights = {name: weight(visit, path) for name, path in states.items()}
+def test_no_state_weighs_100_kilobytes(fresh: Visit, states: dict[str, str]) -> None:
+    weights = {name: weight(fresh, path) for name, path in states.items()}
     print(weights)
     assert {name: found for name, found in weights.items() if found >= HEAVIEST} == {}

@@ -64,3 +64,4 @@ def test_the_colours_are_chosen_and_remembered(visit: Visit, plain: Visit, scrip
     assert paper(at.page) == light
     at.page.emulate_media(color_scheme="dark")
     assert paper(at.page) == dark
+    at.page.emulate_media(color_scheme="light")

@@ -6,10 +6,10 @@ import io
 
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect
 
 from .conftest import Visit
+from .test_every_page import violations
 
 
 @pytest.mark.parametrize("scripts", [True, False])
@@ -58,8 +58,7 @@ def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
     costs = visit.page.locator("section", has=visit.page.get_by_role("heading", name="What each tick cost"))
     expect(costs.get_by_role("row", name="energy")).to_contain_text("s")
     assert costs.get_by_role("row", name="error").count() == 0
-    found = Axe().run(visit.page).response["violations"]
-    assert [(v["id"], [node["html"][:100] for node in v["nodes"]]) for v in found] == []
+    assert violations(visit) == []
 
 
 def test_without_scripts_a_scene_has_pictures_and_files(plain: Visit) -> None:
