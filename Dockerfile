@@ -4,14 +4,17 @@ WORKDIR /source
 COPY pyproject.toml constraints.txt README.md LICENSE ./
 COPY inverse_service inverse_service
 COPY api_schemas api_schemas
+# docker build --build-arg EXTRAS=dask,postgres
+ARG EXTRAS=""
 RUN python -m venv /opt/inverse-service \
-    && /opt/inverse-service/bin/pip install --no-cache-dir -c constraints.txt .
+    && /opt/inverse-service/bin/pip install --no-cache-dir -c constraints.txt ".${EXTRAS:+[$EXTRAS]}"
 
 FROM python:3.11-slim
 RUN useradd --system --uid 10001 --home-dir /nonexistent --shell /usr/sbin/nologin inverse \
     && install -d -o 10001 -g 10001 -m 0700 /var/lib/inverse-service
 COPY --from=build /opt/inverse-service /opt/inverse-service
-# Works with `docker run --read-only --tmpfs /tmp`: compiled kernels and sockets go to /tmp, the jobs to the volume.
+# Works with `docker run --init --read-only --tmpfs /tmp`: compiled kernels and sockets go to /tmp (nothing there has to be
+# executable), the jobs to the volume. --init takes the remains of killed workers away.
 ENV PATH=/opt/inverse-service/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \
     PYTHONUNBUFFERED=1 \
