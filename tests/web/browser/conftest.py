@@ -11,7 +11,7 @@ from typing import Any, Literal
 import pytest
 
 pytest.importorskip("playwright")
-from playwright.sync_api import Browser, Page, ViewportSize, expect, sync_playwright
+from playwright.sync_api import Browser, Error, Page, ViewportSize, expect, sync_playwright
 
 CHROMIUM = next(
     (path for path in ("/usr/bin/chromium", shutil.which("chromium")) if path and Path(path).exists()), None
@@ -119,6 +119,18 @@ def fresh(browser: Browser, service: str) -> Iterator[Visit]:
     page.context.close()
 
 
+def leave(page: Page) -> None:
+    """To an empty page; one that just then went to its result is left after that."""
+    for _ in range(3):
+        try:
+            page.goto("about:blank")
+            return
+        except Error as error:
+            if "interrupted" not in str(error):
+                raise
+    raise AssertionError("The page goes on and on by itself.")
+
+
 def visited(page: Page, address: str) -> Iterator[Visit]:
     """A page as if nobody had used it; at the end its console was silent and no request left the host."""
     seen = Seen()
@@ -132,7 +144,7 @@ def visited(page: Page, address: str) -> Iterator[Visit]:
         page.on(event, listener)
     yield Visit(page, address, seen)
     # What still runs on the page ends here, within what is looked at.
-    page.goto("about:blank")
+    leave(page)
     for event, listener in listeners.items():
         page.remove_listener(event, listener)
     page.context.clear_cookies()

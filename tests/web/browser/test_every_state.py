@@ -101,6 +101,7 @@ def test_work_that_is_open_has_no_violation(look: Visit) -> None:
         expect(look.page.get_by_role("progressbar")).to_be_visible()
         assert violations(look) == []
         client.delete(f"/v1/jobs/{id}")
+        expect(look.page.get_by_role("heading", level=1)).to_have_text("This was cancelled")
 
 
 def test_no_state_weighs_100_kilobytes(fresh: Visit, states: dict[str, str]) -> None:
