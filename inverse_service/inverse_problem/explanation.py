@@ -55,6 +55,7 @@ Tensors = Mapping[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]
 # An elimination with larger expressions than this is no longer followed by hand.
 TERM_LIMIT = 2_000
 TIME_LIMIT = 1.0
+NUMBERS_LIMIT = 5.0
 LARGEST_N = 5
 
 
@@ -82,7 +83,7 @@ def explain_negative(
     except (TooLarge, ZeroDivisionError):
         pass
     if chosen is not None and len(system.coordinates) <= LARGEST_N:
-        numbers = numbers_at_a_point(analysis, chosen, time.monotonic() + time_limit)
+        numbers = numbers_at_a_point(analysis, chosen, time.monotonic() + NUMBERS_LIMIT)
         if numbers is not None:
             return Explanation(steps_in_numbers(system, chosen, entry_symbols(system), numbers))
     return Explanation(summary, complete=False)

@@ -64,7 +64,7 @@ def is_free_of_divergence(analysis: Analysis, seed: int) -> bool:
 def _solve(
     material: Material, letters: list[Expression], constants: list[Expression], seed: int
 ) -> list[Fraction] | None:
-    sampler = make_sampler(material.analysis, [(p, Fraction(1)) for p in letters])
+    sampler = make_sampler(material.analysis, [(p, Fraction(1)) for p in (*letters, *constants)])
     width = len(letters) + len(constants)
     table = letter_table(sampler, letters, width + 6, seed)
     rows = []

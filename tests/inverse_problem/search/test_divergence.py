@@ -48,3 +48,9 @@ def test_the_rate_is_shared_by_all_coordinates() -> None:
 
 def test_two_rates_are_no_single_factor() -> None:
     assert divergence_factor(material({"x": "-x-a*x'", "y": "-y-b*y'"}, with_time=True), 3) is None
+
+
+def test_an_atom_of_a_parameter_in_the_divergence_has_a_value() -> None:
+    """exp(-a) stands in the divergence among the constants and nowhere among the letters."""
+    found = divergence_factor(material({"x": "exp(-a)*y'*A(x)*x'", "y": "0"}, with_time=True), 3)
+    assert found is None
