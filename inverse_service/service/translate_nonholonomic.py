@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -23,6 +24,7 @@ from api_schemas.nonholonomic import (
 )
 from api_schemas.problem import ParsedFormula
 from api_schemas.result import Formula, HamiltonianPart
+from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
@@ -35,6 +37,8 @@ from inverse_service.mechanics.nonholonomic_reading import read_multiples, read_
 from inverse_service.mechanics.nonholonomic_system import NonholonomicSystem
 from inverse_service.service import translate
 from inverse_service.service.refusals import DocumentRefused, places_of
+
+T = TypeVar("T")
 
 
 def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
@@ -168,18 +172,26 @@ def _class(report: MotionReport) -> ClassPart:
     text = f"The system is in the class s' = -A(r1) r2' with r1 = {names[member.r1]}, r2 = {names[member.r2]}"
     if member.has_force:
         text += ", with a potential" + ("" if member.force_fits else " that depends on more than r2")
-    square, slope = parts.tree(member.inverse_square_density), parts.tree(member.slope_of_density)
+    N = _in_time(lambda: _formula(power(parts.tree(member.inverse_square_density), Fraction(-1, 2))))
     return ClassPart(
         member=True,
         statement=text + ".",
         r1=names[member.r1],
         r2=names[member.r2],
         s=dependent,
-        A=_formulas(tuple(dependent), tuple(parts.tree(each) for each in member.slopes)),
-        N=_formula(power(square, Fraction(-1, 2))),
-        K=_formula(slope),
+        A=_in_time(lambda: _formulas(tuple(dependent), tuple(parts.tree(each) for each in member.slopes))) or {},
+        N=N,
+        K=_in_time(lambda: _formula(parts.tree(member.slope_of_density))),
         potential=member.has_force,
     )
+
+
+def _in_time(work: Callable[[], T]) -> T | None:
+    """What the work gives; None where the time for exact expressions was used up before it."""
+    try:
+        return work()
+    except TooLarge:
+        return None
 
 
 def _associated(one: AssociatedAnswer) -> AssociatedPart:

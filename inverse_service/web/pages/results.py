@@ -36,7 +36,7 @@ async def result(request: Request, identifier: str) -> Response:
     answer = await finished(request, identifier, PATIENCE)
     if answer is None:
         return missing()
-    return shown(request, answer.value)
+    return await shown(request, answer.value)
 
 
 @router.get("/results/{identifier}/result.json")
@@ -59,7 +59,7 @@ async def check(request: Request, identifier: str) -> Response:
         return missing()
     found = await call(request, "POST", "/v1/check", answer.value["result"])
     verdict = found.value if not found.is_problem else {"verdict": "incomplete", "reasons": [found.value["detail"]]}
-    return shown(request, answer.value, verdict)
+    return await shown(request, answer.value, verdict)
 
 
 @router.post("/results/{identifier}/again")
@@ -175,7 +175,7 @@ def missing() -> HTMLResponse:
     return page("missing.html", 404, active="", title="Nothing here", detail="There is no result at this address.")
 
 
-def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
+async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
     """The page of a job by its status."""
     if job["status"] in OPEN:
         return page("working.html", 200, active="", job=job)
@@ -184,7 +184,7 @@ def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = 
     if job["kind"] == "solve":
         return solve_result(request, job, check)
     if job["kind"] in ("simulate", "work-precision"):
-        stored = request.app.state.engine.store.job(job["id"], with_body=False)
+        stored = await request.app.state.engine.job(job["id"], with_body=False)
         scene = simulations.pretty(stored.document)
         make = simulations.simulation_result if job["kind"] == "simulate" else simulations.precision_result
         return make(request, job, scene)
