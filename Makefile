@@ -3,7 +3,7 @@ PORT ?= 8000
 HOST ?= 127.0.0.1
 STAMP := .venv/.installed
 
-.PHONY: install run test nightly lint paper soundness coverage mutation
+.PHONY: install run test nightly lint paper bench soundness coverage mutation
 
 install: $(STAMP)
 
@@ -41,6 +41,12 @@ lint: install
 # docs/paper.md and its figures: every statement of the paper computed anew.
 paper: install
 	.venv/bin/inverse-service paper --output docs
+
+# The decision, the peers that are installed, the search, the integrators; docs/benchmarks.md has a run.
+bench: install
+	.venv/bin/python -m inverse_service.benchmark --limit 10 --random 2 --largest 7 --output build/bench
+	.venv/bin/python -m inverse_service.benchmark lagrangians --count 60 --seed 1
+	.venv/bin/python -m inverse_service.benchmark simulation
 
 # 26,000 cases on all cores; interrupted, it goes on where it was.
 soundness: install
