@@ -29,7 +29,7 @@ run: install
 	.venv/bin/inverse-service serve --host $(HOST) --port $(PORT)
 
 test: install
-	.venv/bin/python -m pytest -n logical --dist loadfile
+	.venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 nightly: install
 	.venv/bin/python -m pytest -m 'slow or nightly'
