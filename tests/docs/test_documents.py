@@ -21,7 +21,7 @@ NOT_RUN = {
     "README.md": (1, "one does not end, the other is these tests"),
     "open-questions.md": (1, "the search of the robot takes minutes"),
     "reliability.md": (1, "these are the tests themselves"),
-    "scaling.md": (5, "Docker, a cluster, SLURM and PostgreSQL are not here; tests/cluster and tests/store have their own"),
+    "scaling.md": (5, "no Docker, cluster, SLURM or PostgreSQL here; tests/cluster and tests/store have theirs"),
     "CONTRIBUTING.md": (1, "these are the tests themselves"),
     "benchmarks.md": (1, "ten minutes"),
 }
