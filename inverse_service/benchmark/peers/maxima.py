@@ -44,7 +44,7 @@ verdict() := block([phi, nabla, conditions, left],
   is(fullratsimp(determinant(left)) = 0))$
 began: elapsed_run_time()$
 runs: 0$
-while runs < 100 and elapsed_run_time() - began < 0.3 do (singular: verdict(), runs: runs + 1)$
+while runs < 2000 and elapsed_run_time() - began < 0.3 do (singular: verdict(), runs: runs + 1)$
 spent: (elapsed_run_time() - began)/runs$
 print("VERDICT", if singular then "not_variational" else "variational")$
 print("SECONDS", float(spent))$

@@ -24,6 +24,8 @@ import sympy
 from inverse_service.benchmark.decision_benchmark import read
 from inverse_service.benchmark.peers.helmholtz import UNDERIVED, LinearSystem, linear_system
 
+# Milliseconds between two readings of its clock.
+TICK = 10
 _SCRIPT = """
 LIB "nctools.lib";
 ring r = 0,({variables},{derivations}),(a({weights}),dp,C);
@@ -33,7 +35,7 @@ system("--ticks-per-sec", 1000);
 module G;
 int runs, spent, k;
 int began = timer;
-while (spent < 300 and runs < 100) {{ G = slimgb(M); runs++; spent = timer - began; }}
+while (spent < 300 and runs < 2000) {{ G = slimgb(M); runs++; spent = timer - began; }}
 print("MILLISECONDS=" + string(spent) + "/" + string(runs));
 for (k = 1; k <= ncols(G); k++) {{ print("ROW=" + string(G[k])); }}
 exit;
@@ -55,7 +57,7 @@ def measured(document: dict[str, Any]) -> dict[str, Any]:
     if spent is None:
         raise RuntimeError(f"Singular said {done.stdout[-500:]}")
     rows = re.findall(r"ROW=(.*)", done.stdout)
-    return {"verdict": _verdict(problem, rows), "seconds": int(spent[1]) / 1000 / int(spent[2])}
+    return {"verdict": _verdict(problem, rows), "seconds": max(int(spent[1]), TICK) / 1000 / int(spent[2])}
 
 
 def _pairs(problem: LinearSystem) -> list[tuple[int, int]]:
