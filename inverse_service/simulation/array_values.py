@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.errors import InverseServiceError
+from inverse_service.errors import InputError
 from inverse_service.expressions.tree import (
     PI,
     Apply,
@@ -40,7 +40,7 @@ _FUNCTIONS: dict[str, Callable[[Any], Any]] = {
 }
 
 
-class NoValue(InverseServiceError):
+class NoValue(InputError):
     """A formula holds a name that was given no value."""
 
     code = "no-value"
