@@ -18,8 +18,10 @@ from inverse_service.benchmark.simulation_routes import generated_c, lambdify_an
 from inverse_service.expressions.collecting import forget_expansions
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.formulas import Formulas
-from inverse_service.simulation.methods import kernel_of, run, run_ensemble
+from inverse_service.simulation.methods import run
+from inverse_service.simulation.preparation import kernel_of
 
 Report = Callable[[str], None]
 # Many short rounds: on a machine that does other work too, the best of them is undisturbed.

@@ -9,7 +9,8 @@ from inverse_service.benchmark.hard_cases import disk_start, particle_start
 from inverse_service.benchmark.problems import DISK, DISK_ENERGY, PARTICLE, PENDULUM
 from inverse_service.errors import InputError
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
-from inverse_service.simulation.methods import run, run_ensemble
+from inverse_service.simulation.ensembles import run_ensemble
+from inverse_service.simulation.methods import run
 
 SEEN = Observation(observables=(DISK_ENERGY,))
 
