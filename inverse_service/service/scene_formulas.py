@@ -52,10 +52,13 @@ def defined(tree: Expression, definitions: Definitions) -> Expression:
     return substitute(found, {Symbol(name): value for name, value in zip(arguments, inner.arguments, strict=True)})
 
 
-def undefined_functions(missing: Sequence[str], names: Names) -> InputError:
-    """The refusal of functions without a formula."""
+def refuse_open_functions(formulas: Sequence[Expression], names: Names) -> None:
+    """InputError where a formula still holds a function without a formula of its own."""
+    missing = sorted({node.name for tree in formulas for node in walk(tree) if isinstance(node, Arbitrary)})
+    if not missing:
+        return
     example = f'{{"{missing[0]}": "cos({names.functions[missing[0]][0]})"}}'
-    return InputError(
+    raise InputError(
         f"the functions {', '.join(missing)} are arbitrary: give each a formula in 'functions', as in {example}.",
         "/functions",
     )

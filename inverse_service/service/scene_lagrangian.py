@@ -26,6 +26,7 @@ from inverse_service.mechanics.nonholonomic_motion import exact_motion
 from inverse_service.mechanics.nonholonomic_system import NonholonomicSystem
 from inverse_service.mechanics.paper_class import recognised
 from inverse_service.service.reading import escape
+from inverse_service.service.scene_formulas import defined, refuse_open_functions
 from inverse_service.service.scene_numbers import number_of
 from inverse_service.service.scene_system import MechanicalSystem, formula
 from inverse_service.service.solving import solve_document
@@ -82,7 +83,9 @@ def _given(
 ) -> FreeLagrangian | Unavailable:
     names = system.names
     extra = tuple(name for name in constants if name not in names.parameters)
-    tree = formula(text, Names(names.coordinates, (*names.parameters, *extra), names.functions), pointer)
+    given = formula(text, Names(names.coordinates, (*names.parameters, *extra), names.functions), pointer)
+    tree = defined(given, system.definitions)
+    refuse_open_functions([tree], names)
     used = {node.name for node in walk(tree) if isinstance(node, Symbol)}
     own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
     values = dict(scene.values) | own

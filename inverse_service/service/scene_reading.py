@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from api_schemas.scene import SceneDocument
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names, declared_name
-from inverse_service.expressions.tree import TIME, Arbitrary, Expression, walk
+from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.service.reading import escape
-from inverse_service.service.scene_formulas import Definitions, defined, read_definitions, undefined_functions
+from inverse_service.service.scene_formulas import Definitions, defined, read_definitions, refuse_open_functions
 from inverse_service.service.scene_initial import read_initial
 from inverse_service.service.scene_methods import read_circle, read_methods
 from inverse_service.service.scene_numbers import number_of, read_grid
@@ -50,7 +52,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
         circle=read_circle(schema, names),
         notes=notes,
     )
-    return scene, system
+    return scene, replace(system, definitions=definitions)
 
 
 def _own(schema: SceneDocument, extra: list[str]) -> list[str]:
@@ -107,6 +109,4 @@ def _refuse_open(formulas: list[Expression], names: Names) -> None:
     for tree in formulas:
         if any(node == TIME for node in walk(tree)):
             raise InputError(TIME_REFUSED, "/system")
-    missing = sorted({node.name for tree in formulas for node in walk(tree) if isinstance(node, Arbitrary)})
-    if missing:
-        raise undefined_functions(missing, names)
+    refuse_open_functions(formulas, names)

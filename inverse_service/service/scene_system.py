@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pydantic import ValidationError
@@ -20,6 +20,7 @@ from inverse_service.service import translate
 from inverse_service.service.outcome import Place
 from inverse_service.service.reading import escape
 from inverse_service.service.refusals import DocumentRefused
+from inverse_service.service.scene_formulas import Definitions
 from inverse_service.service.scene_refusals import SYSTEM
 
 Values = Mapping[str, str]
@@ -31,7 +32,8 @@ class MechanicalSystem:
     """Coordinates with L and constraints, or with accelerations; `names` are those its formulas may use.
 
     `values` are the parameters that its document gives a value. `free_lagrangian` is the text of an L~ that comes
-    with the system, `source` says from where. `document` is what `solve` would be asked about.
+    with the system, `source` says from where. `document` is what `solve` would be asked about. `definitions` are the
+    formulas that the scene gives to its functions.
     """
 
     names: Names
@@ -43,6 +45,7 @@ class MechanicalSystem:
     free_lagrangian: str | None = None
     source: str = ""
     document: Mapping[str, Any] | None = None
+    definitions: Definitions = field(default_factory=dict)
 
 
 def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
@@ -166,10 +169,7 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
 
 
 def _with_free(found: MechanicalSystem, text: str, source: str) -> MechanicalSystem:
-    return MechanicalSystem(
-        found.names, found.lagrangian, found.constraints, found.accelerations, found.values, found.name, text, source,
-        found.document,
-    )  # fmt: skip
+    return replace(found, free_lagrangian=text, source=source)
 
 
 def _place(fault: Any) -> Place:
