@@ -16,7 +16,7 @@ from inverse_service.benchmark.problems import DISK, DISK_CONSTRAINTS, DISK_ENER
 from inverse_service.benchmark.simulation_cases import BARE, CASES, SpeedCase
 from inverse_service.benchmark.simulation_routes import generated_c, lambdify_and_fsolve, ours, with_numba
 from inverse_service.expressions.collecting import forget_expansions
-from inverse_service.mechanics.legendre import legendre
+from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.formulas import Formulas

@@ -17,8 +17,8 @@ from inverse_service.inverse_problem.rational_series import as_tree, rational_se
 from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.verification import explain_positive
-from inverse_service.mechanics.legendre import legendre
-from inverse_service.mechanics.legendre_velocity_forms import in_velocity_forms
+from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
 
 # The order of the series that is written out, and how many coefficients it may have.
 _SERIES_ORDER = 2

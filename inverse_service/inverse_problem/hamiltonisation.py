@@ -29,10 +29,10 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.identities import rank_at_point, vanish
 from inverse_service.inverse_problem.restricted_flow import Comparison, Flow, compare
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
-from inverse_service.mechanics.legendre import LegendreTransform, legendre
-from inverse_service.mechanics.legendre_constraints import constraint_images
-from inverse_service.mechanics.nonholonomic_motion import EquationsOfMotion
-from inverse_service.mechanics.nonholonomic_writing import tidied
+from inverse_service.mechanics.legendre.constraints import constraint_images
+from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
+from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
+from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["holds", "fails", "not settled"]

@@ -18,7 +18,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Solution, Step
 from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.mechanics.conditions import conditions
-from inverse_service.mechanics.legendre import LegendreTransform
+from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # Characters of the verification that a person may still read.

@@ -17,19 +17,25 @@ from inverse_service.inverse_problem.known_lagrangian import Known, confirmed, s
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.inverse_problem.solving import Progress, solve
-from inverse_service.mechanics.associated_systems import KINDS, AssociatedSystem, Kind, associated, with_multiples
-from inverse_service.mechanics.integrability import Integrability, integrability
-from inverse_service.mechanics.nonholonomic_geometry import TIME_LIMIT, frames, geometry, too_large
-from inverse_service.mechanics.nonholonomic_integrals import (
+from inverse_service.mechanics.nonholonomic.associated_systems import (
+    KINDS,
+    AssociatedSystem,
+    Kind,
+    associated,
+    with_multiples,
+)
+from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, frames, geometry, too_large
+from inverse_service.mechanics.nonholonomic.integrability import Integrability, integrability
+from inverse_service.mechanics.nonholonomic.integrals import (
     FirstIntegral,
     MeasureDensity,
     first_integrals,
     measure_density,
 )
-from inverse_service.mechanics.nonholonomic_motion import EquationsOfMotion, ExactMotion, exact_motion, written
-from inverse_service.mechanics.nonholonomic_system import NonholonomicSystem
-from inverse_service.mechanics.paper_class import PaperClass, recognised
-from inverse_service.mechanics.paper_lagrangians import class_lagrangians
+from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion, ExactMotion, exact_motion, written
+from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised
+from inverse_service.mechanics.nonholonomic.paper_lagrangians import class_lagrangians
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 
 # Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
 _SHARE_OF_SOLVING = 0.85

@@ -19,7 +19,7 @@ from inverse_service.expressions.tree import (
     number,
     power,
 )
-from inverse_service.mechanics.nonholonomic_writing import readable
+from inverse_service.mechanics.nonholonomic.writing import readable
 
 Partial = Callable[[Quotient], Quotient]
 MOST_CANDIDATES = 200

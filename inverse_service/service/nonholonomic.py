@@ -18,9 +18,9 @@ from inverse_service.inverse_problem.nonholonomic_study import (
 )
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
-from inverse_service.mechanics.associated_systems import AssociatedSystem
-from inverse_service.mechanics.nonholonomic_geometry import TIME_LIMIT
-from inverse_service.mechanics.nonholonomic_motion import equations_of_motion
+from inverse_service.mechanics.nonholonomic.associated_systems import AssociatedSystem
+from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
+from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service import solving, translate
 from inverse_service.service.nonholonomic_search import searched
 from inverse_service.service.translate_nonholonomic import (

@@ -14,7 +14,7 @@ from inverse_service.inverse_problem.families.family_search import (
     search_families,
 )
 from inverse_service.inverse_problem.nonholonomic_study import MotionReport
-from inverse_service.mechanics.associated_systems import KINDS, AssociatedSystem, associated
+from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
 from inverse_service.service.translate_family_search import to_family_options, to_search
 
 

@@ -19,12 +19,12 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, walk
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.mechanics.associated_systems import KINDS, AssociatedSystem, associated
-from inverse_service.mechanics.legendre import legendre
-from inverse_service.mechanics.nonholonomic_geometry import frames, geometry
-from inverse_service.mechanics.nonholonomic_motion import exact_motion
-from inverse_service.mechanics.nonholonomic_system import NonholonomicSystem
-from inverse_service.mechanics.paper_class import recognised
+from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
+from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
+from inverse_service.mechanics.nonholonomic.motion import exact_motion
+from inverse_service.mechanics.nonholonomic.paper_class import recognised
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.service.reading import escape
 from inverse_service.service.scene_formulas import defined, refuse_open_functions
 from inverse_service.service.scene_numbers import number_of

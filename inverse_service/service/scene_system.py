@@ -14,7 +14,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration, Expression, walk
-from inverse_service.mechanics.nonholonomic_reading import read_nonholonomic
+from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_names, read_system
 from inverse_service.service import translate
 from inverse_service.service.outcome import Place

@@ -32,9 +32,9 @@ from inverse_service.expressions.tree import TIME, Acceleration, Expression, pow
 from inverse_service.inverse_problem.hamiltonisation import Hamiltonisation
 from inverse_service.inverse_problem.nonholonomic_study import AssociatedAnswer, MotionReport, Report, Study
 from inverse_service.inverse_problem.restricted_flow import Comparison
-from inverse_service.mechanics.nonholonomic_motion import EquationsOfMotion
-from inverse_service.mechanics.nonholonomic_reading import read_multiples, read_nonholonomic
-from inverse_service.mechanics.nonholonomic_system import NonholonomicSystem
+from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
+from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.service import translate
 from inverse_service.service.refusals import DocumentRefused, places_of
 

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from inverse_service.expressions.tree import Expression
-from inverse_service.mechanics.nonholonomic_motion import equations_of_motion
-from inverse_service.mechanics.nonholonomic_system import NonholonomicSystem
+from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, exact_motion
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.regular_motion import regular_accelerations

@@ -13,9 +13,9 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, 
 from inverse_service.inverse_problem.hamiltonisation import Hamiltonisation, hamiltonise
 from inverse_service.inverse_problem.identities import rank_at_point, vanish
 from inverse_service.inverse_problem.nonholonomic_study import MotionReport, motion_report
-from inverse_service.mechanics.associated_systems import Kind, associated
-from inverse_service.mechanics.nonholonomic_reading import read_nonholonomic
-from inverse_service.mechanics.paper_lagrangians import ClassLagrangian, class_lagrangians
+from inverse_service.mechanics.nonholonomic.associated_systems import Kind, associated
+from inverse_service.mechanics.nonholonomic.paper_lagrangians import ClassLagrangian, class_lagrangians
+from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # (system, place of the proposal): L, H and the constraints, with all constants C of the paper equal to 1.

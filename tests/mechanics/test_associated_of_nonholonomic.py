@@ -25,14 +25,14 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem import certify
 from inverse_service.inverse_problem.analysis import analyse
 from inverse_service.inverse_problem.identities import vanish
-from inverse_service.mechanics.associated_systems import KINDS, AssociatedSystem, Kind, associated
-from inverse_service.mechanics.nonholonomic_geometry import frames, geometry
-from inverse_service.mechanics.nonholonomic_motion import exact_motion, written
-from inverse_service.mechanics.nonholonomic_reading import read_nonholonomic
-from inverse_service.mechanics.paper_class import PaperClass, recognised
-from inverse_service.mechanics.paper_lagrangians import class_lagrangians
+from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, Kind, associated
+from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
+from inverse_service.mechanics.nonholonomic.motion import exact_motion, written
+from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised
+from inverse_service.mechanics.nonholonomic.paper_lagrangians import class_lagrangians
+from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
+from inverse_service.mechanics.nonholonomic.rotation import rotation
 from inverse_service.mechanics.reading import read_system
-from inverse_service.mechanics.rotation import rotation
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from tests.mechanics.nonholonomic_examples import EXAMPLES
 

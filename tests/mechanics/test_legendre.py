@@ -17,9 +17,9 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, walk
-from inverse_service.mechanics.legendre import LegendreTransform, legendre
-from inverse_service.mechanics.legendre_constraints import constraint_images
-from inverse_service.mechanics.legendre_forms import size
+from inverse_service.mechanics.legendre.constraints import constraint_images
+from inverse_service.mechanics.legendre.forms import size
+from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 
 Point = dict[Expression, Any]
 FUNCTIONS = {"A": ("r1",), "B": ("r1",), "K": ("r1",)}
@@ -315,7 +315,7 @@ def test_equal_calls_written_differently_are_the_same_function() -> None:
 
 
 def test_a_wrong_claim_does_not_pass_the_self_check() -> None:
-    from inverse_service.mechanics.legendre_points import Claim, judge, sample_points
+    from inverse_service.mechanics.legendre.points import Claim, judge, sample_points
 
     lagrangian, p = tree("x'^2/2", ["x"]), Symbol("p_x")
     points = sample_points([lagrangian])

@@ -8,8 +8,8 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import Velocity, walk
 from inverse_service.inverse_problem.finding import hamiltonian_of
-from inverse_service.mechanics.legendre import legendre
-from inverse_service.mechanics.legendre_velocity_forms import in_velocity_forms
+from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
 
 NAMES = Names(("r", "u"), (), {}, time=True)
 FIRST, SECOND = "(cos(u)*r' - r*sin(u)*u')", "(sin(u)*r' + r*cos(u)*u')"

@@ -7,7 +7,7 @@ import pytest
 from inverse_service import catalogue
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.inverse_problem.nonholonomic_study import motion_report
-from inverse_service.mechanics.nonholonomic_geometry import Geometry
+from inverse_service.mechanics.nonholonomic.geometry import Geometry
 from inverse_service.service.translate_nonholonomic import _class, to_nonholonomic, to_nonholonomic_schema
 
 

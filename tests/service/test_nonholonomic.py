@@ -15,7 +15,7 @@ from inverse_service.cli.text_page import text_page
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.nonholonomic_study import associated_systems, motion_report
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.mechanics.nonholonomic_reading import read_nonholonomic
+from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.service.documents import look, parse_document, solve_document, understand_document
 
 FIVE = ("nonholonomic-particle", "knife-edge", "vertically-rolling-disk", "mobile-robot", "two-wheeled-carriage")

@@ -20,7 +20,7 @@ from inverse_service.inverse_problem.hamiltonisation import Hamiltonisation, ham
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Verdict
 from inverse_service.inverse_problem.solving import solve
-from inverse_service.mechanics.associated_families import (
+from inverse_service.mechanics.nonholonomic.associated_families import (
     Family,
     Member,
     Source,
@@ -31,9 +31,9 @@ from inverse_service.mechanics.associated_families import (
     products,
     ratios,
 )
-from inverse_service.mechanics.nonholonomic_geometry import too_large
-from inverse_service.mechanics.nonholonomic_motion import ExactMotion, written
-from inverse_service.mechanics.nonholonomic_writing import tidied
+from inverse_service.mechanics.nonholonomic.geometry import too_large
+from inverse_service.mechanics.nonholonomic.motion import ExactMotion, written
+from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]

@@ -27,7 +27,7 @@ from inverse_service.inverse_problem.hierarchy import all_singular, tensors_at
 from inverse_service.inverse_problem.outcome import Verdict
 from inverse_service.inverse_problem.pointwise import motion_of_series
 from inverse_service.inverse_problem.prolongation import LocalSystem, local_system
-from inverse_service.mechanics.associated_families import Member, accelerations
+from inverse_service.mechanics.nonholonomic.associated_families import Member, accelerations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _LEVEL = 1

@@ -31,11 +31,11 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.search import linear_systems_matrices as matrices
-from inverse_service.inverse_problem.search.linear_systems_choice import choose
-from inverse_service.inverse_problem.search.linear_systems_matrices import Matrix
-from inverse_service.inverse_problem.search.linear_systems_modes import Branch, Multipliers, all_branches, asymmetry
-from inverse_service.inverse_problem.search.linear_systems_reading import EIGENVALUE, LinearSystem
+from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
+from inverse_service.inverse_problem.search.linear_systems.choice import choose
+from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
+from inverse_service.inverse_problem.search.linear_systems.modes import Branch, Multipliers, all_branches, asymmetry
+from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE, LinearSystem
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import MotionTerms
 from inverse_service.inverse_problem.search.terms import Terms, monomial, tree_of

@@ -9,7 +9,6 @@ from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search import (
     constant_velocity,
     decoupled,
-    one_coordinate,
     other_coordinates,
     parameters,
 )
@@ -20,12 +19,13 @@ from inverse_service.inverse_problem.search.holomorphic import (
     is_even,
     is_plural,
 )
-from inverse_service.inverse_problem.search.linear_systems import is_linear, linear_lagrangians
-from inverse_service.inverse_problem.search.linear_systems_autonomous import (
+from inverse_service.inverse_problem.search.linear_systems.autonomous import (
     is_autonomous_and_linear,
     separate_lagrangians,
 )
+from inverse_service.inverse_problem.search.linear_systems.time_dependent import is_linear, linear_lagrangians
 from inverse_service.inverse_problem.search.material import Material
+from inverse_service.inverse_problem.search.one_coordinate import last_multiplier
 from inverse_service.inverse_problem.search.uniform_damping import damped_lagrangians, is_damped
 
 
@@ -63,6 +63,6 @@ SPECIALISTS: tuple[Specialist, ...] = (
     Specialist("parts of z' log z', complex velocities", 9.6, is_plural, _alone(complex_logarithm_lagrangians)),
     Specialist("uniform damping, e^(ct) L_0", 1.8, is_damped, damped_lagrangians),
     Specialist(
-        "one coordinate, products of Darboux factors", 6.5, one_coordinate.applies, _alone(one_coordinate.propose)
+        "one coordinate, products of Darboux factors", 6.5, last_multiplier.applies, _alone(last_multiplier.propose)
     ),
 )

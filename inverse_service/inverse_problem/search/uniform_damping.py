@@ -19,7 +19,7 @@ from inverse_service.inverse_problem.decision import Limits, decide
 from inverse_service.inverse_problem.search.divergence import divergence_factor
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.integrating import integrating_factor
-from inverse_service.inverse_problem.search.linear_systems_lagrangian import holds
+from inverse_service.inverse_problem.search.linear_systems.lagrangian import holds
 from inverse_service.inverse_problem.search.material import Material, coefficient
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

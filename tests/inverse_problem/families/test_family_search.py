@@ -21,12 +21,12 @@ from inverse_service.inverse_problem.families.family_search import (
 )
 from inverse_service.inverse_problem.families.shared import SharedLetters
 from inverse_service.inverse_problem.identities import vanish
-from inverse_service.mechanics.associated_families import Member, Source, accelerations, members
-from inverse_service.mechanics.associated_systems import KINDS, associated
-from inverse_service.mechanics.nonholonomic_geometry import frames, geometry
-from inverse_service.mechanics.nonholonomic_motion import ExactMotion, exact_motion, written
-from inverse_service.mechanics.nonholonomic_reading import read_nonholonomic
-from inverse_service.mechanics.paper_class import recognised
+from inverse_service.mechanics.nonholonomic.associated_families import Member, Source, accelerations, members
+from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, associated
+from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
+from inverse_service.mechanics.nonholonomic.motion import ExactMotion, exact_motion, written
+from inverse_service.mechanics.nonholonomic.paper_class import recognised
+from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 DOCUMENTS: dict[str, tuple[list[str], str, list[str], list[str]]] = {

@@ -17,11 +17,11 @@ from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.analysis import analyse, variables_of
 from inverse_service.inverse_problem.search.ladder import search_smaller
-from inverse_service.inverse_problem.search.linear_systems import is_linear, linear_lagrangians
-from inverse_service.inverse_problem.search.linear_systems_autonomous import separate_lagrangians
-from inverse_service.inverse_problem.search.linear_systems_modes import invariant_multipliers
-from inverse_service.inverse_problem.search.linear_systems_reading import linear_system
-from inverse_service.inverse_problem.search.linear_systems_roots import even_root
+from inverse_service.inverse_problem.search.linear_systems.autonomous import separate_lagrangians
+from inverse_service.inverse_problem.search.linear_systems.modes import invariant_multipliers
+from inverse_service.inverse_problem.search.linear_systems.reading import linear_system
+from inverse_service.inverse_problem.search.linear_systems.roots import even_root
+from inverse_service.inverse_problem.search.linear_systems.time_dependent import is_linear, linear_lagrangians
 from inverse_service.inverse_problem.search.material import gather
 from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
 from inverse_service.inverse_problem.search.uniform_damping import damped_lagrangians, is_damped

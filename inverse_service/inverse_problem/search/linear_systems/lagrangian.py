@@ -1,0 +1,120 @@
+"""The Lagrangian of a linear system from its multiplier, and its verification.
+
+For q'' = -C q' - K q + b and a multiplier g(t),
+    L = 1/2 v.g v + 1/4 v.(g C - C^T g) q - 1/2 q.S q + q.g b,    S the symmetric part of g K:
+with W = (g C - C^T g)/4 antisymmetric its equations are g v' + (g' + 2W) v + (W' + S) q - g b = 0, and
+(H2) says g' + 2W = g C, the antisymmetric part of g K being W' by (H3).
+"""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+
+import mpmath
+
+from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.rational_functions import Quotient
+from inverse_service.algebra.real_point import RealTable
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.tree import ZERO, Expression, add, multiply, power
+from inverse_service.inverse_problem.elimination import common_factor
+from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
+from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
+from inverse_service.inverse_problem.search.linear_systems.modes import Branch
+from inverse_service.inverse_problem.search.linear_systems.reading import LinearSystem
+from inverse_service.inverse_problem.search.motion import MotionTerms
+from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
+from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian, momenta
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_DIGITS = 60
+_TOLERANCE = mpmath.mpf(10) ** -40
+_SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
+_POINTS = 3
+
+
+def lagrangian(system: LinearSystem, motion: MotionTerms, branch: Branch) -> Expression:
+    """L as a sum over the functions of time in g."""
+    scaled = _primitive(branch)
+    return add(*(multiply(phi, add(*_terms(system, motion, g))) for phi, g in scaled))
+
+
+def _primitive(branch: Branch) -> list[tuple[Expression, Matrix]]:
+    """g over the common factor of its entries; a numerical factor keeps its sign."""
+    factor = common_factor([entry for _, g in branch.parts for row in g for entry in row if not entry.is_zero])
+    number = factor.constant_value
+    inverse = (factor.scaled(-1) if number is not None and number < 0 else factor).inverse()
+    return [(phi, matrices.times(g, inverse)) for phi, g in branch.parts]
+
+
+def _terms(system: LinearSystem, motion: MotionTerms, g: Matrix) -> Iterator[Expression]:
+    """The terms of L that are linear in g, without its function of time."""
+    yield from _quadratic_form(system, g, motion.velocities, Fraction(1, 2))
+    damped = matrices.product(g, system.damping)
+    skew = matrices.plus(damped, matrices.transpose(damped), -1)
+    for i, j in itertools.product(range(system.size), repeat=2):
+        yield _term(system, skew[i][j].scaled(Fraction(1, 4)), motion.velocities[i], motion.coordinates[j])
+    for phi, stiffness in system.stiffness:
+        lowered = matrices.product(g, stiffness)
+        form = matrices.plus(lowered, matrices.transpose(lowered))
+        for term in _quadratic_form(system, form, motion.coordinates, Fraction(-1, 4)):
+            yield multiply(phi, term)
+    for i, j in itertools.product(range(system.size), repeat=2):
+        yield _expanded(multiply(_term(system, g[i][j], motion.coordinates[i]), system.forcing[j]))
+
+
+def _expanded(tree: Expression) -> Expression:
+    """With common factors of coefficient and force cancelled."""
+    try:
+        return tree_of(terms_of(tree))
+    except TooManyTerms:
+        return tree
+
+
+def _quadratic_form(
+    system: LinearSystem, form: Matrix, letters: Sequence[Expression], factor: Fraction
+) -> Iterator[Expression]:
+    """factor * letters.form letters for a symmetric form."""
+    for i, letter in enumerate(letters):
+        yield _term(system, form[i][i].scaled(factor), power(letter, 2))
+    for i, j in itertools.combinations(range(len(letters)), 2):
+        yield _term(system, form[i][j].scaled(2 * factor), letters[i], letters[j])
+
+
+def _term(system: LinearSystem, coefficient: Quotient, *letters: Expression) -> Expression:
+    return ZERO if coefficient.is_zero else multiply(quotient_tree(system.ring, coefficient), *letters)
+
+
+def holds(system: SecondOrderSystem, tree: Expression, table: RealTable, seed: int) -> bool:
+    """Whether the Euler-Lagrange equations hold to 40 digits and g is regular at points near a real one."""
+    residuals = euler_lagrange_residual(tree, system.coordinates, system.accelerations)
+    form, first = hessian(tree, system.coordinates), momenta(tree, system.coordinates)
+    generator = random.Random(seed)
+    try:
+        with mpmath.workdps(_DIGITS):
+            points = [_moved(table, generator) for _ in range(_POINTS)]
+            return all(_holds_at(point, residuals, form, first) for point in points)
+    except NoRealValue:
+        return False
+
+
+def _moved(table: RealTable, generator: random.Random) -> RealTable:
+    """A point near the given one, so that it lies on the same branch of all roots."""
+    return {name: value * (1 + mpmath.mpf(generator.randrange(1, 1000)) / 50_000) for name, value in table.items()}
+
+
+def _holds_at(
+    point: RealTable,
+    residuals: Sequence[Expression],
+    form: Sequence[Sequence[Expression]],
+    first: Sequence[Expression],
+) -> bool:
+    scale = 1 + sum(abs(evaluate(p, point)) for p in first)
+    if any(abs(evaluate(residual, point)) > _TOLERANCE * scale for residual in residuals):
+        return False
+    matrix = mpmath.matrix([[evaluate(entry, point) for entry in row] for row in form])
+    size = max(abs(entry) for entry in matrix)
+    return bool(size and abs(mpmath.det(matrix / size)) > _SMALLEST_DETERMINANT)

@@ -1,0 +1,154 @@
+"""Darboux polynomials of Gamma = v d/dx + f d/dv with a cofactor fitted to a multiplier.
+
+For x'' = f a multiplier obeys Gamma(g) + g df/dv = 0. With g = phi(x) P(x, v)^e this is
+    e Gamma(P) + (df/dv + Gamma(log phi)) P = 0,
+for given phi and e linear in P (Darboux 1878; Prelle and Singer 1983; Duarte, Duarte, da Mota and
+Skea 2001). P is sought as a polynomial in v whose terms are closed under what cancels residuals;
+the linear equations are solved at random points modulo a prime.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.tree import TIME, Velocity, walk
+from inverse_service.inverse_problem.search.factors import Factors
+from inverse_service.inverse_problem.search.linear_ansatz import null_combinations
+from inverse_service.inverse_problem.search.material import Material, antiderivatives
+from inverse_service.inverse_problem.search.motion import along, split_velocities
+from inverse_service.inverse_problem.search.one_coordinate.points import (
+    independent,
+    montgomery_values,
+    residue,
+    sampled,
+)
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    derivative_of_terms,
+    multiply_terms,
+    rank,
+    times,
+)
+
+_MOST_TERMS = 40
+_DEPTH = 4
+_SPARE = 8
+_LINEAR = ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2")
+_QUADRATIC = ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2")
+EXPONENTS = (
+    (1, tuple(map(Fraction, _LINEAR))),
+    (2, tuple(map(Fraction, _QUADRATIC))),
+    (3, (Fraction(-1),)),
+    (4, (Fraction(-1),)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Power:
+    """g = factor * base^exponent; `factor` holds no velocity, `base` is a polynomial in v."""
+
+    factor: Monomial
+    base: tuple[tuple[Monomial, Fraction], ...]
+    exponent: Fraction
+
+
+def darboux_powers(material: Material, factors: Factors, seed: int) -> list[Power]:
+    """Multipliers phi P^e, P of degree 1 to 3 in v; empty where none is found."""
+    found: dict[Power, None] = {}
+    for degree, exponents in EXPONENTS:
+        try:
+            found.update(dict.fromkeys(_of_degree(material, factors, degree, exponents, seed)))
+        except (IrreducibleAtoms, SingularPoint, TooManyTerms, ValueError):
+            continue
+    return list(found)
+
+
+def _of_degree(
+    material: Material, factors: Factors, degree: int, exponents: Sequence[Fraction], seed: int
+) -> Iterator[Power]:
+    phis = {e: position_factors(factors, degree * e) for e in exponents}
+    candidates = candidate_terms(material, degree)
+    every = [*candidates, *(phi for group in phis.values() for phi in group)]
+    samples = sampled(material, every, len(candidates) + _SPARE, seed)
+    candidates = independent(samples, candidates)
+    values = montgomery_values(samples, candidates)
+    rates = [[samples.along(k, key) for key in candidates] for k in range(len(values))]
+    for e, group in phis.items():
+        for phi in group:
+            weight = residue(e, samples.prime)
+            wanted = [slope + samples.along(k, phi) for k, slope in enumerate(samples.slopes)]
+            rows = _equations(values, rates, weight, wanted, samples.prime)
+            for terms in null_combinations(np.array(rows, np.uint64), candidates, samples.prime):
+                yield Power(phi, tuple(terms.items()), e)
+
+
+def _equations(
+    values: Sequence[Sequence[int]], rates: Sequence[Sequence[int]], weight: int, wanted: Sequence[int], prime: int
+) -> list[list[int]]:
+    """Rows of e Gamma(P) + (df/dv + Gamma(log phi)) P = 0 for the terms of P."""
+    return [
+        [value * (weight * rate + target) % prime for value, rate in zip(row, along_row, strict=True)]
+        for row, along_row, target in zip(values, rates, wanted, strict=True)
+    ]
+
+
+def position_factors(factors: Factors, degree: Fraction) -> list[Monomial]:
+    """1, and the factors that go with v^degree where f has a term c(x) v^2, times functions of t.
+
+    With y' = E x', E = exp(-int c dx), a factor P(x, y')^e of a multiplier for y gives E^(2 + e) for x.
+    """
+    own = factors.along.get(0, EMPTY)
+    fitted = [EMPTY, times(EMPTY, own, 2 + degree), times(EMPTY, own, 2)]
+    return list(dict.fromkeys(times(phi, in_time) for phi in fitted for in_time in factors.in_time[:3]))
+
+
+def candidate_terms(material: Material, degree: int) -> list[Monomial]:
+    """v^degree and the terms B(x) v^j that can cancel residuals of terms before, simple ones first."""
+    motion = material.motion
+    velocity = motion.velocities[0]
+    slope = derivative_of_terms(motion.forces[0], velocity)
+    found: dict[Monomial, None] = {frozenset([(velocity, Fraction(degree))]): None}
+    fresh = list(found)
+    for _ in range(_DEPTH):
+        added: dict[Monomial, None] = {}
+        for key in fresh:
+            added.update(dict.fromkeys(m for m in _cancelling(material, key, slope, degree) if m not in found))
+        fresh = sorted(added, key=rank)[: _MOST_TERMS - len(found)]
+        found.update(dict.fromkeys(fresh))
+    return sorted(found, key=rank)
+
+
+def _cancelling(material: Material, key: Monomial, slope: Terms, degree: int) -> list[Monomial]:
+    """B v^(j-1) with dB/dx = T for a residual T v^j, and T v^j / F for a term F of df/dv."""
+    motion = material.motion
+    x, velocity = motion.coordinates[0], motion.velocities[0]
+    found: dict[Monomial, None] = {}
+    for term in {**along(motion, {key: Fraction(1)}), **multiply_terms({key: Fraction(1)}, slope)}:
+        position, moving = split_velocities(term)
+        lowered = times(moving, frozenset([(velocity, Fraction(1))]), -1)
+        if _is_polynomial(lowered, velocity, degree):
+            found.update(dict.fromkeys([lowered, *(times(m, lowered) for m in antiderivatives(position, x))]))
+        if motion.with_time and _is_polynomial(moving, velocity, degree):
+            found.update(dict.fromkeys(times(m, moving) for m in antiderivatives(position, TIME)))
+        found.update(dict.fromkeys(times(term, part, -1) for part in slope))
+    return [m for m in found if _is_admissible(m, motion.with_time, velocity, degree)]
+
+
+def _is_polynomial(moving: Monomial, velocity: Velocity, degree: int) -> bool:
+    return all(p == velocity and e.denominator == 1 and 0 <= e <= degree for p, e in moving)
+
+
+def _is_admissible(key: Monomial, with_time: bool, velocity: Velocity, degree: int) -> bool:
+    """A polynomial of this degree in v, with t only where L may contain it."""
+    if not _is_polynomial(split_velocities(key)[1], velocity, degree):
+        return False
+    return with_time or not any(node == TIME for p, _ in key for node in walk(p))

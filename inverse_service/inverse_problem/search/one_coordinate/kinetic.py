@@ -1,0 +1,215 @@
+"""Double integrals over the velocity: K with d2K/dv2 = P_1^e_1 P_2^e_2, P_j linear or quadratic in v.
+
+For Q = a v^2 + b v + c put u = dQ/dv and D = 4ac - b^2, so that u^2 + D = 4aQ. With J_e = int int Q^e,
+    J_e = (2a (e+2)(2e+3) J_(e+1) - Q^(e+2)) / ((e+1)(e+2) D)   for e < -1, e != -2,
+    J_e = (Q^(e+1) + e (e+1) D J_(e-1)) / (2a (e+1)(2e+1))       for e > -1/2,
+which follow from (Q^m)''; J_(-1), J_(-2) and J_(-1/2) hold arctangents or logarithms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from inverse_service.algebra.real_point import RealTable, real_sign
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    HALF,
+    ZERO,
+    Apply,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    divide,
+    multiply,
+    negate,
+    number,
+    power,
+    square_root,
+    subtract,
+)
+from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.one_coordinate.algebra import (
+    expanded,
+    extracted_root,
+    factored,
+    negated,
+    shortest,
+)
+from inverse_service.inverse_problem.search.terms import Terms, split_content, terms_of, tree_of
+
+Factor = tuple[Expression, Fraction]
+_LARGEST_EXPONENT = 6
+
+
+class NotElementary(ArithmeticError):
+    """The double integral has no form known here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The names of coordinate and velocity, and the real point that says on which branch roots are."""
+
+    x: Symbol
+    v: Velocity
+    point: RealTable
+
+
+@dataclass(frozen=True, slots=True)
+class _Quadratic:
+    """Q with u = dQ/dv, its leading coefficient a, and D = 4ac - b^2 in factors."""
+
+    q: Expression
+    u: Expression
+    a: Expression
+    d: Expression
+
+
+def coefficients(base: Expression, velocity: Velocity) -> list[Expression]:
+    """[c_0, c_1, …] of a polynomial in v; NotElementary for other functions of v."""
+    table: dict[int, Terms] = {}
+    for key, value in terms_of(base).items():
+        position, moving = split_velocities(key)
+        if any(p != velocity or e.denominator != 1 or e < 0 for p, e in moving):
+            raise NotElementary
+        table.setdefault(int(dict(moving).get(velocity, 0)), {})[position] = value
+    return [tree_of(table.get(k, {})) for k in range(max(table, default=0) + 1)]
+
+
+def double_integral(weight: Expression, factors: Sequence[Factor], place: Place) -> Expression:
+    """K with d2K/dv2 = weight times the factors, which are positive at the real point; else NotElementary.
+
+    The weight is a function of t and x.
+    """
+    parts = [coefficients(base, place.v) for base, _ in factors]
+    degrees = [len(part) - 1 for part in parts]
+    if not factors:
+        return multiply(HALF, weight, power(place.v, 2))
+    if degrees == [1]:
+        ((base, e),) = factors
+        scale = factored(divide(weight, power(parts[0][1], 2)), [place.x])
+        return multiply(scale, _linear(base, e, place.point))
+    if degrees == [2]:
+        ((base, e),) = factors
+        form = _quadratic(base, parts[0], place)
+        if e == -1:
+            return multiply(factored(divide(weight, form.a), [place.x]), _with_arctangent(form, place))
+        return multiply(weight, _recursion(form, e, place))
+    if set(degrees) == {1} and all(e == -1 for _, e in factors):
+        return multiply(weight, _partial_fractions([base for base, _ in factors], parts, place))
+    if degrees == [1, 1]:
+        return multiply(weight, _of_two(factors, parts, place))
+    raise NotElementary
+
+
+def _partial_fractions(bases: Sequence[Expression], parts: Sequence[Sequence[Expression]], place: Place) -> Expression:
+    """int int 1/(P_1 … P_m), the sum of u log u / (a^2 c) over u = P_j = a v + b, c the others at u = 0."""
+    terms = []
+    for j, (b, a) in enumerate(parts):
+        root = negate(divide(b, a))
+        others = [add(multiply(part[1], root), part[0]) for k, part in enumerate(parts) if k != j]
+        weight = factored(power(multiply(power(a, 2), *others), -1), [place.x])
+        terms.append(multiply(weight, _linear(bases[j], Fraction(-1), place.point)))
+    return add(*terms)
+
+
+def _linear(u: Expression, e: Fraction, point: RealTable) -> Expression:
+    """int int u^e du du."""
+    if e == -1:
+        return multiply(u, _logarithm(u, point))
+    if e == -2:
+        return negate(_logarithm(u, point))
+    return multiply(number(1 / ((e + 1) * (e + 2))), power(u, e + 2))
+
+
+def _logarithm(u: Expression, point: RealTable) -> Expression:
+    """log |u| on the side of the real point, numeric factors dropped: they add terms linear in v."""
+    terms = terms_of(u if real_sign(u, point) > 0 else negated(u))
+    content = abs(split_content(terms)[0])
+    return Apply("log", tree_of({key: value / content for key, value in terms.items()}))
+
+
+def _of_two(factors: Sequence[Factor], parts: Sequence[Sequence[Expression]], place: Place) -> Expression:
+    """(e_1 + 2)(e_2 + 2) W^2 K = -P_1^(e_1 + 2) P_2^(e_2 + 2) for linear factors with e_1 + e_2 = -3.
+
+    W = a_1 b_2 - a_2 b_1 for P_j = a_j v + b_j.
+    """
+    (first, e), (second, h) = factors
+    (b1, a1), (b2, a2) = parts
+    if e + h != -3 or -2 in (e, h):
+        raise NotElementary
+    difference = factored(subtract(multiply(a1, b2), multiply(a2, b1)), [place.x])
+    product = multiply(power(first, e + 2), power(second, h + 2), power(difference, -2))
+    return multiply(number(-1 / ((e + 2) * (h + 2))), product)
+
+
+def _quadratic(q: Expression, parts: Sequence[Expression], place: Place) -> _Quadratic:
+    c, b, a = parts
+    d = factored(subtract(multiply(number(4), a, c), power(b, 2)), [place.x])
+    if d == ZERO:
+        # A square: the linear factor stands for it.
+        raise NotElementary
+    return _Quadratic(q, expanded(differentiate(q, place.v)), a, d)
+
+
+def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
+    """J_e."""
+    if e == -1:
+        return divide(_with_arctangent(form, place), form.a)
+    if e == -2:
+        return _of_inverse_square(form, place)
+    if e == Fraction(-1, 2):
+        return _with_root(form, place)
+    if abs(e) > _LARGEST_EXPONENT or e.denominator > 2:
+        raise NotElementary
+    if e < -1:
+        weight = 2 * (e + 2) * (2 * e + 3)
+        above = multiply(number(weight), form.a, _recursion(form, e + 1, place)) if weight else ZERO
+        return divide(subtract(above, power(form.q, e + 2)), multiply(number((e + 1) * (e + 2)), form.d))
+    weight = e * (e + 1)
+    below = multiply(number(weight), form.d, _recursion(form, e - 1, place)) if weight else ZERO
+    return divide(add(power(form.q, e + 1), below), multiply(number(2 * (e + 1) * (2 * e + 1)), form.a))
+
+
+def _with_arctangent(form: _Quadratic, place: Place) -> Expression:
+    """a J_(-1) = y atan y - log(Q)/2 with y = u/D^1/2; logarithms where D < 0."""
+    if real_sign(form.d, place.point) < 0:
+        return _with_logarithms(form, place)
+    y = shortest(divide(form.u, extracted_root(form.d)), [place.x, place.v])
+    return subtract(multiply(y, Apply("atan", y)), multiply(HALF, _logarithm(form.q, place.point)))
+
+
+def _with_logarithms(form: _Quadratic, place: Place) -> Expression:
+    """a J_(-1) = ((u - R) log(u - R) - (u + R) log(u + R))/(2R) with R^2 = -D."""
+    root = extracted_root(negate(form.d))
+    low, high = expanded(subtract(form.u, root)), expanded(add(form.u, root))
+    first, second = _logarithm(low, place.point), _logarithm(high, place.point)
+    difference = subtract(multiply(low, first), multiply(high, second))
+    return divide(difference, multiply(number(2), root))
+
+
+def _of_inverse_square(form: _Quadratic, place: Place) -> Expression:
+    """J_(-2) = 2u atan(u/D^1/2)/D^3/2, for R^2 = -D > 0 it is u log((u - R)/(u + R))/(D R)."""
+    if real_sign(form.d, place.point) > 0:
+        root = extracted_root(form.d)
+        y = shortest(divide(form.u, root), [place.x, place.v])
+        return divide(multiply(number(2), y, Apply("atan", y)), form.d)
+    root = extracted_root(negate(form.d))
+    low, high = expanded(subtract(form.u, root)), expanded(add(form.u, root))
+    difference = subtract(_logarithm(low, place.point), _logarithm(high, place.point))
+    return divide(multiply(form.u, difference), multiply(form.d, root))
+
+
+def _with_root(form: _Quadratic, place: Place) -> Expression:
+    """int int Q^(-1/2): a logarithm for a > 0, an arcsine for a < 0."""
+    a, u, q = form.a, form.u, form.q
+    last = divide(square_root(q), a)
+    if real_sign(a, place.point) > 0:
+        root = extracted_root(factored(a, [place.x]))
+        log = _logarithm(add(u, multiply(number(2), root, square_root(q))), place.point)
+        return subtract(divide(multiply(u, log), multiply(number(2), a, root)), last)
+    root = extracted_root(factored(negated(a), [place.x]))
+    arc = Apply("asin", divide(u, extracted_root(negate(form.d))))
+    return subtract(negate(divide(multiply(u, arc), multiply(number(2), a, root))), last)

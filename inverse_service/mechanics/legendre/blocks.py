@@ -1,0 +1,96 @@
+"""A function of velocities cut into parts: free of velocities, linear, and independent blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from inverse_service.expressions.collecting import Expansion, expand, to_tree
+from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
+from inverse_service.expressions.tree import ZERO, Expression, Sum, Symbol, Velocity, add
+from inverse_service.mechanics.legendre.forms import simplified, velocities_in
+
+Term = tuple[Monomial, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A function of the velocities of `names`, expanded, without linear terms; `momenta` names each p."""
+
+    function: Expression
+    names: tuple[str, ...]
+    momenta: Mapping[str, Symbol]
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """function = free + sum of linear[name] v_name + sum of the blocks' functions."""
+
+    free: Expression
+    linear: Mapping[str, Expression]
+    blocks: tuple[Block, ...]
+
+
+def split(function: Expression, names: Sequence[str], momenta: Mapping[str, Symbol]) -> Parts:
+    """The parts of a function of the velocities of `names`; each name is in exactly one block.
+
+    Terms of a sum that hold no velocity are left as they are written.
+    """
+    terms = function.terms if isinstance(function, Sum) else (function,)
+    plain = [term for term in terms if not velocities_in(term, names)]
+    moving = expand(add(*(term for term in terms if velocities_in(term, names))))
+    free: list[Term] = []
+    linear: dict[str, list[Term]] = {}
+    coupled: list[tuple[set[str], Term]] = []
+    for monomial, value in moving.terms:
+        found = velocities_in(monomial_tree(monomial), names)
+        only = next(iter(found)) if len(found) == 1 else ""
+        if not found:
+            free.append((monomial, value))
+        elif (Velocity(only), Fraction(1)) in monomial and not _rest_moves(monomial, only):
+            linear.setdefault(only, []).append((without(monomial, [only]), value))
+        else:
+            coupled.append((found, (monomial, value)))
+    groups = _components([found for found, _ in coupled], names)
+    blocks = tuple(Block(_sum(t for found, t in coupled if found <= set(g)), g, momenta) for g in groups)
+    return Parts(add(*plain, _short(free)), {name: _short(found) for name, found in linear.items()}, blocks)
+
+
+def without(monomial: Monomial, names: Collection[str]) -> Monomial:
+    """The monomial without its bare velocities of `names`."""
+    return tuple(
+        (base, exponent)
+        for base, exponent in monomial
+        if not (isinstance(base, Velocity) and base.coordinate in names)
+    )
+
+
+def degrees(monomial: Monomial, names: Collection[str]) -> dict[str, Fraction] | None:
+    """The exponents of the velocities, None where one occurs inside another atom."""
+    if velocities_in(monomial_tree(without(monomial, names)), names):
+        return None
+    bare = {base: exponent for base, exponent in monomial if isinstance(base, Velocity)}
+    return {base.coordinate: exponent for base, exponent in bare.items() if base.coordinate in names}
+
+
+def _rest_moves(monomial: Monomial, name: str) -> bool:
+    return bool(velocities_in(monomial_tree(without(monomial, [name])), [name]))
+
+
+def _sum(terms: Iterable[Term]) -> Expression:
+    return to_tree(Expansion(tuple(terms)))
+
+
+def _short(terms: list[Term]) -> Expression:
+    return simplified(_sum(terms)) if terms else ZERO
+
+
+def _components(links: Iterable[set[str]], names: Sequence[str]) -> list[tuple[str, ...]]:
+    """The names grouped so that each link lies in one group, in the order of `names`."""
+    groups = [{name} for name in names]
+    for link in links:
+        touched = [group for group in groups if group & link]
+        groups = [group for group in groups if not group & link] + [set().union(*touched)]
+    ordered = [tuple(name for name in names if name in group) for group in groups]
+    return sorted(ordered, key=lambda group: names.index(group[0]))

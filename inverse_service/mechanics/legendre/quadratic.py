@@ -1,0 +1,180 @@
+"""Quadratic blocks: L = v^T G v / 2 gives v = G^-1 p and H = p^T G^-1 p / 2.
+
+G is inverted exactly by fraction-free elimination (Bareiss 1968) over polynomials in opaque atoms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from inverse_service.errors import LimitError
+from inverse_service.expressions.collecting import Expansion, expand, to_tree
+from inverse_service.expressions.collecting_trees import Monomial, merge_powers
+from inverse_service.expressions.tree import (
+    HALF,
+    ONE,
+    ZERO,
+    Expression,
+    Number,
+    Product,
+    Sum,
+    Symbol,
+    add,
+    divide,
+    multiply,
+    number,
+    power,
+)
+from inverse_service.mechanics.legendre.blocks import Block, degrees, without
+from inverse_service.mechanics.legendre.branch import Branch
+from inverse_service.mechanics.legendre.forms import separated, shortest, trigonometric
+from inverse_service.mechanics.opaque_fractions import OpaqueFraction, OpaqueRing, Polynomial
+
+Matrix = tuple[tuple[Expression, ...], ...]
+_MOST_TERMS = 4_000
+Rows = list[list[Polynomial]]
+
+
+@dataclass(frozen=True, slots=True)
+class Inverse:
+    """adjugate / determinant without a common factor, and the quotients entry by entry; all (n, n)."""
+
+    adjugate: Matrix
+    determinant: Expression
+    entries: Matrix
+
+
+def quadratic_branches(block: Block) -> Iterator[Branch]:
+    """The one inverse of a quadratic block; none where the block is not quadratic or G is singular."""
+    matrix = form_matrix(expand(block.function), block.names)
+    inverse = invert(matrix) if matrix else None
+    if inverse:
+        momenta = [block.momenta[name] for name in block.names]
+        velocities = tuple(_shorter_row(inverse, row, momenta) for row in range(len(momenta)))
+        yield Branch(velocities, multiply_out(HALF, quadratic_form(inverse, momenta)))
+
+
+def form_matrix(expansion: Expansion, names: Sequence[str]) -> Matrix | None:
+    """The symmetric G with expansion = v^T G v / 2; None where there are other terms."""
+    table: dict[tuple[str, str], list[tuple[Monomial, Fraction]]] = {}
+    for monomial, value in expansion.terms:
+        found = degrees(monomial, names)
+        if found is None or sum(found.values()) != 2 or any(e not in (1, 2) for e in found.values()):
+            return None
+        pair = [name for name, exponent in found.items() for _ in range(int(exponent))]
+        scale = 2 if pair[0] == pair[1] else 1
+        for key in {(pair[0], pair[1]), (pair[1], pair[0])}:
+            table.setdefault(key, []).append((without(monomial, names), value * scale))
+    return tuple(tuple(to_tree(Expansion(tuple(table.get((i, j), ())))) for j in names) for i in names)
+
+
+def invert(matrix: Sequence[Sequence[Expression]]) -> Inverse | None:
+    """The exact inverse; None where the determinant is the zero polynomial or everything is too large."""
+    plain = [[separated(entry) for entry in row] for row in matrix]
+    ring = OpaqueRing([entry for row in plain for entry in row])
+    try:
+        fractions = [[ring.fraction(entry) for entry in row] for row in plain]
+        common = _common_denominator(ring, [entry for row in fractions for entry in row])
+        rows = [[times(e.numerator, divmod(common, e.denominator)[0]) for e in row] for row in fractions]
+        solved = _adjugate(ring, rows)
+        return None if solved is None else _reduced(ring, solved[0], solved[1], common)
+    except (LimitError, ZeroDivisionError):
+        return None
+
+
+def times(left: Polynomial, right: Polynomial) -> Polynomial:
+    """The product; LimitError where it could have so many terms that nobody would read the inverse."""
+    if len(left) * len(right) > _MOST_TERMS:
+        raise LimitError("an inverse matrix has too many terms to be written down")
+    return left * right
+
+
+def _common_denominator(ring: OpaqueRing, entries: Sequence[OpaqueFraction]) -> Polynomial:
+    common = ring.constant(1)
+    for entry in entries:
+        common = times(common, divmod(entry.denominator, common.gcd(entry.denominator))[0])
+    return common
+
+
+def _adjugate(ring: OpaqueRing, matrix: Rows) -> tuple[Rows, Polynomial] | None:
+    """(adj P, det P) up to a common sign; None where P is singular."""
+    count = len(matrix)
+    table = [[*row, *(ring.constant(int(i == j)) for j in range(count))] for i, row in enumerate(matrix)]
+    previous = ring.constant(1)
+    for column in range(count):
+        rows = [row for row in range(column, count) if not table[row][column].is_zero()]
+        if not rows:
+            return None
+        best = min(rows, key=lambda row: len(table[row][column]))
+        table[column], table[best] = table[best], table[column]
+        top, pivot = table[column], table[column][column]
+        for place, row in enumerate(table):
+            if place != column:
+                pairs = zip(row, top, strict=True)
+                table[place] = [divmod(times(pivot, a) - times(row[column], b), previous)[0] for a, b in pairs]
+        previous = pivot
+    return [row[count:] for row in table], previous
+
+
+def _reduced(ring: OpaqueRing, adjugate: Rows, determinant: Polynomial, scale: Polynomial) -> Inverse:
+    """scale * adjugate / determinant, reduced as a whole and entry by entry."""
+    rows = [[times(scale, entry) for entry in row] for row in adjugate]
+    common = determinant
+    for row in rows:
+        for entry in row:
+            common = common.gcd(entry)
+    short = [[divmod(entry, common)[0] for entry in row] for row in rows]
+    bottom = divmod(determinant, common)[0]
+    if _has_minus(_tree(ring, bottom, ring.constant(1))):
+        short, bottom = [[-entry for entry in row] for row in short], -bottom
+    return Inverse(
+        tuple(tuple(_tree(ring, entry, ring.constant(1)) for entry in row) for row in short),
+        _tree(ring, bottom, ring.constant(1)),
+        tuple(tuple(_tree(ring, entry, bottom) for entry in row) for row in short),
+    )
+
+
+def _tree(ring: OpaqueRing, numerator: Polynomial, denominator: Polynomial) -> Expression:
+    return trigonometric(merge_powers(ring.tree(ring.reduced(numerator, denominator))))
+
+
+def _has_minus(tree: Expression) -> bool:
+    """Whether a minus sign stands before the tree."""
+    first = tree.factors[0] if isinstance(tree, Product) else tree
+    return isinstance(first, Number) and first.value < 0
+
+
+def quadratic_form(inverse: Inverse, momenta: Sequence[Symbol]) -> Expression:
+    """p^T G^-1 p: one quotient, or a sum of such where that is shorter."""
+    forms = [
+        add(*(_entry_term(matrix, momenta, i, j) for i in range(len(momenta)) for j in range(i, len(momenta))))
+        for matrix in (inverse.adjugate, inverse.entries)
+    ]
+    return shortest([forms[1], over(forms[0], inverse.determinant)])
+
+
+def _entry_term(matrix: Matrix, momenta: Sequence[Symbol], i: int, j: int) -> Expression:
+    square = power(momenta[i], 2) if i == j else multiply(number(2), momenta[i], momenta[j])
+    return multiply(matrix[i][j], square)
+
+
+def _shorter_row(inverse: Inverse, row: int, momenta: Sequence[Symbol]) -> Expression:
+    """One row of G^-1 p."""
+    sums = [
+        add(*(multiply(entry, p) for entry, p in zip(matrix[row], momenta, strict=True) if entry != ZERO))
+        for matrix in (inverse.adjugate, inverse.entries)
+    ]
+    return shortest([sums[1], over(sums[0], inverse.determinant)])
+
+
+def over(numerator: Expression, denominator: Expression) -> Expression:
+    return numerator if denominator == ONE else merge_powers(divide(numerator, denominator))
+
+
+def multiply_out(factor: Expression, tree: Expression) -> Expression:
+    """factor * tree, into each term of a sum."""
+    if isinstance(tree, Sum):
+        return add(*(multiply(factor, term) for term in tree.terms))
+    return multiply(factor, tree)

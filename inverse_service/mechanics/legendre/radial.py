@@ -1,0 +1,232 @@
+"""Blocks L = F(S), S = u^T G u/2 with u = v + h a shifted velocity: relativistic, Finsler, radial quartic.
+
+p = F'(S) G u. Let R = p^T G^-1 p. For F = k sqrt(b + s S), H_u^2 = b (k^2 - 2 R/s); else, with signs
+e, d and w = sqrt(2 e S), f(w) = F(e w^2/2) is a problem in one velocity with momentum e d sqrt(e R),
+and u = d w G^-1 p/sqrt(e R). Last, H = H_u - p h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
+
+from inverse_service.expressions.collecting import Expansion, expand, to_tree
+from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    HALF,
+    ZERO,
+    Expression,
+    Number,
+    Power,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    divide,
+    multiply,
+    number,
+    power,
+    square_root,
+    substitute,
+    subtract,
+)
+from inverse_service.mechanics.legendre.blocks import Block, degrees
+from inverse_service.mechanics.legendre.branch import Branch, Solver
+from inverse_service.mechanics.legendre.forms import shortest, simplified, velocities_in
+from inverse_service.mechanics.legendre.linear import linear_coefficients
+from inverse_service.mechanics.legendre.quadratic import (
+    Inverse,
+    Matrix,
+    form_matrix,
+    invert,
+    quadratic_form,
+)
+
+# A space is in no name that a user can declare.
+_S, _W, _PI_W = Symbol("S of v"), Velocity("w of v"), Symbol("momentum of w")
+
+
+@dataclass(frozen=True, slots=True)
+class _Radial:
+    """L = function(_S) with _S = u^T matrix u/2 and u_i = v_i + shift_i."""
+
+    function: Expression
+    matrix: Matrix
+    inverse: Inverse
+    shift: tuple[Expression, ...]
+
+
+def radial_branches(block: Block, solve: Solver) -> Iterator[Branch]:
+    """The branches of a block that depends on one quadratic form of its velocities."""
+    for form in _candidates(block):
+        radial = _recognised(block, form)
+        if radial is not None:
+            root = _root_parts(radial.function)
+            yield from _of_root(block, radial, *root) if root else _of_length(block, radial, solve)
+            return
+
+
+def _candidates(block: Block) -> Iterator[Expression]:
+    """Trees quadratic in the velocities: what stands under powers, and the part of degree 2."""
+    expansion = expand(block.function)
+    second = []
+    seen: set[Expression] = set()
+    for monomial, value in expansion.terms:
+        found = degrees(monomial, block.names)
+        if found is not None and sum(found.values()) == 2:
+            second.append((monomial, value))
+        for base, _ in monomial:
+            if isinstance(base, Sum) and base not in seen and velocities_in(base, block.names):
+                seen.add(base)
+                yield base
+    if second and len(second) < len(expansion.terms):
+        yield to_tree(Expansion(tuple(second)))
+
+
+def _recognised(block: Block, form: Expression) -> _Radial | None:
+    """The block as a function of the quadratic form's quadratic part about its centre."""
+    parts = _quadratic_parts(form, block.names)
+    inverse = invert(parts[0]) if parts else None
+    if parts is None or inverse is None:
+        return None
+    matrix, slopes = parts
+    shift = tuple(
+        simplified(add(*(multiply(a, b) for a, b in zip(row, slopes, strict=True)))) for row in inverse.entries
+    )
+    centred = _centred(block, shift)
+    along = _along_a_ray(centred, block.names, matrix)
+    if along is None:
+        return None
+    whole = multiply(HALF, _form_of_velocities(matrix, block.names))
+    if expand(substitute(along, {_S: whole})) != expand(centred):
+        return None
+    return _Radial(along, matrix, inverse, shift)
+
+
+def _quadratic_parts(form: Expression, names: Sequence[str]) -> tuple[Matrix, list[Expression]] | None:
+    """(G, b) of c + b v + v^T G v/2."""
+    quadratic: list[tuple[Monomial, Fraction]] = []
+    linear: list[tuple[Monomial, Fraction]] = []
+    for monomial, value in expand(form).terms:
+        found = degrees(monomial, names)
+        if found is None or sum(found.values()) not in (0, 1, 2):
+            return None
+        if sum(found.values()):
+            (linear if sum(found.values()) == 1 else quadratic).append((monomial, value))
+    matrix = form_matrix(Expansion(tuple(quadratic)), names) if quadratic else None
+    slopes = linear_coefficients(to_tree(Expansion(tuple(linear))), names)
+    if matrix is None or slopes is None:
+        return None
+    return matrix, [slopes.get(name, ZERO) for name in names]
+
+
+def _centred(block: Block, shift: Sequence[Expression]) -> Expression:
+    """The function of u, written with the velocities of v."""
+    pairs = zip(block.names, shift, strict=True)
+    table: dict[Expression, Expression] = {Velocity(n): subtract(Velocity(n), h) for n, h in pairs}
+    return substitute(block.function, table)
+
+
+def _along_a_ray(function: Expression, names: Sequence[str], matrix: Matrix) -> Expression | None:
+    """The function of S on the ray through e_i, or e_i + e_j, on which S is not zero; None where v is left."""
+    for i, j in product(range(len(names)), repeat=2):
+        entry = matrix[i][i] if i == j else multiply(number(2), matrix[i][j]) if i < j else ZERO
+        if entry == ZERO or (i != j and matrix[i][i] != ZERO):
+            continue
+        length = square_root(divide(multiply(number(2), _S), entry))
+        table: dict[Expression, Expression] = {
+            Velocity(name): length if place in (i, j) else ZERO for place, name in enumerate(names)
+        }
+        return simplified(substitute(function, table))
+    return None
+
+
+def _form_of_velocities(matrix: Matrix, names: Sequence[str]) -> Expression:
+    pairs = product(enumerate(names), repeat=2)
+    return add(*(multiply(matrix[i][j], Velocity(a), Velocity(b)) for (i, a), (j, b) in pairs))
+
+
+def _root_parts(function: Expression) -> tuple[Expression, Expression, Expression] | None:
+    """(k, b, s) of k sqrt(b + s S), else None."""
+    terms = expand(function).terms
+    if len(terms) != 1:
+        return None
+    monomial, value = terms[0]
+    roots = [base for base, exponent in monomial if exponent == HALF.value and _holds_s(base)]
+    rest = tuple(pair for pair in monomial if pair[0] not in roots)
+    if len(roots) != 1 or _holds_s(monomial_tree(rest)):
+        return None
+    slope = differentiate(roots[0], _S)
+    start = substitute(roots[0], {_S: ZERO})
+    if _holds_s(slope) or start == ZERO:
+        return None
+    return multiply(number(value), monomial_tree(rest)), start, simplified(slope)
+
+
+def _holds_s(tree: Expression) -> bool:
+    return differentiate(tree, _S) != ZERO
+
+
+def _of_root(
+    block: Block, radial: _Radial, k: Expression, b: Expression, s: Expression
+) -> Iterator[Branch]:
+    """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
+    momenta = [block.momenta[name] for name in block.names]
+    form = quadratic_form(radial.inverse, momenta)
+    square = simplified(multiply(b, subtract(power(k, 2), divide(multiply(number(2), form), s))))
+    lead = simplified(multiply(k, b))
+    for sign in (1, -1):
+        energy = multiply(number(sign), square_root(square))
+        scale = simplified(divide(multiply(number(-2), b), s))
+        rates = [
+            multiply(scale, _row(row, momenta), power(energy, -1)) for row in radial.inverse.entries
+        ]
+        condition = multiply(number(-sign), lead)
+        if not (isinstance(condition, Number) and condition.value < 0):
+            yield _shifted(radial, rates, energy, momenta, (condition,))
+
+
+def _row(row: Sequence[Expression], momenta: Sequence[Symbol]) -> Expression:
+    return add(*(multiply(entry, p) for entry, p in zip(row, momenta, strict=True)))
+
+
+def _shifted(
+    radial: _Radial,
+    rates: Sequence[Expression],
+    energy: Expression,
+    momenta: Sequence[Symbol],
+    conditions: tuple[Expression, ...],
+) -> Branch:
+    velocities = tuple(simplified(subtract(u, h)) for u, h in zip(rates, radial.shift, strict=True))
+    drift = add(*(multiply(p, h) for p, h in zip(momenta, radial.shift, strict=True)))
+    plain = subtract(energy, drift)
+    return Branch(velocities, shortest([plain, simplified(plain)]), conditions)
+
+
+def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]:
+    """Any other F, through w = sqrt(2 e S), for both signs e of S and d of F'."""
+    if len(block.names) == 1:
+        return
+    momenta = [block.momenta[name] for name in block.names]
+    form = quadratic_form(radial.inverse, momenta)
+    centre = dict(zip(block.names, radial.shift, strict=True))
+    whole = _form_of_velocities(radial.matrix, block.names)
+    place: dict[Expression, Expression] = {Velocity(n): add(Velocity(n), h) for n, h in centre.items()}
+    for e, d in product((1, -1), repeat=2):
+        length = square_root(simplified(multiply(number(e), form)))
+        squared = multiply(number(Fraction(e, 2)), Power(_W, number(2)))
+        for inner in solve(substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
+            known: dict[Expression, Expression] = {_PI_W: multiply(number(e * d), length)}
+            w, energy = (substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
+            rates = [
+                multiply(number(d), w, power(length, -1), _row(row, momenta)) for row in radial.inverse.entries
+            ]
+            size = square_root(multiply(number(e), whole))
+            slope = substitute(differentiate(radial.function, _S), {_S: multiply(HALF, whole)})
+            conditions = [*(substitute(c, {_W: size, **known}) for c in inner.conditions), multiply(number(d), slope)]
+            conditions.append(multiply(number(e), whole))
+            placed = tuple(simplified(substitute(condition, place)) for condition in conditions)
+            yield _shifted(radial, rates, energy, momenta, placed)

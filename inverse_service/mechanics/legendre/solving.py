@@ -1,0 +1,92 @@
+"""The families of Lagrangians whose momentum map is inverted in closed form, cheapest first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice, product
+
+from inverse_service.expressions.collecting import expand
+from inverse_service.expressions.tree import (
+    Expression,
+    Symbol,
+    add,
+    negate,
+    substitute,
+    subtract,
+)
+from inverse_service.mechanics.legendre.blocks import Block, split
+from inverse_service.mechanics.legendre.branch import Branch, resolved
+from inverse_service.mechanics.legendre.elimination import elimination_branches
+from inverse_service.mechanics.legendre.linear import linear_branches
+from inverse_service.mechanics.legendre.quadratic import form_matrix, quadratic_branches
+from inverse_service.mechanics.legendre.radial import radial_branches
+from inverse_service.mechanics.legendre.ratio import ratio_branches
+from inverse_service.mechanics.legendre.routh import routh_branches
+from inverse_service.mechanics.legendre.scalar import scalar_branches
+
+_MOST_BRANCHES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How deep blocks may be split into smaller problems, and until when (time.monotonic)."""
+
+    depth: int = 4
+    deadline: float = float("inf")
+
+    @property
+    def exhausted(self) -> bool:
+        return self.depth <= 0 or time.monotonic() > self.deadline
+
+
+def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:
+    """Candidates for one block without linear terms; none of them is checked here."""
+    yield from quadratic_branches(block)
+    if form_matrix(expand(block.function), block.names) is not None:
+        return
+    inner = partial(solve, reach=Reach(reach.depth - 1, reach.deadline))
+    for family in (ratio_branches, radial_branches, routh_branches, linear_branches, scalar_branches):
+        if reach.exhausted:
+            return
+        yield from family(block, inner)
+    if not reach.exhausted:
+        yield from elimination_branches(block)
+
+
+def solve(
+    function: Expression, names: Sequence[str], momenta: Mapping[str, Symbol], reach: Reach
+) -> Iterator[Branch]:
+    """Candidates for any function of the velocities: products of those of its blocks."""
+    parts = split(function, names, momenta)
+    found = [_up_to_certain(block, reach) for block in parts.blocks]
+    table = momentum_shifts(parts.linear, momenta)
+    for choice in islice(product(*found), _MOST_BRANCHES):
+        rates = {
+            name: substitute(tree, table)
+            for block, branch in zip(parts.blocks, choice, strict=True)
+            for name, tree in zip(block.names, resolved(branch.velocities, block.names), strict=True)
+        }
+        energies = [substitute(branch.hamiltonian, table) for branch in choice]
+        conditions = tuple(substitute(condition, table) for branch in choice for condition in branch.conditions)
+        velocities = tuple(rates[name] for name in names)
+        yield Branch(velocities, add(*energies, negate(parts.free)), conditions)
+
+
+def _up_to_certain(block: Block, reach: Reach) -> list[Branch]:
+    """The candidates up to the first that claims to hold everywhere."""
+    found = []
+    for branch in islice(block_branches(block, reach), _MOST_BRANCHES):
+        found.append(branch)
+        if not branch.conditions:
+            break
+    return found
+
+
+def momentum_shifts(
+    linear: Mapping[str, Expression], momenta: Mapping[str, Symbol]
+) -> dict[Expression, Expression]:
+    """p -> p - A for the terms A v of a Lagrangian."""
+    return {momenta[name]: subtract(momenta[name], a) for name, a in linear.items()}

@@ -1,0 +1,240 @@
+"""The Legendre transform: p = dL/dv solved for v in closed form where that is possible, H = p v - L.
+
+Every closed form is checked at random real points with 40 digits before it is returned; what does
+not pass is never returned. Where p = dL/dv has several inverses, `note` says on which one H holds.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.collecting_trees import merge_powers
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import (
+    Arbitrary,
+    Expression,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    negate,
+    substitute,
+    subtract,
+    walk,
+)
+from inverse_service.mechanics.euler_lagrange import hessian, momenta
+from inverse_service.mechanics.legendre.blocks import Block, Parts, split
+from inverse_service.mechanics.legendre.branch import Branch, resolved
+from inverse_service.mechanics.legendre.forms import roots_apart, shortest, sign_part, simplified, size, velocities_in
+from inverse_service.mechanics.legendre.points import (
+    Claim,
+    Judgement,
+    Point,
+    is_singular,
+    judge,
+    sample_points,
+    vanishes_at,
+)
+from inverse_service.mechanics.legendre.solving import Reach, block_branches, momentum_shifts
+
+_MOST_BRANCHES = 16
+TIME_LIMIT = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class LegendreTransform:
+    """H over (t, q, p); over (t, q, v) where `implicit`, and then `velocities` is None.
+
+    `symbols[i]` is the momentum of coordinate i, as a rule Symbol("p_x") for x; `momenta[i]` is
+    p_i(t, q, v), `velocities[i]` is v_i(t, q, p). `note` is empty where p = dL/dv has one inverse.
+    `chained` are the velocities before those of a pivot were put in: its Velocity may occur.
+    """
+
+    lagrangian: Expression
+    symbols: tuple[Symbol, ...]
+    hamiltonian: Expression
+    momenta: tuple[Expression, ...]
+    velocities: tuple[Expression, ...] | None
+    implicit: bool
+    note: str = ""
+    chained: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Chosen:
+    """A checked branch of a block."""
+
+    branch: Branch
+    judgement: Judgement
+
+
+def legendre(lagrangian: Expression, coordinates: Sequence[str], time_limit: float = TIME_LIMIT) -> LegendreTransform:
+    """The Legendre transform of L(t, q, v); InputError where d2L/dv_i dv_j is singular everywhere.
+
+    The search for an inverse of p = dL/dv starts nothing new after `time_limit` seconds.
+    """
+    reach = Reach(deadline=time.monotonic() + time_limit)
+    names = tuple(coordinates)
+    symbols, renamed = momentum_symbols(lagrangian, names)
+    functions = tuple(simplified(tree) for tree in momenta(lagrangian, names))
+    parts = split(lagrangian, names, dict(zip(names, symbols, strict=True)))
+    implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
+    points = sample_points([lagrangian, *functions])
+    if not points:
+        return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
+    if is_singular(hessian(lagrangian, names), points):
+        raise _degenerate(implicit, parts, names, points)
+    found = {block.names: _best(block, points, reach) for block in parts.blocks}
+    missing = [group for group, chosen in found.items() if chosen is None]
+    if missing:
+        return _noted(implicit, _no_closed_form(missing))
+    branches = [chosen for chosen in found.values() if chosen]
+    closed = _closed(implicit, names, parts, branches)
+    table = _shifts(implicit, names, parts)
+    conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgement.conditions]
+    judgement = judge(_claim(closed, names), conditions, points)
+    if judgement is None:
+        return _noted(implicit, _no_closed_form(list(found)))
+    return _noted(closed, _branch_note(judgement.conditions, names))
+
+
+def momentum_symbols(lagrangian: Expression, names: Sequence[str]) -> tuple[tuple[Symbol, ...], str]:
+    """p_x for each coordinate x, and a note; where that name is taken, momentum_x, momentum_x_2, …"""
+    taken = {node.name for node in walk(lagrangian) if isinstance(node, Symbol | Arbitrary)} | set(names)
+    symbols, notes = [], []
+    for name in names:
+        choices = [f"p_{name}", f"momentum_{name}", *(f"momentum_{name}_{k}" for k in range(2, len(taken) + 3))]
+        chosen = next(choice for choice in choices if choice not in taken)
+        taken.add(chosen)
+        symbols.append(Symbol(chosen))
+        if chosen != choices[0]:
+            notes.append(f"The momentum of {name} is called {chosen}, because {choices[0]} is in use.")
+    return tuple(symbols), " ".join(notes)
+
+
+def _energy(parts: Parts) -> Expression:
+    """sum v dL/dv - L block by block, in the velocities; linear terms drop out."""
+    terms = [negate(parts.free)]
+    for block in parts.blocks:
+        works = [
+            multiply(Velocity(name), p)
+            for name, p in zip(block.names, momenta(block.function, block.names), strict=True)
+        ]
+        terms.append(simplified(subtract(add(*works), block.function)))
+    return add(*terms[1:], terms[0])
+
+
+def _best(block: Block, points: Sequence[Point], reach: Reach) -> _Chosen | None:
+    """The branch that holds at most points, the shortest among those."""
+    functions = momenta(block.function, block.names)
+    known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
+    best: _Chosen | None = None
+    for branch in _with_variants(islice(block_branches(block, reach), _MOST_BRANCHES)):
+        velocities = resolved(branch.velocities, block.names)
+        claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
+        judgement = judge(claim, branch.conditions, points)
+        if judgement is None:
+            continue
+        if not judgement.conditions:
+            return _Chosen(branch, judgement)
+        if best is None or _rank(branch, judgement) > _rank(best.branch, best.judgement):
+            best = _Chosen(branch, judgement)
+    return best
+
+
+def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
+    """Each branch after the same with roots of products taken apart, where that is shorter; both are checked."""
+    for branch in branches:
+        apart = Branch(
+            tuple(map(roots_apart, branch.velocities)), roots_apart(branch.hamiltonian), branch.conditions
+        )
+        if size(apart.hamiltonian) < size(branch.hamiltonian):
+            yield apart
+        yield branch
+
+
+def _rank(branch: Branch, judgement: Judgement) -> tuple[int, int]:
+    return judgement.holding, -size(branch.hamiltonian)
+
+
+def _closed(
+    implicit: LegendreTransform, names: Sequence[str], parts: Parts, chosen: Sequence[_Chosen]
+) -> LegendreTransform:
+    """The blocks put together, each momentum less its linear term A_i."""
+    table = _shifts(implicit, names, parts)
+    rates: dict[str, Expression] = {}
+    for block, found in zip(parts.blocks, chosen, strict=True):
+        rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
+    chained = tuple(rates[name] for name in names)
+    energies = [_placed(found.branch.hamiltonian, table) for found in chosen]
+    return replace(
+        implicit,
+        hamiltonian=_collected_if_shorter(add(*energies, _negated(parts.free))),
+        velocities=tuple(merge_powers(velocity) for velocity in resolved(chained, names)),
+        implicit=False,
+        chained=chained,
+    )
+
+
+def _shifts(implicit: LegendreTransform, names: Sequence[str], parts: Parts) -> dict[Expression, Expression]:
+    return momentum_shifts(parts.linear, dict(zip(names, implicit.symbols, strict=True)))
+
+
+def _placed(tree: Expression, table: dict[Expression, Expression]) -> Expression:
+    """The tree with p - A for p; collected where that is shorter."""
+    placed = substitute(tree, table)
+    return placed if placed == tree else shortest([placed, simplified(placed)])
+
+
+def _collected_if_shorter(tree: Expression) -> Expression:
+    return shortest([tree, collect(tree)])
+
+
+def _negated(tree: Expression) -> Expression:
+    """-tree, term by term."""
+    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else negate(tree)
+
+
+def _claim(closed: LegendreTransform, names: tuple[str, ...]) -> Claim:
+    known = dict(zip(closed.symbols, closed.momenta, strict=True))
+    return Claim(closed.lagrangian, names, known, closed.velocities or (), closed.hamiltonian)
+
+
+def _noted(transform: LegendreTransform, note: str) -> LegendreTransform:
+    return replace(transform, note=" ".join(part for part in (transform.note, note) if part))
+
+
+def _no_closed_form(groups: Sequence[Sequence[str]]) -> str:
+    named = "; ".join(", ".join(group) for group in groups)
+    return (
+        f"No closed form of the velocities was found that passes the check: p = dL/dv could not be solved for "
+        f"the velocities of {named}. H is given in the velocities, with the momenta as functions of them."
+    )
+
+
+def _branch_note(conditions: Sequence[Expression], names: Sequence[str]) -> str:
+    if not conditions:
+        return ""
+    named = " and ".join(dict.fromkeys(f"{to_text(sign_part(condition))} > 0" for condition in conditions))
+    if not any(velocities_in(condition, names) for condition in conditions):
+        return f"H is written for {named}."
+    return f"p = dL/dv has more than one inverse; this H belongs to the branch on which {named}."
+
+
+def _degenerate(
+    implicit: LegendreTransform, parts: Parts, names: Sequence[str], points: Sequence[Point]
+) -> InputError:
+    """The refusal of a Lagrangian whose momenta do not determine the velocities."""
+    detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
+    lost = [name for name in names if not any(velocities_in(p, [name]) for p in implicit.momenta)]
+    if lost:
+        detail += f" (no momentum depends on the velocity of {', '.join(lost)})"
+    elif vanishes_at(add(implicit.hamiltonian, parts.free), points):
+        detail += " (up to a potential L is homogeneous of degree 1 in the velocities)"
+    return InputError(f"{detail}: give one whose momenta determine the velocities.")

@@ -1,0 +1,1 @@
+"""Nonholonomic systems: geometry, motion, associated second-order systems, the class of the paper."""

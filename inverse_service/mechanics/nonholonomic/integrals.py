@@ -1,0 +1,175 @@
+"""What a nonholonomic motion keeps: an invariant measure with a density N(q), and evident first integrals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.rational_functions import Quotient
+from inverse_service.expressions.tree import ONE, Expression, Velocity, multiply
+from inverse_service.mechanics.nonholonomic.integrability import fields, needs_time
+from inverse_service.mechanics.nonholonomic.motion import ExactMotion
+from inverse_service.mechanics.potential import Potential, constant_null_vectors, factors_of, potential
+from inverse_service.mechanics.quotient_matrices import determinant, dot
+from inverse_service.mechanics.vector_fields import gradient, involutive_closure
+
+Status = Literal["found", "does_not_exist", "not_found"]
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureDensity:
+    """A function of q, up to a constant factor, that makes a volume invariant.
+
+    `momenta` is the density N of the volume dq dp, p_j = dL_c/du_j the momenta of the free velocities
+    (the paper's N); `velocities` is the density N det G of the volume dq du.
+    """
+
+    status: Status
+    momenta: Expression | None = None
+    velocities: Expression | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FirstIntegral:
+    """A function of (q, u) that is constant along the motion."""
+
+    name: str
+    expression: Expression
+
+
+def measure_density(motion: ExactMotion) -> MeasureDensity:
+    """N(q) with div(N X) = 0 on the constraints: X_k(log N) = -(the part of div X linear in u_k).
+
+    The equations are closed under brackets; a contradiction shows that no density N(q) exists.
+    """
+    parts, choice = motion.geometry, motion.frame
+    divergence = _divergence(motion)
+    values, rest = _linear_parts(motion, divergence)
+    if values is None:
+        return MeasureDensity("not_found")
+    with_time = needs_time(parts, choice) or not rest.is_zero
+    found = _solved(motion, [-value for value in values], -rest, with_time)
+    if isinstance(found, str):
+        return MeasureDensity("does_not_exist" if found == "contradiction" else "not_found")
+    inertia = determinant(motion.inertia, parts.ring.constant(1))
+    less = [(-exponent, element) for exponent, element in factors_of(parts.ring, inertia)]
+    momenta = found.plus_logarithm(less)
+    return MeasureDensity("found", momenta.exponential(parts.ring), found.exponential(parts.ring))
+
+
+def _divergence(motion: ExactMotion) -> Quotient:
+    """div X in the coordinates (q, u) of the constraint manifold."""
+    parts = motion.geometry
+    terms = [parts.by_coordinate(k, motion.velocities[k]) for k in range(parts.size)]
+    terms += [parts.by_velocity(k, motion.accelerations[k]) for k in motion.frame.free]
+    return sum_of(parts.zero, terms)
+
+
+def _linear_parts(motion: ExactMotion, element: Quotient) -> tuple[list[Quotient] | None, Quotient]:
+    """(d_k, d_0) with element = d_k(q) u_k + d_0(q); None where it is not of this form."""
+    parts, free = motion.geometry, motion.frame.free
+    slopes = [parts.by_velocity(k, element) for k in free]
+    if any(not parts.by_velocity(k, slope).is_zero for slope in slopes for k in free):
+        return None, element
+    return slopes, element - dot(parts.zero, slopes, [parts.velocity(k) for k in free])
+
+
+def _solved(
+    motion: ExactMotion, values: Sequence[Quotient], last: Quotient, with_time: bool
+) -> Potential | Literal["contradiction", "unknown"]:
+    """phi with X_k(phi) = values[k], and (d/dt + drift)(phi) = last where the constraints move."""
+    parts = motion.geometry
+    variables = list(range(0 if with_time else 1, 1 + parts.size))
+    partials = [parts.ring.partial(k) for k in variables]
+    closure = involutive_closure(partials, fields(parts, motion.frame, with_time, [*values, last]))
+    if not closure.consistent:
+        return "contradiction"
+    form = gradient(partials, closure)
+    found = None if form is None else potential(parts.ring, variables, form)
+    return "unknown" if found is None else found
+
+
+def first_integrals(motion: ExactMotion) -> tuple[FirstIntegral, ...]:
+    """Energy, momenta of cyclic coordinates whose field respects the constraints, and multiples of free velocities.
+
+    Each is verified: its derivative along the motion is zero identically.
+    """
+    found: list[tuple[FirstIntegral, Quotient | None]] = []
+    for integral, element in (*_energy(motion), *_momenta(motion)):
+        if not _is_known(motion, element, found):
+            found.append((integral, element))
+    for integral, multiple in _scaled_velocities(motion):
+        if multiple is None or not _is_known(motion, multiple, found):
+            found.append((integral, multiple))
+    return tuple(integral for integral, _ in found)
+
+
+def _is_known(motion: ExactMotion, element: Quotient, found: Sequence[tuple[FirstIntegral, Quotient | None]]) -> bool:
+    """Whether it is constant, or a constant times one that is there."""
+    parts = motion.geometry
+    span = range(len(parts.ring.variables))
+    others = [parts.ring.constant(1), *(known for _, known in found if known is not None)]
+    for other in others:
+        ratio = element / other
+        if all(parts.ring.partial(k)(ratio).is_zero for k in span):
+            return True
+    return False
+
+
+def _energy(motion: ExactMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
+    """1/2 g(v, v) + V on the constraints, where it is constant (always for w_i(q) v^i = 0 without t)."""
+    parts = motion.geometry
+    lowered = [dot(parts.zero, row, motion.velocities) for row in parts.mass]
+    energy = dot(parts.zero, lowered, motion.velocities).scaled(Fraction(1, 2)) + parts.potential
+    if motion.rate(energy).is_zero:
+        yield FirstIntegral("energy", parts.tree(energy)), energy
+
+
+def _momenta(motion: ExactMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
+    """sum c_i p_i over cyclic coordinates with w^a_i c_i = 0 (Noether's theorem with constraints)."""
+    parts = motion.geometry
+    elements = [*(entry for row in parts.mass for entry in row), *parts.linear, parts.potential]
+    cyclic = [k for k in range(parts.size) if all(parts.by_coordinate(k, e).is_zero for e in elements)]
+    rows = [[row[k] for k in cyclic] for row in parts.rows]
+    for vector in constant_null_vectors(parts.ring, rows):
+        weights = [(value, k) for value, k in zip(vector, cyclic, strict=True) if value]
+        total = sum_of(parts.zero, [_momentum(motion, k).scaled(value) for value, k in weights])
+        if motion.rate(total).is_zero and not total.is_zero:
+            names = [parts.system.coordinates[k] for _, k in weights]
+            name = f"momentum of {names[0]}" if len(names) == 1 else f"momentum along {', '.join(names)}"
+            yield FirstIntegral(name, parts.tree(total)), total
+
+
+def _momentum(motion: ExactMotion, place: int) -> Quotient:
+    parts = motion.geometry
+    return dot(parts.zero, parts.mass[place], motion.velocities) + parts.linear[place]
+
+
+def _scaled_velocities(motion: ExactMotion) -> Iterator[tuple[FirstIntegral, Quotient | None]]:
+    """exp(phi(q)) u_j where u_j' = -u_j phi', for each free velocity that only stretches along the motion."""
+    parts, choice = motion.geometry, motion.frame
+    if needs_time(parts, choice):
+        return
+    for j, place in enumerate(choice.free):
+        ratio = motion.accelerations[place] / parts.velocity(place)
+        values, rest = _linear_parts(motion, ratio)
+        if values is None or not rest.is_zero or _still_divides(motion, ratio):
+            continue
+        found = _solved(motion, [-value for value in values], parts.zero, False)
+        if isinstance(found, str):
+            continue
+        name = parts.system.coordinates[choice.free[j]]
+        factor = found.exponential(parts.ring)
+        plain = parts.velocity(place) if factor == ONE else None
+        kind = "velocity" if factor == ONE else "scaled velocity"
+        yield FirstIntegral(f"{kind} of {name}", multiply(factor, Velocity(name))), plain
+
+
+def _still_divides(motion: ExactMotion, ratio: Quotient) -> bool:
+    """Whether a velocity is left in the denominator."""
+    owner = motion.geometry.ring.field
+    elements = [Quotient(owner, owner.denominators[index], ()) for index, _ in ratio.exponents]
+    return any(not motion.geometry.by_velocity(k, e).is_zero for e in elements for k in motion.frame.free)

@@ -1,0 +1,155 @@
+"""The equations of motion of a nonholonomic system, the multipliers eliminated exactly.
+
+d'Alembert's principle: d/dt(dL/dv) - dL/dq = lambda_a w^a with w^a(v) + c^a = 0. With v = B u + drift
+the free accelerations follow from B^T (g a - F) = 0, a = B u' + (dB/dt) u + d(drift)/dt, so that g
+needs to be regular on the distribution of the constraints only.
+Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.rational_functions import Quotient, TooLarge
+from inverse_service.errors import InputError
+from inverse_service.expressions.tree import Expression
+from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry, frames, geometry, too_large
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+from inverse_service.mechanics.quotient_matrices import dot, solve_square
+
+
+@dataclass(frozen=True, slots=True)
+class EquationsOfMotion:
+    """The reduced equations over (t, q, u), u the velocities of the coordinates `free`.
+
+    `dependent_velocities[i]` is the velocity of coordinate dependent[i] (first-order equations),
+    `free_accelerations[i]` the acceleration of free[i] (second-order equations). `accelerations` are
+    those of all coordinates, in the order of the system, and `multipliers` the lambda_a, one for each
+    constraint; both hold free velocities only.
+    """
+
+    system: NonholonomicSystem
+    free: tuple[str, ...]
+    dependent: tuple[str, ...]
+    dependent_velocities: tuple[Expression, ...]
+    free_accelerations: tuple[Expression, ...]
+    accelerations: tuple[Expression, ...]
+    multipliers: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ExactMotion:
+    """The motion in exact functions: `velocities` v(t, q, u) and `accelerations` a(t, q, u), each n.
+
+    `inertia` is the mass matrix G = B^T g B of the free velocities.
+    """
+
+    geometry: Geometry
+    frame: Frame
+    velocities: tuple[Quotient, ...]
+    accelerations: tuple[Quotient, ...]
+    inertia: tuple[tuple[Quotient, ...], ...]
+    multipliers: tuple[Quotient, ...]
+
+    def rate(self, element: Quotient) -> Quotient:
+        """The derivative along the motion of a function of (t, q, u)."""
+        parts = self.geometry
+        terms = [parts.by_time(element)]
+        terms += [self.velocities[k] * parts.by_coordinate(k, element) for k in range(parts.size)]
+        terms += [self.accelerations[k] * parts.by_velocity(k, element) for k in self.frame.free]
+        return sum_of(parts.zero, terms)
+
+
+def equations_of_motion(system: NonholonomicSystem) -> EquationsOfMotion:
+    """The equations of motion in the most convenient free coordinates.
+
+    InputError where L or a constraint is outside what `geometry` accepts, or where L is singular on
+    the distribution of the constraints; LimitError where the equations are too large.
+    """
+    parts = geometry(system)
+    try:
+        return written(exact_motion(parts, frames(parts)[0]))
+    except TooLarge as error:
+        raise too_large(error) from None
+
+
+def written(motion: ExactMotion) -> EquationsOfMotion:
+    """The motion as trees."""
+    parts, choice = motion.geometry, motion.frame
+    names = parts.system.coordinates
+    accelerations = tuple(parts.tree(element) for element in motion.accelerations)
+    return EquationsOfMotion(
+        parts.system,
+        tuple(names[k] for k in choice.free),
+        tuple(names[k] for k in choice.dependent),
+        tuple(parts.tree(motion.velocities[k]) for k in choice.dependent),
+        tuple(accelerations[k] for k in choice.free),
+        accelerations,
+        tuple(parts.tree(element) for element in motion.multipliers),
+    )
+
+
+def exact_motion(parts: Geometry, choice: Frame) -> ExactMotion:
+    """The motion with a given frame; InputError where B^T g B is singular."""
+    n, m = parts.size, len(choice.free)
+    speeds = [parts.velocity(k) for k in choice.free]
+    velocities = tuple(dot(parts.zero, row, speeds) + drift for row, drift in _rows(choice))
+    bias = tuple(
+        dot(parts.zero, [_rate(parts, velocities, entry) for entry in row], speeds) + _rate(parts, velocities, drift)
+        for row, drift in _rows(choice)
+    )
+    force = _force(parts, velocities)
+    columns = [[row[j] for row in choice.basis] for j in range(m)]
+    lowered = [[dot(parts.zero, row, column) for row in parts.mass] for column in columns]
+    inertia = tuple(tuple(dot(parts.zero, lowered[i], columns[j]) for j in range(m)) for i in range(m))
+    left = [force[i] - dot(parts.zero, parts.mass[i], bias) for i in range(n)]
+    solved = solve_square(inertia, [dot(parts.zero, column, left) for column in columns])
+    if solved is None:
+        raise InputError(
+            "the Lagrangian is singular on the constraints, its kinetic energy does not determine the accelerations of "
+            f"{', '.join(parts.system.coordinates[k] for k in choice.free)}: give these motions a mass.",
+            "/lagrangian",
+        )
+    accelerations = tuple(dot(parts.zero, row, solved) + extra for row, extra in zip(choice.basis, bias, strict=True))
+    multipliers = _multipliers(parts, choice, accelerations, force)
+    return ExactMotion(parts, choice, velocities, accelerations, inertia, multipliers)
+
+
+def _rows(choice: Frame) -> list[tuple[tuple[Quotient, ...], Quotient]]:
+    return list(zip(choice.basis, choice.drift, strict=True))
+
+
+def _rate(parts: Geometry, velocities: Sequence[Quotient], element: Quotient) -> Quotient:
+    """The derivative in time of a function of (t, q)."""
+    terms = [velocities[k] * parts.by_coordinate(k, element) for k in range(parts.size)]
+    return sum_of(parts.zero, [parts.by_time(element), *terms])
+
+
+def _force(parts: Geometry, velocities: Sequence[Quotient]) -> list[Quotient]:
+    """F with d/dt(dL/dv) - dL/dq = g a - F, the velocities put in."""
+    n = parts.size
+    half = Fraction(1, 2)
+    found = []
+    for i in range(n):
+        terms = [-parts.by_coordinate(i, parts.potential), -_rate(parts, velocities, parts.linear[i])]
+        for j in range(n):
+            terms.append(velocities[j] * parts.by_coordinate(i, parts.linear[j]))
+            terms.append(-(velocities[j] * _rate(parts, velocities, parts.mass[i][j])))
+            slopes = [parts.by_coordinate(i, parts.mass[j][k]) for k in range(n)]
+            terms.append((velocities[j] * dot(parts.zero, slopes, velocities)).scaled(half))
+        found.append(sum_of(parts.zero, terms))
+    return found
+
+
+def _multipliers(
+    parts: Geometry, choice: Frame, accelerations: Sequence[Quotient], force: Sequence[Quotient]
+) -> tuple[Quotient, ...]:
+    """lambda_a from the dependent rows of g a - F = lambda_a w^a."""
+    matrix = [[row[place] for row in parts.rows] for place in choice.dependent]
+    right = [dot(parts.zero, parts.mass[i], accelerations) - force[i] for i in choice.dependent]
+    solved = solve_square(matrix, right)
+    assert solved is not None, "the minor of the dependent coordinates does not vanish"
+    return solved

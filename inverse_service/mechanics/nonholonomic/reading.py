@@ -1,0 +1,118 @@
+"""Texts of a Lagrangian and of constraints to a nonholonomic system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.equations import read_equation
+from inverse_service.expressions.limits import LIMITS
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula, split_equations
+from inverse_service.expressions.tree import Acceleration, Expression, Velocity, subtract, walk
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+from inverse_service.mechanics.parameter_values import parameter_values, with_values
+from inverse_service.mechanics.reading import Parameters, read_names
+from inverse_service.mechanics.second_order_system import FunctionDeclaration
+
+
+def read_nonholonomic(
+    coordinates: Sequence[str],
+    lagrangian: str,
+    constraints: Sequence[str] | str,
+    parameters: Parameters = (),
+    functions: Mapping[str, Sequence[str]] | None = None,
+    name: str = "",
+) -> NonholonomicSystem:
+    """The system of a document; a constraint is a formula that is zero, or an equation.
+
+    `constraints` is a list, or one text with the constraints separated by semicolons. InputError with
+    JSON pointer and column for anything that is wrong, LimitError for too many coordinates.
+    """
+    names = read_names(coordinates, parameters, functions or {})
+    values = parameter_values(parameters)
+    found = [with_values(tree, values) for tree in _constraints(constraints, names)]
+    return NonholonomicSystem(
+        coordinates=names.coordinates,
+        lagrangian=with_values(_lagrangian(lagrangian, names), values),
+        constraints=tuple(found),
+        parameters=tuple(parameter for parameter in names.parameters if parameter not in values),
+        functions=tuple(FunctionDeclaration(function, arguments) for function, arguments in names.functions.items()),
+        name=name,
+    )
+
+
+def _lagrangian(text: str, names: Names) -> Expression:
+    pointer = "/lagrangian"
+    try:
+        tree = read_formula(text, names)
+    except InputError as error:
+        raise error.at(pointer) from None
+    _refuse_accelerations(tree, "the Lagrangian", pointer)
+    if not any(isinstance(node, Velocity) for node in walk(tree)):
+        raise InputError("the Lagrangian contains no velocity: write kinetic minus potential energy.", pointer)
+    return tree
+
+
+def _constraints(constraints: Sequence[str] | str, names: Names) -> list[Expression]:
+    texts = [constraints] if isinstance(constraints, str) else list(constraints)
+    found = []
+    for place, text in enumerate(texts):
+        pointer = "/constraints" if isinstance(constraints, str) else f"/constraints/{place}"
+        try:
+            pairs = [read_equation(group, names) for group in split_equations(text, names)]
+        except InputError as error:
+            raise error.at(pointer) from None
+        for left, right in pairs:
+            found.append(subtract(left, right))
+            _refuse_accelerations(found[-1], f"constraint {len(found)}", pointer)
+    if not found:
+        raise InputError(
+            "there are no constraints: give at least one, or send the equations of motion as a system.", "/constraints"
+        )
+    if len(found) > LIMITS.coordinates:
+        raise LimitError(
+            f"there are {len(found)} constraints: the limit is {LIMITS.coordinates}; write fewer.", "/constraints"
+        )
+    return found
+
+
+def _refuse_accelerations(tree: Expression, what: str, pointer: str) -> None:
+    found = next((node for node in walk(tree) if isinstance(node, Acceleration)), None)
+    if found is not None:
+        raise InputError(
+            f"{what} contains the acceleration {found.coordinate}'': use coordinates and velocities.", pointer
+        )
+
+
+def read_multiples(
+    multiples: Mapping[str, str],
+    system: NonholonomicSystem,
+    parameters: Parameters,
+    pointer: str = "/multiples",
+) -> tuple[Expression, ...]:
+    """What a user adds to each acceleration, in the order of the coordinates; 0 where nothing is said.
+
+    InputError for a key that is no coordinate, and for what `read_formula` refuses.
+    """
+    declared = tuple(parameters)
+    names = Names(system.coordinates, declared, {f.name: f.arguments for f in system.functions})
+    values = parameter_values(parameters)
+    found: dict[str, Expression] = {}
+    for key, text in multiples.items():
+        place = f"{pointer}/{key.replace('~', '~0').replace('/', '~1')}"
+        name = names.spelling(key)
+        if name not in system.coordinates:
+            raise InputError(
+                f"there is a multiple for a name that is no coordinate: the coordinates are "
+                f"{', '.join(system.coordinates)}.",
+                place,
+            )
+        try:
+            tree = with_values(read_formula(text, names), values)
+        except InputError as error:
+            raise error.at(place) from None
+        _refuse_accelerations(tree, f"the multiple for {name}", place)
+        found[name] = tree
+    zero = read_formula("0", names)
+    return tuple(found.get(name, zero) for name in system.coordinates)
