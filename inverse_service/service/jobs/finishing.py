@@ -56,6 +56,12 @@ def give_up(store: JobStore, job: Job) -> None:
     store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage())
 
 
+def lose(store: JobStore, job: Job) -> None:
+    """Fail a job whose answer cannot be stored by a fault of ours."""
+    problem = problem_documents.problem_document(500, "fault", "The answer was computed and could not be stored.")
+    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage())
+
+
 def undetermined(job: Job, outcome: Outcome, options: JobOptions, quick: Executor) -> dict[str, Any]:
     """The result of a solve job that a limit ended, with how the system was understood."""
     call = Call(tasks.understand_job_task, (job.document,), UNDERSTAND_DEADLINE)

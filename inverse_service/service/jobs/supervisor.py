@@ -21,7 +21,7 @@ from inverse_service.service import tasks
 from inverse_service.service.jobs import finishing
 from inverse_service.service.jobs.event_log import EventLog
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import Job
+from inverse_service.service.jobs.model import Job, StoreUnavailable
 from inverse_service.service.jobs.options import stored_options
 from inverse_service.service.jobs.states import MAX_RESTARTS
 from inverse_service.service.jobs.store import JobStore
@@ -34,6 +34,8 @@ TICK = 0.1
 HEARTBEAT = 5.0
 LEASE = 30.0
 POLL = 0.5
+# The store cannot be reached now and may be back: disk full or locked, server gone.
+AWAY = (sqlite3.OperationalError, StoreUnavailable, OSError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,13 +161,34 @@ class Supervisor:
     def _finish_loop(self) -> None:
         while (ended := self._ended.get()) is not None:
             try:
-                self._finish(ended.job, ended.outcome)
-            except Exception:  # the thread must live; the job is claimed again after a restart
+                self._insist(ended)
+            except Exception:  # the thread must live
                 log.exception("an answer could not be stored", extra={"job": ended.job.id})
+                self._fail(ended.job)
             finally:
                 with self._lock:
                     self._running.pop((ended.job.id, ended.job.attempt), None)
                 self._wake.set()
+
+    def _insist(self, ended: _Ended) -> None:
+        """Store an answer however long the store stays away; where the service stops first, the job runs again."""
+        told = False
+        while True:
+            try:
+                return self._finish(ended.job, ended.outcome)
+            except AWAY:
+                if not told:
+                    log.exception("an answer waits for the store", extra={"job": ended.job.id})
+                told = True
+            if self._stopping.wait(POLL):
+                return None
+
+    def _fail(self, job: Job) -> None:
+        """The answer is lost by a fault of ours: say so, for nobody would ever end this job."""
+        try:
+            finishing.lose(self._store, job)
+        except Exception:  # claimed again after a restart
+            log.exception("a fault could not be stored", extra={"job": job.id})
 
     def _finish(self, job: Job, outcome: Outcome) -> None:
         self.events.flush()

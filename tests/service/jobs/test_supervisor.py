@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,7 +14,7 @@ import pytest
 
 from inverse_service.service import tasks
 from inverse_service.service.jobs.asking import request_of
-from inverse_service.service.jobs.model import Job, JobRequest
+from inverse_service.service.jobs.model import Job, JobRequest, Usage
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
 from inverse_service.service.jobs.progress import described
 from inverse_service.service.jobs.sqlite_store import SqliteStore
@@ -211,3 +213,64 @@ def test_reports_become_progress() -> None:
             }
     assert (progress["stage"], progress["counts"]) == ("check", {"prolongations": 1, "families": 2})
     assert described({"stage": "steps", "done": 3}, {}) == {"stage": "steps", "done": 3}
+
+
+class Refusing(SqliteStore):
+    """A store whose answers cannot be stored as long as `away` holds; `error` is what it says."""
+
+    away = True
+    error: Exception = sqlite3.OperationalError("database or disk is full")
+
+    def finish(self, id: str, attempt: int, body: bytes, usage: Usage) -> bool:
+        if self.away:
+            self.refused.set()
+            raise self.error
+        return super().finish(id, attempt, body, usage)
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.refused = threading.Event()
+
+
+@pytest.fixture
+def refusing(tmp_path: Path) -> Iterator[Refusing]:
+    store = Refusing(tmp_path / "refusing.sqlite")
+    yield store
+    store.close()
+
+
+def test_an_answer_waits_for_a_store_that_is_away(refusing: Refusing) -> None:
+    supervisor = Supervisor(refusing, Scripted(lambda call: DONE), Scripted(lambda call: DONE))
+    supervisor.start()
+    (job,) = refusing.submit([request()])
+    assert refusing.refused.wait(10)
+    waiting = refusing.job(job.id)
+    assert waiting is not None
+    assert waiting.status == "running"
+    refusing.away = False
+    assert final(refusing, job.id).status == "successful"
+    supervisor.stop()
+
+
+def test_an_answer_that_waits_when_the_service_stops_is_computed_again(refusing: Refusing) -> None:
+    supervisor = Supervisor(refusing, Scripted(lambda call: DONE), Scripted(lambda call: DONE))
+    supervisor.start()
+    (job,) = refusing.submit([request()])
+    assert refusing.refused.wait(10)
+    supervisor.stop()
+    refusing.away = False
+    again = Supervisor(refusing, Scripted(lambda call: DONE), Scripted(lambda call: DONE))
+    again.start()
+    assert final(refusing, job.id).status == "successful"
+    again.stop()
+
+
+def test_an_answer_lost_by_a_fault_ends_its_job(refusing: Refusing) -> None:
+    refusing.error = sqlite3.DataError("string or blob too big")
+    supervisor = Supervisor(refusing, Scripted(lambda call: DONE), Scripted(lambda call: DONE))
+    supervisor.start()
+    (job,) = refusing.submit([request()])
+    ended = final(refusing, job.id)
+    supervisor.stop()
+    assert ended.status == "failed"
+    assert b"could not be stored" in (ended.body or b"")
