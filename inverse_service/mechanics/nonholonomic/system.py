@@ -13,7 +13,7 @@ class NonholonomicSystem:
     """L(t, q, v) with the constraints w(t, q, v) = 0, one tree each, linear in the velocities.
 
     Parameters are generic constants; those with values were substituted. That L is quadratic and the
-    constraints are linear is seen where the equations of motion are made (`nonholonomic_geometry`).
+    constraints are linear is seen where the equations of motion are made (`geometry`).
     """
 
     coordinates: tuple[str, ...]

@@ -1,6 +1,6 @@
 """Jacobi's last multipliers for one coordinate as products of factors: phi(x) P_1^e_1 P_2^e_2.
 
-First powers phi P^e of one polynomial (see `one_coordinate_darboux`); then the irreducible factors
+First powers phi P^e of one polynomial (see `darboux`); then the irreducible factors
 P_j of all of them are combined anew, with letters of f, by linear algebra in the exponents:
     sum_j e_j Gamma(log P_j) = -df/dv.
 The quotient of two multipliers is a first integral I of Gamma, and g I^k is a multiplier again, so
