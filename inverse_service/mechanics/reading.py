@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.equations import read_equation
@@ -40,17 +41,49 @@ def read_system(
     for the accelerations. Parameters with a value are replaced by it exactly. InputError with JSON
     pointer and column for anything that is wrong, LimitError for more than `LIMITS.coordinates`.
     """
-    names = _names(coordinates, equations, parameters, functions or {})
-    found = _read(equations, names)
-    values = parameter_values(parameters)
-    found = [(with_values(left, values), with_values(right, values), pointer) for left, right, pointer in found]
+    names, found = _understood(coordinates, equations, parameters, functions or {})
     return SecondOrderSystem(
         coordinates=names.coordinates,
         accelerations=_accelerations(found, names.coordinates),
-        parameters=tuple(parameter for parameter in names.parameters if parameter not in values),
+        parameters=names.parameters,
         functions=tuple(FunctionDeclaration(function, arguments) for function, arguments in names.functions.items()),
         name=name,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class GivenEquations:
+    """What a document says before anything is solved: its names, parameters with a value left out, and E = 0."""
+
+    names: Names
+    residuals: tuple[Expression, ...]
+
+
+def read_given(
+    coordinates: Sequence[str] | None,
+    equations: Equations,
+    parameters: Parameters = (),
+    functions: Mapping[str, Sequence[str]] | None = None,
+) -> GivenEquations:
+    """The equations of a document as they stand, left side minus right side; InputError as in `read_system`."""
+    names, found = _understood(coordinates, equations, parameters, functions or {})
+    return GivenEquations(names, tuple(subtract(left, right) for left, right, _ in found))
+
+
+def _understood(
+    coordinates: Sequence[str] | None,
+    equations: Equations,
+    parameters: Parameters,
+    functions: Mapping[str, Sequence[str]],
+) -> tuple[Names, list[_Equation]]:
+    """The names without the parameters that have values, and the equations with these values put in."""
+    names = _names(coordinates, equations, parameters, functions)
+    found = _read(equations, names)
+    values = parameter_values(parameters)
+    generic = tuple(parameter for parameter in names.parameters if parameter not in values)
+    return replace(names, parameters=generic), [
+        (with_values(left, values), with_values(right, values), pointer) for left, right, pointer in found
+    ]
 
 
 def read_names(
@@ -84,8 +117,7 @@ def _names(
     found = _coordinates(coordinates, equations, declared, arguments)
     names = Names(found, declared, arguments)
     check_clashes(names, keyed)
-    _check_arguments(names)
-    return names
+    return replace(names, functions=_checked_functions(names, equations))
 
 
 def _bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
@@ -109,18 +141,30 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _check_arguments(names: Names) -> None:
+def _checked_functions(names: Names, equations: Equations) -> dict[str, tuple[str, ...]]:
+    """The functions over coordinates; one over other names is refused where it occurs, and left out where not."""
+    foreign: dict[str, int] = {}
     for function, arguments in names.functions.items():
         for place, argument in enumerate(arguments):
-            pointer = f"/functions/{function}/{place}"
             if argument in arguments[:place]:
+                pointer = f"/functions/{function}/{place}"
                 raise InputError(f"{function} has the argument {argument} twice: name it once.", pointer)
             if argument != "t" and argument not in names.coordinates:
-                raise InputError(
-                    f"{function} depends on {argument}, which is not a coordinate: use one of "
-                    f"{joined(names.coordinates)}.",
-                    pointer,
-                )
+                foreign.setdefault(function, place)
+    for function, place in foreign.items():
+        if not equations or any(function in text for text in _texts(equations)):
+            raise InputError(
+                f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
+                f"{joined(names.coordinates)}.",
+                f"/functions/{function}/{place}",
+            )
+    return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
+
+
+def _texts(equations: Equations) -> list[str]:
+    if isinstance(equations, str):
+        return [equations]
+    return [str(text) for text in (equations.values() if isinstance(equations, Mapping) else equations)]
 
 
 def _coordinates(

@@ -136,7 +136,7 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
     schema = translate.to_schema(document)
     parameters, values = _parameters(schema.parameters, extra)
     system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name)
-    names = read_names(system.coordinates, parameters, schema.functions)
+    names = read_names(system.coordinates, parameters, {f.name: f.arguments for f in system.functions})
     return MechanicalSystem(names, None, (), system.accelerations, values, schema.name, document=document)
 
 

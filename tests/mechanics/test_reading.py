@@ -128,7 +128,7 @@ FAULTS: list[tuple[dict[str, Any], str, int | None, str]] = [
     ({"equations": {"x": "0"}, "parameters": {"k": True}}, "/parameters/k", None, "not a number"),
     ({"equations": {"x": "0"}, "parameters": {"k": float("nan")}}, "/parameters/k", 1, "finite"),
     ({"equations": {"x": "0"}, "parameters": {"k": 10**5000}}, "/parameters/k", None, "digits"),
-    ({"equations": {"x": "0"}, "functions": {"A": ["z"]}}, "/functions/A/0", None, "not a coordinate"),
+    ({"equations": {"x": "A(x)"}, "functions": {"A": ["z"]}}, "/functions/A/0", None, "not a coordinate"),
     ({"equations": {"x": "0"}, "functions": {"A": ["x", "x"]}}, "/functions/A/1", None, "twice"),
     ({"equations": {"x": "0"}, "functions": {"A": []}}, "/functions/A", None, "no list"),
     ({"equations": {"x": "0"}, "functions": {"A": "x"}}, "/functions/A", None, "no list"),
@@ -154,3 +154,9 @@ def test_fault_is_named_with_its_place(
 def test_passed_limits_have_their_own_error() -> None:
     with pytest.raises(LimitError):
         read_system([f"q{k}" for k in range(9)], {})
+
+
+def test_a_function_over_other_names_that_no_equation_uses_is_left_out() -> None:
+    """The first document of the contract declares A over r1, and has neither."""
+    found = read_system(["x", "y"], {"x": "-x", "y": "B(y)"}, functions={"A": ["r1"], "B": ["y"]})
+    assert [function.name for function in found.functions] == ["B"]

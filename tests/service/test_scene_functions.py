@@ -62,3 +62,8 @@ def test_the_lagrangian_of_a_catalogue_system_takes_the_functions_of_the_scene()
         "free_lagrangian": None,
     }
     assert simulate(generic)["methods"][0]["outcome"] == "completed"
+
+
+def test_a_function_that_no_equation_uses_does_not_stop_a_scene() -> None:
+    system = SCENE["system"] | {"functions": SCENE["system"]["functions"] | {"C": ["r1"]}}
+    assert simulate(SCENE | {"system": system})["methods"][0]["outcome"] == "completed"
