@@ -1,6 +1,7 @@
 """Mutation testing of checker and decision: `python -m tests.mutation --sample N --output DIR`.
 
-Survivors, the mutants that no test notices, are printed and written to survivors.md in the folder.
+Every mutant has a quick trial; one that survives it has a slow one, with all tests and the package loaded anew.
+What survives both is listed in survivors.md in the folder. A run that was broken off goes on where it was.
 """
 
 from __future__ import annotations
@@ -11,22 +12,27 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from multiprocessing import get_context
 from pathlib import Path
 
+from tests.mutation.children import answers
 from tests.mutation.mutants import Mutant, mutants, mutated
-from tests.mutation.trial import is_noticed, path_of, prepare
+from tests.mutation.record import Record
+from tests.mutation.trial import SURVIVED, anew, path_of, prepare
+from tests.mutation.warm import Ready, run
 
 DECISION_TESTS = tuple(
     f"tests/inverse_problem/test_{name}.py"
     for name in ("safeguards_of_the_decision", "involution", "prolongation", "decision", "certify")
 )
-# Which tests answer for a module; quick ones first, for the first that fails ends the trial.
+# Which tests answer for a module.
 TESTS: dict[str, tuple[str, ...]] = {
     "inverse_service.certificate.checker": ("tests/certificate",),
     "inverse_service.inverse_problem.decision": DECISION_TESTS,
     "inverse_service.inverse_problem.involution": DECISION_TESTS,
     "inverse_service.inverse_problem.prolongation": DECISION_TESTS,
 }
+QUICK = "survived the quick trial"
 
 
 def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
@@ -36,6 +42,8 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--sample", type=int, help="so many mutants of each module (default all)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--limit", type=int, default=60, help="processor seconds for the tests of one mutant")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--again", action="store_true", help="try survivors of an earlier run once more")
     parser.add_argument("--output", type=Path, default=Path("build/mutation"))
     return parser.parse_args(arguments)
 
@@ -49,22 +57,53 @@ def chosen_mutants(module: str, sample: int | None, seed: int) -> tuple[int, lis
 
 def tried(module: str, asked: argparse.Namespace) -> list[str]:
     """The lines of the report on one module."""
-    tests = TESTS[module]
+    _, sample = chosen_mutants(module, asked.sample, asked.seed)
+    again = (SURVIVED,) if asked.again else ()
+    said = recorded(module, asked).said
+    wanted = [one for one in sample if said.get(one, "") in ("", QUICK, *again)]
+    # In a process of its own: this one never loads the package, so that its children load it anew.
+    first = get_context("fork").Process(target=quickly, args=(module, wanted, asked))
+    first.start()
+    first.join()
+    if first.exitcode:
+        raise SystemExit(f"The tests of {module} fail or cannot be run.")
+    said = recorded(module, asked).said
+    slowly(module, [one for one in wanted if said.get(one, QUICK) in (QUICK, *again)], asked)
+    return report(module, sample, recorded(module, asked))
+
+
+def recorded(module: str, asked: argparse.Namespace) -> Record:
     source = path_of(module).read_text(encoding="utf-8")
-    if is_noticed(module, source, tests, 10 * asked.limit) != "survived":
-        raise SystemExit(f"The tests of {module} fail without any mutant.")
-    total, sample = chosen_mutants(module, asked.sample, asked.seed)
-    ends: Counter[str] = Counter()
-    survivors = []
-    for mutant in sample:
-        end = is_noticed(module, mutated(source, mutant), tests, asked.limit)
-        ends[end] += 1
-        if end == "survived":
-            survivors.append(f"- line {mutant.line}: `{mutant.before}`: {mutant.rule}")
-            print(module, survivors[-1], flush=True)
-        print(f"{module} {ends.total()} of {len(sample)}: {dict(ends)}", file=sys.stderr, flush=True)
-    head = f"{total} mutants, {len(sample)} tried: {ends['killed']} killed, {ends['stopped']} stopped by the limit"
-    return [f"## {module}", "", f"{head}, {ends['survived']} survived.", "", *survivors, ""]
+    return Record(asked.output.absolute() / f"{module.split('.')[-1]}.jsonl", source, mutants(source))
+
+
+def quickly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) -> None:
+    record = recorded(module, asked)
+    inside = [one for one in wanted if one.function and record.said.get(one) != QUICK]
+    if inside:
+        ready = Ready(module, inside, asked.limit, asked.processes)
+        run(ready, TESTS[module], lambda mutant, said: add(record, mutant, QUICK if said == SURVIVED else said))
+
+
+def slowly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) -> None:
+    record, source = recorded(module, asked), path_of(module).read_text(encoding="utf-8")
+    jobs = ((one, lambda one=one: anew(module, mutated(source, one), TESTS[module]), asked.limit) for one in wanted)
+    for mutant, said in answers(jobs, asked.processes):
+        add(record, mutant, said)
+
+
+def add(record: Record, mutant: Mutant, said: str) -> None:
+    record.add(mutant, said)
+    print(f"{said[:70]:70} {mutant.line}: {mutant.before[:60]}: {mutant.rule}", file=sys.stderr, flush=True)
+
+
+def report(module: str, sample: Sequence[Mutant], record: Record) -> list[str]:
+    ends = Counter(record.said[mutant].split()[0] for mutant in sample)
+    survivors = sorted((one for one in sample if record.said[one] == SURVIVED), key=lambda one: one.number)
+    lines = [f"- line {one.line}, {one.function or 'module'}: `{one.before}`: {one.rule}" for one in survivors]
+    tried = f"{len(record.keys)} mutants, {len(sample)} tried"
+    ended = f"{ends['killed']} killed, {ends['stopped']} stopped by the limit, {ends[SURVIVED]} survived"
+    return [f"## {module}", "", f"{tried}: {ended}.", "", *lines, ""]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -72,9 +111,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     prepare()
     lines = [line for module in TESTS if not asked.module or module.split(".")[-1] in asked.module
              for line in tried(module, asked)]  # fmt: skip
-    asked.output.mkdir(parents=True, exist_ok=True)
     (asked.output / "survivors.md").write_text("\n".join(["# Mutants", "", *lines]), encoding="utf-8")
-    print(f"{time.monotonic() - began:.0f} s")
+    print("\n".join(lines), f"\n{time.monotonic() - began:.0f} s")
 
 
 if __name__ == "__main__":

@@ -21,26 +21,59 @@ Site = tuple[ast.expr, str, Change]
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """One change: its number in the source, its line, the expression before, and what is done to it."""
+    """One change: its number in the source, its line, the expression before, and what is done to it.
+
+    `lines` are the first and the last line of the statement, of one with a body of its head; `function` is the
+    outermost function around it, "Class.method" or "function", empty where there is none.
+    """
 
     number: int
     line: int
     before: str
     rule: str
+    lines: tuple[int, int] = (0, 0)
+    function: str = ""
 
 
 def mutants(source: str) -> list[Mutant]:
     """Every mutant of the source, in the order of the text."""
-    sites = enumerate(_sites(ast.parse(source)))
-    return [Mutant(number, node.lineno, ast.unparse(node), rule) for number, (node, rule, _) in sites]
+    tree = ast.parse(source)
+    places = dict(_places(tree, "", False, (0, 0)))
+    sites = enumerate(_sites(tree))
+    return [Mutant(number, node.lineno, ast.unparse(node), rule, *places[node]) for number, (node, rule, _) in sites]
 
 
-def mutated(source: str, mutant: Mutant) -> str:
-    """The source with this change."""
+def mutated(source: str, mutant: Mutant) -> ast.Module:
+    """The source with this change; lines stay where they were."""
     tree = ast.parse(source)
     _, _, change = list(_sites(tree))[mutant.number]
     change()
-    return ast.unparse(ast.fix_missing_locations(tree))
+    return ast.fix_missing_locations(tree)
+
+
+def _places(
+    node: ast.AST, function: str, inside: bool, lines: tuple[int, int]
+) -> Iterator[tuple[ast.AST, tuple[tuple[int, int], str]]]:
+    """(node, (lines of its statement, the outermost function around it)) of all below the node."""
+    named = isinstance(node, ast.FunctionDef | ast.ClassDef) and not inside
+    name = f"{function}.{node.name}".lstrip(".") if named else function  # type: ignore[attr-defined]
+    for field, value in ast.iter_fields(node):
+        within = inside or (isinstance(node, ast.FunctionDef) and field == "body")
+        for child in value if isinstance(value, list) else [value]:
+            if isinstance(child, ast.AST):
+                around = name if within or isinstance(node, ast.ClassDef) else function
+                own = _head(child) if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case) else lines
+                yield child, (own, around if within else "")
+                yield from _places(child, around, within, own)
+
+
+def _head(statement: ast.AST) -> tuple[int, int]:
+    """The lines of a statement without those of its body."""
+    places = [node for node in ast.walk(statement) if hasattr(node, "lineno")]
+    first = min(node.lineno for node in places)
+    body = getattr(statement, "body", None) or getattr(statement, "cases", None)
+    last = max(node.end_lineno for node in places)
+    return first, max(first, _head(body[0])[0] - 1) if body else last
 
 
 def _sites(tree: ast.AST) -> Iterator[Site]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,9 @@ import pytest
 
 from tests.mutation.__main__ import TESTS, chosen_mutants
 from tests.mutation.mutants import mutants, mutated
-from tests.mutation.trial import ROOT, path_of
+from tests.mutation.record import Record
+from tests.mutation.trial import KILLED, ROOT, SURVIVED, path_of
+from tests.mutation.warm import plain
 
 SOURCE = '''
 """A docstring with 1 in it."""
@@ -43,7 +46,7 @@ def test_each_rule_has_its_mutants() -> None:
 
 def test_every_mutant_is_another_program() -> None:
     plain = ast.unparse(ast.parse(SOURCE))
-    sources = [mutated(SOURCE, mutant) for mutant in mutants(SOURCE)]
+    sources = [ast.unparse(mutated(SOURCE, mutant)) for mutant in mutants(SOURCE)]
     assert plain not in sources
     assert len(set(sources)) == len(sources)
 
@@ -60,22 +63,86 @@ def test_the_modules_and_their_tests_are_there(module: str) -> None:
 def test_a_requirement_loses_its_condition() -> None:
     source = "require(a < b, 'a sentence')"
     first = mutants(source)[0]
-    assert (first.rule, mutated(source, first)) == ("condition dropped", "require(True, 'a sentence')")
+    assert (first.rule, ast.unparse(mutated(source, first))) == ("condition dropped", "require(True, 'a sentence')")
+
+
+PLACES = """
+LIMIT = 1
+class Box:
+    side = 2
+    def area(self, scale=3):
+        def inner():
+            return 4
+        if (self.side
+                > 5):
+            return inner() * 6
+        return scale
+def alone(): return 7
+"""
+
+
+def test_a_mutant_knows_its_statement_and_its_function() -> None:
+    found = {mutant.before: (mutant.lines, mutant.function) for mutant in mutants(PLACES)}
+    assert found["1"] == ((2, 2), "")
+    assert found["2"] == ((4, 4), "")
+    assert found["3"] == ((5, 5), "")
+    assert found["4"] == ((7, 7), "Box.area")
+    assert found["5"] == ((8, 9), "Box.area")
+    assert found["6"] == ((10, 10), "Box.area")
+    assert found["7"] == ((12, 12), "alone")
+
+
+def test_a_record_keeps_what_is_known_of_functions_that_did_not_change(tmp_path: Path) -> None:
+    source = "def one(): return 1\n\ndef two(): return 2 + 3\n"
+    every = mutants(source)
+    record = Record(tmp_path / "record.jsonl", source, every)
+    for mutant in every:
+        record.add(mutant, SURVIVED)
+    record.add(every[0], KILLED)
+    assert Record(record.path, source, every).said[every[0]] == KILLED
+    other = source.replace("3", "4")
+    again = Record(record.path, other, mutants(other))
+    assert [mutant.function for mutant in again.said] == ["one"]
 
 
 TRIAL = """
 import sys
-from tests.mutation.trial import is_noticed, path_of
+from tests.mutation.children import answers
+from tests.mutation.mutants import mutants, mutated
+from tests.mutation.trial import anew, path_of, prepare
+from tests.mutation.warm import Ready, run
+prepare()
 module, test = "inverse_service.algebra.monomials", sys.argv[1]
 source = path_of(module).read_text()
-print(is_noticed(module, source, [test], 60), is_noticed(module, source + "\\nkeys_of = None", [test], 60),
-      is_noticed(module, source + "\\nwhile True: pass", [test], 1))
+wanted = [one for one in mutants(source) if one.function == "MonomialKeys.bits"]
+jobs = [(one.rule, lambda one=one: anew(module, mutated(source, one), [test]), 60) for one in wanted]
+jobs += [("loop", lambda: next(one for one in iter(int, 1) if one), 1), ("fault", lambda: str(1 / 0), 9)]
+for rule, said in answers(iter(jobs), 1):
+    print(rule, said.split("::")[-1], sep=": ")
+run(Ready(module, wanted, 60, 1), [test], lambda one, said: print(one.rule, said.split("::")[-1], sep=": "))
 """
 
 
-def test_a_trial_tells_what_was_noticed(tmp_path: Path) -> None:
+def test_a_trial_tells_what_was_noticed_and_by_which_test(tmp_path: Path) -> None:
+    """First with the package loaded anew, then with one function changed in a session that is collected already."""
     test = tmp_path / "test_keys.py"
-    test.write_text("from inverse_service.algebra.monomials import keys_of\ndef test_it(): assert keys_of\n")
+    test.write_text(
+        "from inverse_service.algebra.monomials import MonomialKeys, keys_of\n"
+        "def test_key(): assert MonomialKeys(3).key((1, 0, 0)) == 1\n"
+        "def test_bits(): assert MonomialKeys(3).bits == 21\n"
+    )
     command = [sys.executable, "-c", TRIAL, str(test)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
-    assert done.stdout.split() == ["survived", "killed", "stopped"]
+    trial = ["FloorDiv to Mult: test_bits", "64: survived"]
+    found = [line.lstrip(".") for line in done.stdout.splitlines() if ": " in line]
+    assert found == [*trial, "loop: stopped", "fault: stopped", *trial]
+
+
+def test_a_function_behind_a_cache_or_a_property_is_changed_where_it_is() -> None:
+    @functools.cache
+    def cached() -> int:
+        return 1
+
+    assert plain(cached)() == plain(property(plain(cached)))() == 1
+    with pytest.raises(TypeError, match="no code"):
+        plain(len)

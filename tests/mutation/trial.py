@@ -1,12 +1,12 @@
-"""The tests of a module against one mutant of it, in a process of its own with a limit of processor time."""
+"""The tests of a module against one mutant of it, in a process that loads the package anew."""
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.abc
 import importlib.machinery
 import os
-import resource
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,17 +15,25 @@ from types import ModuleType
 ROOT = Path(__file__).parent.parent.parent
 # Loaded once, before the processes part.
 LIBRARIES = ("flint", "hypothesis", "llvmlite", "mpmath", "numba", "numpy", "pytest", "sympy")
+SURVIVED, KILLED = "survived", "killed"
+OPTIONS = ("-x", "-q", "-s", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestWarning")
 
 
 def prepare() -> None:
+    """Load the libraries; hypothesis looks for no smaller example and remembers none."""
     for name in LIBRARIES:
         importlib.import_module(name)
+    from hypothesis import Phase, settings
+
+    settings.register_profile("trial", database=None, deadline=None, phases=[Phase.explicit, Phase.generate])
+    settings.load_profile("trial")
+    os.chdir(ROOT)
 
 
 class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     """Puts a source in the place of that of a module."""
 
-    def __init__(self, module: str, source: str) -> None:
+    def __init__(self, module: str, source: ast.Module) -> None:
         self.module, self.source = module, source
 
     def find_spec(self, name: str, path: object, target: object = None) -> importlib.machinery.ModuleSpec | None:
@@ -38,39 +46,30 @@ class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
     def exec_module(self, module: ModuleType) -> None:
         module.__file__ = str(path_of(self.module))
-        exec(compile(self.source, module.__file__, "exec"), module.__dict__)
+        exec(compile(self.source, module.__file__, "exec", dont_inherit=True), module.__dict__)
 
 
 def path_of(module: str) -> Path:
     return ROOT / (module.replace(".", "/") + ".py")
 
 
-def is_noticed(module: str, source: str, tests: Sequence[str], limit: int) -> str:
-    """"killed" by a test, "stopped" by the limit of processor time in s, or "survived"."""
-    child = os.fork()
-    if not child:
-        _run(module, source, tests, limit)
-    _, status = os.waitpid(child, 0)
-    if os.WIFSIGNALED(status):
-        return "stopped"
-    return "survived" if os.WEXITSTATUS(status) == 0 else "killed"
+class FirstFailure:
+    """Remembers the test that failed first."""
+
+    name = ""
+
+    def pytest_runtest_logreport(self, report: object) -> None:
+        if getattr(report, "failed", False) and not self.name:
+            self.name = str(getattr(report, "nodeid", ""))
 
 
-def _run(module: str, source: str, tests: Sequence[str], limit: int) -> None:
-    """In the child: the end of this function is the end of the process."""
-    code = 3
-    try:
-        spent = int(sum(os.times()[:2]))
-        resource.setrlimit(resource.RLIMIT_CPU, (spent + limit, spent + limit + 2))
-        quiet = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(quiet, 1)
-        os.dup2(quiet, 2)
-        for name in [name for name in sys.modules if name.split(".")[0] in ("inverse_service", "api_schemas")]:
-            del sys.modules[name]
-        sys.meta_path.insert(0, Changed(module, source))
-        os.chdir(ROOT)
-        import pytest
+def anew(module: str, source: ast.Module, tests: Sequence[str]) -> str:
+    """In a child: SURVIVED, or KILLED and the test that noticed."""
+    for name in [name for name in sys.modules if name.split(".")[0] in ("inverse_service", "api_schemas")]:
+        del sys.modules[name]
+    sys.meta_path.insert(0, Changed(module, source))
+    import pytest
 
-        code = int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestWarning", *tests]))
-    finally:
-        os._exit(code)
+    failure = FirstFailure()
+    code = pytest.main([*OPTIONS, *tests], plugins=[failure])
+    return SURVIVED if code == 0 else f"{KILLED} {failure.name}"

@@ -1,0 +1,57 @@
+"""Work in forked processes, each with a limit of processor time and of memory; what they say comes back."""
+
+from __future__ import annotations
+
+import os
+import resource
+import sys
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+Name = TypeVar("Name")
+Job = Callable[[], str]
+STOPPED = "stopped"
+MEMORY = 8 << 30  # bytes of addresses; a mutant may ask for any amount
+
+
+def answers(jobs: Iterator[tuple[Name, Job, float]], processes: int) -> Iterator[tuple[Name, str]]:
+    """The answer of each (name, job, seconds) as it comes, STOPPED beyond the limit; so many at a time."""
+    running: dict[int, tuple[Name, int]] = {}
+    for name, job, seconds in jobs:
+        if len(running) >= processes:
+            yield _ended(running)
+        reading, writing = os.pipe()
+        child = os.fork()
+        if not child:
+            os.close(reading)
+            _answer(job, seconds, writing)
+        os.close(writing)
+        running[child] = (name, reading)
+    while running:
+        yield _ended(running)
+
+
+def _ended(running: dict[int, tuple[Name, int]]) -> tuple[Name, str]:
+    child, status = os.waitpid(-1, 0)
+    name, reading = running.pop(child)
+    with os.fdopen(reading) as stream:
+        said = stream.read()
+    return name, said if os.WIFEXITED(status) and os.WEXITSTATUS(status) == 0 else STOPPED
+
+
+def _answer(job: Job, seconds: float, writing: int) -> None:
+    """In the child: the end of this function is the end of the process."""
+    code = 1
+    try:
+        limit = int(sum(os.times()[:2]) + seconds) + 1
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 2))
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        quiet = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1, 2):
+            os.dup2(quiet, stream)
+        os.write(writing, job()[:4000].encode())
+        code = 0
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+    finally:
+        os._exit(code)

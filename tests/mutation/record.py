@@ -1,0 +1,47 @@
+"""What became of each mutant, on disc: a broken run goes on where it was, a change loses only its own function."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from tests.mutation.mutants import Mutant
+
+
+class Record:
+    """The answers on the mutants of one source, in a file of lines of JSON; of two answers the later one holds."""
+
+    def __init__(self, path: Path, source: str, every: Sequence[Mutant]) -> None:
+        self.path, self.keys = path, keys(source, every)
+        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+        known = {one["key"]: one["said"] for one in map(json.loads, lines)}
+        self.said = {mutant: known[key] for mutant, key in self.keys.items() if key in known}
+
+    def add(self, mutant: Mutant, said: str) -> None:
+        self.said[mutant] = said
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        entry = {"key": self.keys[mutant], "line": mutant.line, "before": mutant.before, "rule": mutant.rule}
+        with self.path.open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps({**entry, "said": said}) + "\n")
+
+
+def keys(source: str, every: Sequence[Mutant]) -> dict[Mutant, str]:
+    """A name for each mutant that does not change while the function around it stays as it is."""
+    texts = dict(_functions(ast.parse(source)))
+    places: dict[str, int] = {}
+    found = {}
+    for mutant in every:
+        place = places[mutant.function] = places.get(mutant.function, -1) + 1
+        own = texts.get(mutant.function, source)
+        found[mutant] = hashlib.sha256(f"{own}\n{place}".encode()).hexdigest()
+    return found
+
+
+def _functions(tree: ast.Module) -> list[tuple[str, str]]:
+    classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+    places = [("", tree.body), *((node.name + ".", node.body) for node in classes)]
+    return [(prefix + node.name, prefix + ast.unparse(node))
+            for prefix, body in places for node in body if isinstance(node, ast.FunctionDef)]  # fmt: skip
