@@ -4,6 +4,10 @@ The pivot of a row is its last nonzero column, so with columns in ascending degr
 pivot lies in the first k columns are all consequences on those columns. Each new row is reduced in
 full by the rows before it (rows then hold little beside their pivot and free columns) and the
 multiples used are recorded, so that each consequence can be traced to the original rows.
+
+Rows that are expected to depend on the others cost most and give nothing. They are not reduced one by
+one: a random combination of all of them is, and where it vanishes, so do they (a row that does not lets it
+vanish with probability 1/P; Freivalds 1977). Where it does not vanish they are inserted like the rest.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ from inverse_service.algebra.montgomery import compiled, multiply, power
 Words = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]
 Columns = npt.NDArray[np.int32]
+Flags = npt.NDArray[np.bool_]
 Kind = TypeVar("Kind", bound=np.generic)
 
 
@@ -90,21 +95,62 @@ def _store(
 
 
 @compiled
+def _combine(
+    rows: Indices, row_starts: Indices, columns: Indices, values: Words, work: Words, state: np.uint64,
+    prime: np.uint64, negative_inverse: np.uint64,
+) -> int:
+    """Add a random combination of rows to the dense `work`; its last column. `state` seeds the weights."""
+    top = -1
+    for row in rows:
+        # splitmix64 (Steele, Lea and Flood, OOPSLA 2014): the weights need no more than to be unforeseen.
+        state += np.uint64(0x9E3779B97F4A7C15)
+        word = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        weight = (word ^ (word >> np.uint64(31))) % prime
+        for k in range(row_starts[row], row_starts[row + 1]):
+            column = columns[k]
+            total = work[column] + multiply(values[k], weight, prime, negative_inverse)
+            work[column] = total - prime if total >= prime else total
+            top = max(top, column)
+    return top
+
+
+@compiled
+def _vanishes(
+    top: int, work: Words, pivot_of: Indices, basis_starts: Indices, basis_columns: Columns, basis_values: Words,
+    prime: np.uint64, negative_inverse: np.uint64,
+) -> bool:
+    """Whether the basis reduces `work` to zero; nothing is recorded."""
+    for column in range(top, -1, -1):
+        factor = work[column]
+        if factor == np.uint64(0):
+            continue
+        used = pivot_of[column]
+        if used < 0:
+            return False
+        for k in range(basis_starts[used], basis_starts[used + 1]):
+            product = multiply(factor, basis_values[k], prime, negative_inverse)
+            work[basis_columns[k]] = _minus(work[basis_columns[k]], product, prime)
+    return True
+
+
+@compiled
 def _reduce_rows(
-    start: int, row_starts: Indices, columns: Indices, values: Words, work: Words,
+    start: int, rows: Indices, row_starts: Indices, columns: Indices, values: Words, work: Words,
     pivot_of: Indices, basis_starts: Indices, basis_columns: Columns, basis_values: Words, origin: Indices,
     use_starts: Indices, use_rows: Columns, use_factors: Words, state: Indices,
     prime: np.uint64, negative_inverse: np.uint64, one: np.uint64, square: np.uint64,
 ) -> int:
-    """Insert rows start, start + 1, …; stop early (returning its number) where an array is full."""
-    for row in range(start, len(row_starts) - 1):
+    """Insert rows[start], rows[start + 1], …; stop early (returning the place) where an array is full."""
+    for place in range(start, len(rows)):
+        row = rows[place]
         first, last = row_starts[row], row_starts[row + 1]
         top = _unpack(first, last, columns, values, work, prime, negative_inverse, square)
         room = state[_ENTRIES] + top + 1 <= len(basis_columns) and state[_USES] + top + 2 <= len(use_rows)
         if not room or state[_ROWS] + 2 > len(basis_starts):
             for k in range(first, last):
                 work[columns[k]] = np.uint64(0)
-            return row
+            return place
         pivot = _reduce(
             top, work, pivot_of, basis_starts, basis_columns, basis_values, use_rows, use_factors, state,
             prime, negative_inverse,
@@ -118,7 +164,7 @@ def _reduce_rows(
         use_rows[uses], use_factors[uses] = -1, inverse
         state[_ROWS], state[_USES] = count + 1, uses + 1
         basis_starts[count + 1], use_starts[count + 1] = state[_ENTRIES], uses + 1
-    return len(row_starts) - 1
+    return len(rows)
 
 
 @compiled
@@ -162,23 +208,54 @@ class Echelon:
         self.pivot_of = np.concatenate([self.pivot_of, more])
         self.width = width
 
-    def insert(self, row_starts: Indices, columns: Indices, values: Words) -> None:
-        """Insert rows in compressed form; entries of equal column in a row are added up."""
+    def insert(
+        self, row_starts: Indices, columns: Indices, values: Words, expected: Flags | None = None
+    ) -> Flags:
+        """Insert rows in compressed form; entries of equal column in a row are added up.
+
+        `expected` marks rows that should depend on all others, which is then tested at once. The answer
+        marks those that do.
+        """
+        total, first = len(row_starts) - 1, self.count
+        given = (row_starts, columns, values)
+        if expected is None or not expected.any():
+            self._insert(np.arange(total), *given)
+        else:
+            self._insert(np.flatnonzero(~expected), *given)
+            rest = np.flatnonzero(expected)
+            if not self._depend(rest, *given):
+                self._insert(rest, *given)
+        dependent = np.ones(total, np.bool_)
+        dependent[self.origin[first : self.count]] = False
+        self.origin[first : self.count] += self.inserted
+        self.inserted += total
+        return dependent
+
+    def _insert(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words) -> None:
+        """Insert those rows one by one."""
         prime, negative_inverse, one, square = montgomery.constants(self.prime)
         work = np.zeros(self.width, np.uint64)
-        row, total, first = 0, len(row_starts) - 1, self.count
+        place = 0
         while True:
-            row = _reduce_rows(
-                row, row_starts, columns, values, work, self.pivot_of, self.starts, self.columns, self.values,
+            place = _reduce_rows(
+                place, rows, row_starts, columns, values, work, self.pivot_of, self.starts, self.columns, self.values,
                 self.origin, self.use_starts, self.use_rows, self.use_factors, self.state,
                 prime, negative_inverse, one, square,
             )
-            if row == total:
+            if place == len(rows):
                 break
             self._grow()
         self.count = int(self.state[_ROWS])
-        self.origin[first : self.count] += self.inserted
-        self.inserted += total
+
+    def _depend(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words) -> bool:
+        """Whether a random combination of those rows depends on the basis."""
+        prime, negative_inverse, _, _ = montgomery.constants(self.prime)
+        work = np.zeros(self.width, np.uint64)
+        # The prime is random itself, and so are weights that come from it.
+        seed = np.uint64(self.prime * 0x2545F4914F6CDD1D + self.inserted & 0xFFFFFFFFFFFFFFFF)
+        top = _combine(rows, row_starts, columns, values, work, seed, prime, negative_inverse)
+        basis = (self.pivot_of, self.starts, self.columns, self.values)
+        return bool(_vanishes(top, work, *basis, prime, negative_inverse))
 
     def _grow(self) -> None:
         if self.state[_ROWS] + 2 > len(self.starts):
@@ -216,4 +293,6 @@ class Echelon:
 
 
 def _doubled(array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:
-    return np.concatenate([array, np.zeros_like(array)])
+    longer = np.empty(2 * len(array), array.dtype)
+    longer[: len(array)] = array
+    return longer

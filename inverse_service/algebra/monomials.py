@@ -56,6 +56,19 @@ def exponents_of_degree(size: int, degree: int) -> npt.NDArray[np.int8]:
     return table
 
 
+@lru_cache(maxsize=128)
+def raised_places(size: int, degree: int) -> npt.NDArray[np.int64]:
+    """Where alpha + e_a stands among the exponents of degree + 1, (count, size)."""
+    table, above = exponents_of_degree(size, degree), exponents_of_degree(size, degree + 1)
+    monomials = MonomialKeys(size)
+    known = keys_of(monomials, above)
+    order = np.argsort(known)
+    raised = keys_of(monomials, table)[:, None] + np.array([1 << (monomials.bits * a) for a in range(size)])
+    places: npt.NDArray[np.int64] = order[np.searchsorted(known, raised, sorter=order)]
+    places.setflags(write=False)
+    return places
+
+
 def _compositions(size: int, degree: int) -> Iterator[tuple[int, ...]]:
     for bars in itertools.combinations(range(degree + size - 1), size - 1):
         ends = (-1, *bars, degree + size - 1)

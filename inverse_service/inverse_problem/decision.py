@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
+from inverse_service.algebra.echelon import Flags
 from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
@@ -83,6 +84,9 @@ class _Run:
     expected: int = _FIRST_ORDER
     expander: Expander | None = None
     history: list[tuple[int, ...]] = field(default_factory=list)
+    # Rows that depend on others: where another run found them, and where this one did.
+    expected_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
+    dependent_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
 
 
 def decide(
@@ -105,11 +109,15 @@ def decide(
     limits, report = limits or Limits(), progress or (lambda _: None)
     try:
         analysis = analysis or analyse(system)
-        first = _decide_once(_Run(analysis, with_time, 2 * seed, limits, report, expander=expander))
+        run = _Run(analysis, with_time, 2 * seed, limits, report, expander=expander)
+        first = _decide_once(run)
         if first.verdict == "undetermined":
             return _timed(first, began)
-        # The second run will go as far as the first: it expands f once, to that order.
-        second = _decide_once(_Run(analysis, with_time, 2 * seed + 1, limits, report, first.order, expander))
+        # The second run will go as far as the first: it expands f once, to that order, and tests at once
+        # that the rows without use there are without use here.
+        again = _Run(analysis, with_time, 2 * seed + 1, limits, report, first.order, expander)
+        again.expected_rows = run.dependent_rows
+        second = _decide_once(again)
     except IrreducibleAtoms as problem:
         return _timed(Decision("undetermined", with_time, 0, reason=problem.detail), began)
     return _timed(_agreement(first, second), began)
@@ -154,7 +162,8 @@ def _expand(run: _Run, seed: int, order: int) -> LocalSystem:
 
 def _prolong(run: _Run, seed: int) -> Decision:
     known = run.expected
-    prolongation = start(_expand(run, seed, known))
+    prolongation = start(_expand(run, seed, known), run.expected_rows)
+    run.dependent_rows = prolongation.dependent
     prime = prolongation.local.ring.prime
     points = ({"prime": prime, "seed": seed},)
     while True:

@@ -13,14 +13,14 @@ Trans. AMS 50 (1941), section 2; signs as in Mestdag, Bloch and Fernandez).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.echelon import Echelon
-from inverse_service.algebra.monomials import MonomialKeys, exponents_of_degree, keys_of
+from inverse_service.algebra.echelon import Echelon, Flags
+from inverse_service.algebra.monomials import MonomialKeys, exponents_of_degree, keys_of, raised_places
 from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.inverse_problem.emission import (
     NO_DERIVATIVE,
@@ -149,7 +149,8 @@ def _products(
 class Prolongation:
     """The echelon form of all rows up to `order`, columns in ascending degree of g.
 
-    `blocks[d]` holds the exponents of the unknowns of degree d + 2 in L (degree d in g).
+    `blocks[d]` holds the exponents of the unknowns of degree d + 2 in L (degree d in g). `dependent` marks,
+    for each kind and degree, the rows that depend on those before; `expected` those that did elsewhere.
     """
 
     local: LocalSystem
@@ -158,6 +159,8 @@ class Prolongation:
     equations: tuple[Equations, ...] = ()
     blocks: list[Exponents] = field(default_factory=list)
     row_blocks: list[tuple[Equations, Exponents]] = field(default_factory=list)
+    dependent: dict[tuple[str, int], Flags] = field(default_factory=dict)
+    expected: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -187,9 +190,9 @@ class Prolongation:
         raise IndexError("no such row")
 
 
-def start(local: LocalSystem) -> Prolongation:
-    """No rows yet; `advance` makes order 0, 1, …"""
-    return Prolongation(local, Echelon(local.ring.prime), equations=equations(local))
+def start(local: LocalSystem, expected: Mapping[tuple[str, int], Flags] | None = None) -> Prolongation:
+    """No rows yet; `advance` makes order 0, 1, … `expected` marks rows that depended on others elsewhere."""
+    return Prolongation(local, Echelon(local.ring.prime), equations=equations(local), expected=expected or {})
 
 
 def unknown_block(prolongation: Prolongation, degree: int) -> Exponents:
@@ -214,8 +217,28 @@ def advance(prolongation: Prolongation) -> None:
         monomials = exponents_of_degree(prolongation.size, degree)
         keys = keys_of(MonomialKeys(prolongation.size), monomials)
         rows = rows_of_degree(unknowns, block.table, degree, keys, bits, prime)
-        prolongation.echelon.insert(rows.starts, rows.columns, rows.values)
+        expected = _expected(prolongation, block, degree)
+        found = prolongation.echelon.insert(rows.starts, rows.columns, rows.values, expected)
+        prolongation.dependent[block.kind, degree] = found
         prolongation.row_blocks.append((block, monomials))
+
+
+def _expected(prolongation: Prolongation, block: Equations, degree: int) -> Flags | None:
+    """Which rows will depend on those before them: those that did elsewhere, or by the degree below.
+
+    Near a generic point a dependence holds identically; its derivative d_a makes the row of alpha + e_a
+    depend on rows that come before it, since their order is one of shifts. So the dependent alpha
+    of one equation go on upwards.
+    """
+    known = prolongation.expected.get((block.kind, degree))
+    below = prolongation.dependent.get((block.kind, degree - 1))
+    if known is not None or below is None or not below.any():
+        return known
+    above = raised_places(prolongation.size, degree - 1)
+    flags = np.zeros((len(block.pairs), len(exponents_of_degree(prolongation.size, degree))), np.bool_)
+    pairs, monomials = np.nonzero(below.reshape(len(block.pairs), -1))
+    flags[pairs[:, None], above[monomials]] = True
+    return flags.reshape(-1)
 
 
 def _unknowns(prolongation: Prolongation) -> Unknowns:

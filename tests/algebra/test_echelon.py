@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 
 import numpy as np
 import pytest
 from flint import nmod_mat
 
-from inverse_service.algebra.echelon import Echelon
+from inverse_service.algebra.echelon import Echelon, Flags
 from inverse_service.algebra.primes import safe_prime
 
 P = safe_prime(4)
@@ -31,11 +32,11 @@ def random_rows(count: int, width: int, density: float, seed: int) -> Rows:
     return rows
 
 
-def insert(echelon: Echelon, rows: Rows) -> None:
+def insert(echelon: Echelon, rows: Rows, expected: Flags | None = None) -> Flags:
     starts = np.cumsum([0, *map(len, rows)]).astype(np.int64)
     columns = np.array([c for row in rows for c in row], np.int64)
     values = np.array([x for row in rows for x in row.values()], np.uint64)
-    echelon.insert(starts, columns, values)
+    return echelon.insert(starts, columns, values, expected)
 
 
 def echelon_of(rows: Rows, width: int) -> Echelon:
@@ -151,3 +152,49 @@ def test_arrays_grow_when_they_are_full() -> None:
     echelon = echelon_of(rows, 170)
     assert reduced(list(echelon.rows_within(0, 170).values()), 170) == reduced(rows, 170)
     assert len(echelon.columns) > 4096
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rows_marked_dependent_are_those_that_do_not_raise_the_rank(seed: int) -> None:
+    rows, echelon = random_rows(40, 25, 0.15, seed), Echelon(P)
+    echelon.widen(25)
+    dependent = insert(echelon, rows)
+    ranks = [reduced(rows[:k], 25)[1] for k in range(len(rows) + 1)]
+    assert dependent.tolist() == [a == b for a, b in itertools.pairwise(ranks)]
+    assert dependent.any()
+    assert not dependent.all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rows_rightly_expected_to_depend_leave_the_very_same_basis(seed: int) -> None:
+    rows, plain, told = random_rows(40, 60, 0.1, seed), Echelon(P), Echelon(P)
+    plain.widen(60)
+    told.widen(60)
+    dependent = insert(plain, rows)
+    assert insert(told, rows, dependent).tolist() == dependent.tolist()
+    assert told.rows_within(0, 60) == plain.rows_within(0, 60)
+    assert all(told.trace({k: 1}) == plain.trace({k: 1}) for k in range(plain.count))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rows_wrongly_expected_to_depend_are_inserted_all_the_same(seed: int) -> None:
+    """A single row too many among those expected is noticed."""
+    rows, plain = random_rows(40, 60, 0.1, seed), Echelon(P)
+    plain.widen(60)
+    dependent = insert(plain, rows)
+    for wrong in np.flatnonzero(~dependent).tolist():
+        expected, told = dependent.copy(), Echelon(P)
+        expected[wrong] = True
+        told.widen(60)
+        found = insert(told, rows, expected)
+        assert told.count == plain.count == np.count_nonzero(~found)
+        basis = list(told.rows_within(0, 60).values())
+        assert reduced(basis, 60) == reduced(rows, 60)
+
+
+def test_all_rows_may_be_expected_to_depend() -> None:
+    rows, echelon = random_rows(30, 25, 0.2, 3), Echelon(P)
+    echelon.widen(25)
+    insert(echelon, rows, np.ones(len(rows), np.bool_))
+    assert echelon.count == reduced(rows, 25)[1] > 0
+    assert insert(echelon, rows, np.ones(len(rows), np.bool_)).all()

@@ -9,11 +9,12 @@ import random
 import pytest
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.echelon import Echelon, Indices, Words
+from inverse_service.algebra.echelon import Echelon, Flags, Indices, Words
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
+from inverse_service.inverse_problem import prolongation as room
 from inverse_service.inverse_problem.prolongation import (
     LocalSystem,
     Prolongation,
@@ -86,10 +87,12 @@ def test_rows_are_the_taylor_coefficients_of_the_helmholtz_conditions(
 ) -> None:
     order, recorded, insert = 2, list[list[tuple[int, int]]](), Echelon.insert
 
-    def record(echelon: Echelon, starts: Indices, columns: Indices, values: Words) -> None:
+    def record(
+        echelon: Echelon, starts: Indices, columns: Indices, values: Words, expected: Flags | None = None
+    ) -> Flags:
         pairs = list(zip(columns.tolist(), values.tolist(), strict=True))
         recorded.extend(pairs[a:b] for a, b in itertools.pairwise(starts.tolist()))
-        insert(echelon, starts, columns, values)
+        return insert(echelon, starts, columns, values, expected)
 
     monkeypatch.setattr(Echelon, "insert", record)
     prolongation = prolongation_of(system, order, with_time)
@@ -179,3 +182,26 @@ def test_dimensions_fall_with_the_order_and_rise_with_the_degree() -> None:
     for low, high in itertools.pairwise(tables):
         assert all(low.dimension(d) >= high.dimension(d) for d in range(low.order + 1))
     assert all(tables[2].dimension(d) <= tables[2].dimension(d + 1) for d in range(3))
+
+
+@pytest.mark.parametrize(("equations_of", "with_time"), CASES)
+def test_rows_foreseen_to_depend_on_others_change_nothing(
+    equations_of: dict[str, str], with_time: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither the basis nor the rows it is made of; and a dependence goes on upwards."""
+    foreseen = prolongation_of(equations_of, 4, with_time)
+    monkeypatch.setattr(room, "_expected", lambda *_: None)
+    plain = prolongation_of(equations_of, 4, with_time)
+    assert {k: v.tolist() for k, v in foreseen.dependent.items()} == {k: v.tolist() for k, v in plain.dependent.items()}
+    width = plain.width(4)
+    assert foreseen.echelon.rows_within(0, width) == plain.echelon.rows_within(0, width)
+    monkeypatch.undo()
+    for block, monomials in plain.row_blocks:
+        degree = int(monomials[0].sum())
+        expected = room._expected(plain, block, degree)
+        assert expected is None or not (expected & ~plain.dependent[block.kind, degree]).any()
+
+
+def test_the_cases_have_rows_that_depend_on_others() -> None:
+    found = [prolongation_of(equations_of, 4, with_time).dependent for equations_of, with_time in CASES]
+    assert sum(any(flags.any() for flags in dependent.values()) for dependent in found) >= 3
