@@ -33,15 +33,19 @@ def solve(document: Mapping[str, Any], *, time_limit: float = 60.0, seed: int = 
     return solve_document(alone, SolveOptions(seed=asked.seed, time_limit=asked.time_limit))
 
 
-def check(result: Mapping[str, Any] | str) -> dict[str, Any]:
-    """The independent checker on a result, given as a dictionary or as JSON text.
+def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The independent checker on a result or a certificate, given as a dictionary or as JSON text.
 
-    `verdict` is `valid`, `invalid` or `incomplete`; `reasons` are sentences.
+    `verdict` is `valid`, `invalid` or `incomplete`; `reasons` are sentences. The system of the certificate
+    is compared with `document`, or else with the document that the result carries as `system.given`.
     """
-    from inverse_service.certificate.checker import check_result, check_text
+    from inverse_service.service.checking import check_document, check_plain
+    from inverse_service.service.jobs.options import split_options
 
-    found = check_text(result) if isinstance(result, str) else check_result(result)
-    return {"verdict": found.verdict, "reasons": list(found.reasons)}
+    given = None if document is None else split_options(_plain(document))[0]
+    if not isinstance(result, str):
+        return check_plain(result, given)
+    return check_document(result) if given is None else check_plain(_read(result), given)
 
 
 def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str, Any]:
@@ -49,6 +53,17 @@ def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str
     from inverse_service.service.simulating import simulate as run
 
     return run(_plain(scene), time_limit=time_limit)
+
+
+def _read(text: str) -> Any:
+    """The value of a JSON text; None, which is no result, where it is not one that is read here."""
+    from inverse_service.errors import InputError
+    from inverse_service.service.reading import read_json
+
+    try:
+        return read_json(text)
+    except InputError:
+        return None
 
 
 def _plain(document: Mapping[str, Any]) -> Any:

@@ -68,11 +68,16 @@ def solve(
 
 
 @application.command()
-def check(file: Annotated[str, typer.Argument(help="A result, as JSON; - is standard input.")]) -> None:
+def check(
+    file: Annotated[str, typer.Argument(help="A result or a certificate, as JSON; - is standard input.")],
+    document: Annotated[
+        str | None, typer.Option("--document", help="The system that was given; default the one in the result.")
+    ] = None,
+) -> None:
     """The independent checker on a result. Exit 0 valid, 1 invalid or incomplete, 2 unreadable."""
     from inverse_service.cli.checking import check_file
 
-    sys.exit(check_file(file))
+    sys.exit(check_file(file, document))
 
 
 @application.command()

@@ -37,11 +37,6 @@ SHARE_OF_SEARCH = 0.6
 SHARE_OF_MOTION = 0.3
 
 
-def is_nonholonomic(document: Any) -> bool:
-    """Whether a document is meant as a Lagrangian with constraints."""
-    return isinstance(document, dict) and ("lagrangian" in document or "constraints" in document)
-
-
 def solve_nonholonomic(
     document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
 ) -> dict[str, Any]:

@@ -8,12 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 from api_schemas.result import ResultDocument
-from inverse_service.certificate.checker import check_result, check_text
+from inverse_service.certificate.checker import check_result
 from inverse_service.errors import CertificateRefused
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service import translate
+from inverse_service.service.checking import compare_before_leaving
 
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
 SHARE_OF_SOLVER = 0.8
@@ -79,19 +80,20 @@ def understand_document(document: Any) -> dict[str, Any]:
     return translate.to_understood(translate.to_system(schema), schema).model_dump(mode="json")
 
 
-def check_document(text: str) -> dict[str, Any]:
-    """The independent checker's verdict on the text of a result."""
-    found = check_text(text)
-    return {"verdict": found.verdict, "reasons": list(found.reasons)}
-
-
 def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
     """The document with the checker's verdict on each definite answer.
 
     The solver has its certificates checked itself; only what it left unchecked is checked here. An
-    answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked.
+    answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked, nor
+    before its system was compared with the document as given.
     """
-    document = result.model_dump(mode="json")
+    end = time.monotonic() + time_limit
+    document = _certified(result.model_dump(mode="json"), time_limit)
+    compare_before_leaving(document, end - time.monotonic())
+    return document
+
+
+def _certified(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
     other = document["with_time"]
     if other is None:
         _check_answer(document, document, time_limit)

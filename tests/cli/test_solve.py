@@ -97,6 +97,14 @@ def test_the_verdict_is_checked_by_the_check_command(call: Any, tmp_path: Path) 
     assert (flipped.code, flipped.out.split("\n")[0]) == (1, "invalid")
 
 
+def test_a_result_is_compared_with_the_document_in_a_file(call: Any, tmp_path: Path) -> None:
+    result = written(tmp_path, call("solve", written(tmp_path, {"equations": "x'' + x = 0"})).out, "r.json")
+    same, other = (written(tmp_path, f"equations: x'' {sign} x = 0\n", f"{sign}.yaml") for sign in "+-")
+    assert call("check", result, "--document", same).code == 0
+    found = call("check", result, "--document", other)
+    assert (found.code, found.out.split("\n")[0]) == (1, "invalid")
+
+
 @pytest.mark.parametrize("content", ["", "{", "[1]", "NaN", '{"a": 1, "a": 1}'])
 def test_check_of_what_is_no_result_is_exit_2(call: Any, tmp_path: Path, content: str) -> None:
     found = call("check", written(tmp_path, content))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import pytest
 
 from inverse_service.errors import CertificateRefused
@@ -20,6 +23,8 @@ from inverse_service.service import solving
 from inverse_service.service.translate import main_and_other, to_result, to_schema
 
 DOCUMENT = {"name": "oscillator", "coordinates": ["x"], "equations": {"x": "-x"}, "parameters": ["k"]}
+CANONICAL = {"coordinates": ["x"], "equations": {"x": "-x"}, "parameters": ["k"]}
+LOGARITHM = {**DOCUMENT, "equations": {"x": "log(-1 - x^2)"}}
 X, V, P = Symbol("x"), Velocity("x"), Symbol("p_x")
 ONE = number(1)
 SYSTEM = SecondOrderSystem(("x",), (negate(X),), ("k",), (), "oscillator")
@@ -86,6 +91,11 @@ def test_no_answer_at_all_is_a_fault() -> None:
         main_and_other(Solution(SYSTEM, None, None, None), None)
 
 
+def proven(answer: Answer, **certificate: Any) -> Answer:
+    """The answer with a certificate about the system, or with another one."""
+    return dataclasses.replace(answer, certificate={"system": CANONICAL, **certificate})
+
+
 class Found:
     """What a checker would say."""
 
@@ -102,8 +112,7 @@ def test_an_answer_that_the_checker_refuses_never_leaves(monkeypatch: pytest.Mon
 
 def test_an_answer_that_the_checker_cannot_confirm_is_undetermined(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solving, "check_result", lambda result, time_limit: Found("incomplete"))
-    unchecked = Answer("not_variational", certificate={})
-    solution = Solution(SYSTEM, YES, unchecked, None)
+    solution = Solution(SYSTEM, proven(YES), proven(Answer("not_variational")), None)
     found = solving.checked(to_result(solution, to_schema(DOCUMENT)), 1.0)
     assert (found["verdict"], found["verdict_with_time"]) == ("variational", "undetermined")
     assert "a row is missing" in found["with_time"]["reason"]
@@ -112,9 +121,24 @@ def test_an_answer_that_the_checker_cannot_confirm_is_undetermined(monkeypatch: 
 def test_the_checker_is_shown_the_other_answer_as_if_it_were_the_main_one(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = []
     monkeypatch.setattr(solving, "check_result", lambda result, time_limit: shown.append(result) or Found("valid"))
-    unchecked = Answer("variational", certificate={"kind": "other"})
-    solving.checked(to_result(Solution(SYSTEM, NO, unchecked, None), to_schema(DOCUMENT)), 1.0)
-    assert [(result["verdict"], result["certificate"]) for result in shown] == [("variational", {"kind": "other"})]
+    unchecked = proven(Answer("variational"), kind="other")
+    solving.checked(to_result(Solution(SYSTEM, proven(NO), unchecked, None), to_schema(DOCUMENT)), 1.0)
+    assert [(result["verdict"], result["certificate"]["kind"]) for result in shown] == [("variational", "other")]
+
+
+@pytest.mark.parametrize("equation", ["x", "-x*k"])
+def test_an_answer_about_another_system_never_leaves(equation: str) -> None:
+    system = {**CANONICAL, "equations": {"x": equation}}
+    answer = proven(NO, system=system)
+    with pytest.raises(CertificateRefused, match="not what was given"):
+        solving.checked(to_result(Solution(SYSTEM, answer, answer, None), to_schema(DOCUMENT)), 1.0)
+
+
+def test_what_could_not_be_compared_is_undetermined() -> None:
+    answer = proven(NO, near={"x": "1"}, system={**CANONICAL, "equations": {"x": "log(-1 - x^2)"}})
+    found = solving.checked(to_result(Solution(SYSTEM, answer, answer, None), to_schema(LOGARITHM)), 1.0)
+    assert (found["verdict"], found["verdict_with_time"]) == ("undetermined", "undetermined")
+    assert "No point was found" in found["reason"]
 
 
 def test_where_nothing_exists_with_time_either_one_certificate_proves_both() -> None:

@@ -99,6 +99,9 @@ def test_an_oscillator_is_solved_and_its_result_checks(client: httpx.Client) -> 
     assert client.post("/v1/check", json=result).json()["verdict"] == "valid"
     assert client.post("/v1/check", json={**result, "verdict": "not_variational"}).json()["verdict"] == "invalid"
     assert client.post("/v1/check", json=result["certificate"]).json()["verdict"] == "valid"
+    for document, verdict in ((OSCILLATOR, "valid"), ({"equations": "x'' = x"}, "invalid")):
+        shown = {"document": document, "result": result}
+        assert client.post("/v1/check", json=shown).json()["verdict"] == verdict
     spoilt = {**result["certificate"], "lagrangian": "x'^2/2"}
     assert client.post("/v1/check", json=spoilt).json()["verdict"] == "invalid"
 

@@ -1,0 +1,177 @@
+"""Whether the right sides of a certificate satisfy equations as they were given, unsolved.
+
+The given trees are evaluated, with q'' := f as the checker reads f, to 144 digits at random points.
+Nothing of the way from the given equations to f is used: no matrix inverted, no term collected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from mpmath import mp
+
+from inverse_service.certificate.checker import CheckResult, Ended, Undefined
+from inverse_service.certificate.places import Place, Real, tried
+from inverse_service.expressions.derivative import differentiate, differentiate_in_time
+from inverse_service.expressions.evaluation import NoRealValue, evaluate_once
+from inverse_service.expressions.tree import (
+    Acceleration,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    subtract,
+    walk,
+)
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+
+Table = dict[Expression, Real]
+
+
+@dataclass(frozen=True, slots=True)
+class Canonical:
+    """What a certificate says of its system, as plain data, and the point that it names."""
+
+    system: object
+    near: object = None
+
+
+def equations_agree(
+    equations: Sequence[Expression], coordinates: Sequence[str], canonical: Canonical, time_limit: float = 60.0
+) -> CheckResult:
+    """Whether E_k(t, q, q', f) = 0 for all k and dE/dq'' is regular there: then f is what E = 0 determines."""
+    if len(equations) != len(coordinates):
+        return CheckResult("invalid", ("The number of equations as given is not that of the coordinates.",))
+    slopes = [[differentiate(equation, Acceleration(name)) for name in coordinates] for equation in equations]
+
+    def trial(place: Place) -> str:
+        table = _table(place, coordinates, place.values)
+        for number, equation in enumerate(equations, 1):
+            (value,), size = _row([equation], place, table)
+            if not place.vanishes(value, size):
+                raise Ended("invalid", f"The accelerations do not satisfy equation {number} as given.")
+        if not _regular(slopes, place, table):
+            raise Ended("invalid", "The equations as given do not determine the accelerations.")
+        return "The accelerations satisfy the equations as given, which determine them."
+
+    return tried(canonical.system, canonical.near, _defined(trial), time_limit)
+
+
+def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
+    """Whether f is the motion of L under the constraints w(t, q, v) = 0, where they hold.
+
+    At points with w = 0: dw/dt = 0, and the Euler-Lagrange expressions of L are a combination of the
+    rows of dw/dv; with M = d2L/dv2 the matrix (M, (dw/dv)^T; dw/dv, 0) is regular, so there is one such f.
+    """
+    names, count = given.coordinates, len(given.constraints)
+    slopes = [[differentiate(each, Velocity(name)) for name in names] for each in given.constraints]
+    momenta = [differentiate(given.lagrangian, Velocity(name)) for name in names]
+    masses = [[differentiate(momentum, Velocity(name)) for name in names] for momentum in momenta]
+    rates = [differentiate_in_time(each, names) for each in given.constraints]
+    forces = [
+        subtract(differentiate_in_time(momentum, names), differentiate(given.lagrangian, Symbol(name)))
+        for momentum, name in zip(momenta, names, strict=True)
+    ]
+
+    def trial(place: Place) -> str:
+        table = _table(place, names, _on_constraints(given, slopes, place))
+        for rate in (*given.constraints, *rates):
+            (value,), size = _row([rate], place, table)
+            if not place.vanishes(value, size):
+                raise Ended("invalid", "The accelerations leave the constraints as given.")
+        rows = [_row(row, place, table) for row in slopes]
+        if place.rank(*_columns([*rows, _row(forces, place, table)])) != place.rank(*_columns(rows)):
+            raise Ended("invalid", "On the constraints these are not the accelerations of the Lagrangian as given.")
+        if place.rank(*_columns(_bordered(masses, rows, place, table))) != len(names) + count:
+            raise Ended("invalid", "The Lagrangian and the constraints as given do not determine the motion.")
+        return "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
+
+    return tried(canonical.system, canonical.near, _defined(trial), time_limit)
+
+
+_Row = tuple[list[Real], Real]  # values, and the size that rounding is measured against
+
+
+def _columns(rows: Sequence[_Row]) -> tuple[list[list[Real]], list[Real]]:
+    return [values for values, _ in rows], [size for _, size in rows]
+
+
+def _bordered(masses: list[list[Expression]], rows: list[_Row], place: Place, table: Table) -> list[_Row]:
+    """(M, W^T; W, 0), each half scaled to entries of size one."""
+    above = [_row(row, place, table) for row in masses]
+    columns = [[values[k] / size for values, size in rows] for k in range(len(above))]
+    largest = max(size for _, size in above)
+    top = [
+        ([value / largest for value in values] + column, mp.one)
+        for (values, _), column in zip(above, columns, strict=True)
+    ]
+    return top + [([value / size for value in values] + [mp.zero] * len(rows), mp.one) for values, size in rows]
+
+
+def _on_constraints(given: NonholonomicSystem, slopes: list[list[Expression]], place: Place) -> dict[str, Real]:
+    """The point with the velocities moved, by the least amount, to where the constraints hold."""
+    values = place.values
+    table = _leaves(given.coordinates, values)
+    rows = mp.matrix([_row(row, place, table)[0] for row in slopes])
+    defects = mp.matrix([_row([each], place, table)[0] for each in given.constraints])
+    try:
+        moved = rows.T * mp.lu_solve(rows * rows.T, defects)
+    except ZeroDivisionError:
+        raise Undefined from None
+    for k, name in enumerate(given.coordinates):
+        values[f"{name}'"] -= moved[k]
+    return values
+
+
+def _defined(trial: Callable[[Place], str]) -> Callable[[Place], str]:
+    """The trial; where a given formula has no real value, another point is wanted."""
+
+    def tried_there(place: Place) -> str:
+        try:
+            return trial(place)
+        except NoRealValue:
+            raise Undefined from None
+
+    return tried_there
+
+
+def _leaves(coordinates: Iterable[str], values: dict[str, Real]) -> Table:
+    velocities = {f"{name}'": name for name in coordinates}
+    return {Velocity(velocities[name]) if name in velocities else Symbol(name): value for name, value in values.items()}
+
+
+def _table(place: Place, coordinates: Sequence[str], values: dict[str, Real]) -> Table:
+    """Values of all leaves, q'' := f."""
+    accelerations = place.accelerations({name: values[name] for name in values if name.endswith("'")})
+    solved = {Acceleration(name): f for name, f in zip(coordinates, accelerations, strict=True)}
+    return _leaves(coordinates, values) | solved
+
+
+def _row(trees: Sequence[Expression], place: Place, table: Table) -> _Row:
+    for tree in trees:
+        for node in reversed([node for node in walk(tree) if isinstance(node, Arbitrary)]):
+            arguments = [evaluate_once(argument, table) for argument in node.arguments]
+            table[node] = place.function(node.name, node.orders, arguments)
+    return [evaluate_once(tree, table) for tree in trees], max(_size(tree, table) for tree in trees)
+
+
+def _size(tree: Expression, table: Table) -> Real:
+    """A bound for the terms that are added up in a tree."""
+    match tree:
+        case Sum(terms):
+            return mp.fsum([_size(term, table) for term in terms])
+        case Product(factors):
+            return mp.fprod([_size(factor, table) for factor in factors])
+        case Power(base, Number(value)) if value.denominator == 1 and value > 0:
+            return _size(base, table) ** value.numerator
+        case _:
+            return abs(evaluate_once(tree, table))
+
+
+def _regular(matrix: list[list[Expression]], place: Place, table: Table) -> bool:
+    return place.rank(*_columns([_row(row, place, table) for row in matrix])) == len(matrix)

@@ -1,0 +1,161 @@
+"""A certificate is about the system that was given: what the user wrote, unsolved, against the right sides."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from inverse_service import check, solve
+from inverse_service.errors import CertificateRefused
+from inverse_service.expressions.tree import negate
+from inverse_service.mechanics import reading
+from inverse_service.mechanics.agreement import Canonical
+from inverse_service.service import translate
+from inverse_service.service.comparison import compared_with_document
+
+TWO = ["x", "y"]
+DISK = {
+    "coordinates": ["phi", "theta", "x", "y"],
+    "lagrangian": "M/2*(x'^2 + y'^2) + I/2*theta'^2 + J/2*phi'^2",
+    "constraints": ["x' - R*cos(phi)*theta'", "y' - R*sin(phi)*theta'"],
+    "parameters": ["M", "I", "J", "R"],
+}
+MOTIONS = {
+    "first": {"phi": "0", "theta": "0", "x": "-R*sin(phi)*phi'*theta'", "y": "R*cos(phi)*phi'*theta'"},
+    "second": {"phi": "0", "theta": "0", "x": "-tan(phi)*phi'*x'", "y": "cot(phi)*phi'*y'"},
+    "third": {"phi": "0", "theta": "0", "x": "-phi'*y'", "y": "phi'*x'"},
+}
+MASSES = "(2 + cos(y))*x'' + a*y'' + b*x = 0; y'' - x''/3 + sqrt(y) = 0"
+SOLVED = {
+    "x": "-3*(b*x - a*sqrt(y))/(a + 3*cos(y) + 6)",
+    "y": "-(b*x + 3*sqrt(y)*cos(y) + 6*sqrt(y))/(a + 3*cos(y) + 6)",
+}
+
+
+def compared(document: Any, equations: dict[str, str], near: Any = None, **names: Any) -> str:
+    system = {"coordinates": list(equations), "equations": equations, **names}
+    return compared_with_document(document, Canonical(system, near)).verdict
+
+
+@pytest.mark.parametrize(
+    ("document", "equations", "names"),
+    [
+        ({"equations": "x'' + 2*sin(x)*cos(x) = 0"}, {"x": "-sin(2*x)"}, {}),
+        ({"equations": r"\ddot{x} + \frac{1}{2} \sqrt{x} = 0"}, {"x": "-x^(1/2)/2"}, {}),
+        ({"equations": "0.1 x'' = t x'"}, {"x": "10*t*x'"}, {}),
+        ({"equations": "x'' = -x + x'^2/x"}, {"x": "(x'^2 - x^2)/x"}, {}),
+        ({"equations": "x'' = pi*log(e^x)"}, {"x": "pi*x"}, {}),
+        ({"equations": {"x": "-w^2 x"}, "parameters": {"w": "sqrt(2)"}}, {"x": "-2*x"}, {}),
+        ({"equations": "x'' = sin(x - sin(t)^2 - cos(t)^2 + 1 - x)"}, {"x": "0"}, {}),
+        ({"equations": MASSES, "parameters": ["a", "b"]}, SOLVED, {"parameters": ["b", "a"]}),
+        (
+            {"coordinates": TWO, "equations": {"x": "A'(x)*y'", "y": "B[1,1](x, y)"},
+             "functions": {"A": ["x"], "B": TWO}},
+            {"x": "y'*diff(A(x), x)", "y": "diff(B(x, y), x, y)"},
+            {"functions": {"A": ["x"], "B": TWO}},
+        ),
+    ],
+    ids=lambda value: str(value)[:40],
+)  # fmt: skip
+def test_the_same_system_in_another_form_is_the_system_given(document: Any, equations: Any, names: Any) -> None:
+    assert compared(document, equations, **names) == "valid"
+
+
+@pytest.mark.parametrize(
+    ("document", "equations", "names"),
+    [
+        ({"equations": "x'' + sin(x) = 0"}, {"x": "sin(x)"}, {}),  # a sign
+        ({"equations": "x'' + sin(x) = 0"}, {"x": "-sin(x)*(1 + 1/10^25)"}, {}),  # by very little
+        ({"equations": "x'' + sin(x) = 0"}, {"x": "-sin(x) + 1/10^25"}, {}),
+        ({"equations": "x'' = a*x - b*x'", "parameters": ["a", "b"]}, {"x": "b*x - a*x'"}, {"parameters": ["a", "b"]}),
+        ({"equations": "x'' = x; y'' = x'"}, {"y": "x'", "x": "x"}, {}),  # another order of coordinates
+        ({"equations": "x'' = x; y'' = x'"}, {"x": "x'", "y": "x"}, {}),
+        ({"equations": "0*(x'' + x) = 0"}, {"x": "-x"}, {}),
+        ({"equations": "(sin(x)^2 + cos(x)^2 - 1)*(x'' + x) = 0"}, {"x": "-x"}, {}),
+        ({"equations": "x'' + y'' = 0; 2*x'' + 2*y'' = 0"}, {"x": "-y", "y": "y"}, {}),  # does not determine them
+        ({"equations": "x'' = 0"}, {"x": "0", "y": "0"}, {}),
+        ({"equations": "x'' = a*x", "parameters": ["a"]}, {"x": "a*x"}, {"parameters": ["a", "b"]}),
+        ({"equations": "x'' = a*x", "parameters": {"a": 2}}, {"x": "3*x"}, {}),
+        (
+            {"coordinates": ["x"], "equations": {"x": "A'(x)"}, "functions": {"A": ["x"]}},
+            {"x": "A(x)"},
+            {"functions": {"A": ["x"]}},
+        ),
+        ({"coordinates": ["x"], "equations": {"x": "A(2*x)"}, "functions": {"A": ["x"]}}, {"x": "A(x)"},
+         {"functions": {"A": ["x"]}}),
+    ],
+    ids=lambda value: str(value)[:40],
+)  # fmt: skip
+def test_another_system_is_not_the_system_given(document: Any, equations: Any, names: Any) -> None:
+    assert compared(document, equations, **names) == "invalid"
+
+
+def test_another_branch_of_a_root_is_another_system() -> None:
+    document = {"equations": "x'' = sqrt(x^2)"}
+    assert compared(document, {"x": "x"}, near={"x": "3/2"}) == "valid"
+    assert compared(document, {"x": "x"}, near={"x": "-3/2"}) == "invalid"
+    assert compared(document, {"x": "-(x^2)^(1/2)"}) == "invalid"
+
+
+def test_formulas_without_a_common_real_point_are_not_judged() -> None:
+    assert compared({"equations": "x'' = log(-1 - x^2)"}, {"x": "0"}) == "incomplete"
+
+
+@pytest.mark.parametrize("document", [None, 3, {}, {"equations": "x'' ="}, {"lagrangian": 1}, {"equations": {"x": []}}])
+def test_what_is_no_document_is_compared_with_nothing(document: Any) -> None:
+    assert compared(document, {"x": "0"}) == "invalid"
+
+
+@pytest.mark.parametrize("kind", MOTIONS)
+def test_every_associated_system_is_the_motion_on_the_constraints(kind: str) -> None:
+    assert compared(DISK, MOTIONS[kind], parameters=DISK["parameters"]) == "valid"
+
+
+@pytest.mark.parametrize("changed", [{"phi": "x'"}, {"theta": "1"}, {"x": "tan(phi)*phi'*x'"}, {"y": "phi'*y'"}])
+def test_another_motion_is_not_that_of_the_lagrangian(changed: dict[str, str]) -> None:
+    assert compared(DISK, MOTIONS["second"] | changed, parameters=DISK["parameters"]) == "invalid"
+
+
+def test_a_lagrangian_that_determines_no_motion_is_not_agreed_with() -> None:
+    document = DISK | {"lagrangian": "M/2*(x'^2 + y'^2) + I/2*theta'^2 + J*phi' + R"}
+    assert compared(document, MOTIONS["first"], parameters=DISK["parameters"]) == "invalid"
+
+
+def test_a_result_is_compared_with_the_document_that_it_carries() -> None:
+    result = solve({"equations": MASSES, "parameters": ["a", "b"]})
+    found = check(result)
+    assert (found["verdict"], "not compared" in " ".join(found["reasons"])) == ("valid", False)
+    assert "satisfy the equations as given" in found["reasons"][-1]
+    result["system"]["given"]["equations"] = MASSES.replace("+ b", "- b")
+    assert check(result)["verdict"] == check(json.dumps(result))["verdict"] == "invalid"
+
+
+def test_a_certificate_alone_is_compared_with_a_document() -> None:
+    certificate = solve({"equations": "x'' = -a*x", "parameters": ["a"]})["certificate"]
+    for shown in (certificate, json.dumps(certificate)):
+        assert check(shown)["verdict"] == "valid"
+        assert check(shown, {"equations": "x'' + a*x = 0", "parameters": ["a"]})["verdict"] == "valid"
+        assert check(shown, {"equations": "x'' - a*x = 0", "parameters": ["a"]})["verdict"] == "invalid"
+
+
+def test_each_associated_system_of_a_result_is_compared() -> None:
+    result = solve({**DISK, "associated": "second"})
+    assert check(result)["verdict"] == "valid"
+    other = result["nonholonomic"]["associated"][0]["certificate"]["system"]["equations"]
+    other["x"] = f"2*({other['x']})"
+    assert check(result)["verdict"] == "invalid"
+
+
+@pytest.mark.parametrize("broken", ["solving", "printing"])
+def test_a_fault_between_reading_and_canonical_form_never_leaves(broken: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    document = {"equations": "x'' + y'' + sin(x) = 0; x'' - y'' = y"}
+    assert solve(document)["verdict"] == "variational"
+    if broken == "solving":
+        right = reading.solve_accelerations
+        monkeypatch.setattr(reading, "solve_accelerations", lambda *given: tuple(map(negate, right(*given))))
+    else:
+        monkeypatch.setattr(translate, "to_text", lambda tree: "0")
+    with pytest.raises(CertificateRefused, match="not what was given"):
+        solve(document)
