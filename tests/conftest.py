@@ -89,7 +89,7 @@ HOSTILE = (
     Hostile("parameter-twice", system(parameters=["k", "k"])),
     Hostile("parameter-value-code", system(parameters={"k": "exit()"})),
     Hostile("parameter-value-zero-division", system(parameters={"k": "1/0"})),
-    Hostile("function-of-nothing", system(functions={"A": ["z"]})),
+    Hostile("function-of-nothing", system(equations={"x": "A(x)", "y": "0"}, functions={"A": ["z"]})),
     # formulas
     Hostile("code", formula("__import__('os').system('true')"), pointer=X),
     Hostile("lambda", formula("(lambda: 0)()"), pointer=X),

@@ -48,5 +48,7 @@ def stop(sentence: str, code: ExitCode) -> None:
 
 def _place(error: InputError) -> str:
     column = f"column {error.column}" if error.column is not None else ""
+    if column in error.detail:  # once is enough
+        column = ""
     place = ", ".join(part for part in (error.pointer, column) if part)
     return f"{place}: " if place else ""

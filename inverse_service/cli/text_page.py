@@ -68,6 +68,8 @@ def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[
     if answer["lagrangian"] is not None:
         yield f"  L = {answer['lagrangian']['text']}"
         yield from (f"      where {condition}" for condition in answer["lagrangian"]["domain"])
+    elif answer["verdict"] == "variational":
+        yield "  no Lagrangian in closed form was found" + ("" if explain else "; --explain says what was tried")
     if answer["hamiltonian"] is not None:
         yield from _hamiltonian(answer["hamiltonian"])
     if answer["solution_space"] is not None:

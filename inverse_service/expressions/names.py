@@ -17,6 +17,10 @@ from inverse_service.expressions.vocabulary import FUNCTIONS, RESERVED, reason_a
 Role = Literal["coordinate", "parameter", "function"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _LATEX_NAME = re.compile(r"\\?([A-Za-z]+[0-9]*)(?:_\{?\\?([A-Za-z0-9]+)\}?)?")
+# Endings that stand for time derivatives, longer ones first.
+DOTTED = (
+    ("_dot_dot", 2), ("_dotdot", 2), ("_ddot", 2), ("dotdot", 2), ("_dot", 1), ("ddot", 2), ("dot", 1),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +55,8 @@ class Names:
         return alike[0] if len(alike) == 1 else name
 
     def derivative(self, name: str) -> tuple[str, int] | None:
-        """(coordinate, order) for x_dot, xdot, x_ddot, xddot that are not declared themselves, else None."""
-        for ending, order in (("_ddot", 2), ("_dot", 1), ("ddot", 2), ("dot", 1)):
+        """(coordinate, order) for x_dot, xdot, x_ddot, x_dot_dot that are not declared themselves, else None."""
+        for ending, order in DOTTED:
             stem = self.spelling(name[: -len(ending)]) if name.endswith(ending) else ""
             if stem in self.coordinates:
                 return stem, order

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names, declared_name
+from inverse_service.expressions.names import DOTTED, Names, declared_name
 from inverse_service.expressions.reader import read_tokens
 from inverse_service.expressions.tokens import Token, joined, shorten
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES
@@ -70,9 +70,15 @@ def accelerated_names(tokens: Sequence[Token]) -> list[str]:
             found += _derived(following)
         elif _primes(following) == 2:
             found.append(token.text)
-        elif token.text.endswith("ddot") and token.text.removesuffix("ddot").rstrip("_"):
-            found.append(token.text.removesuffix("ddot").rstrip("_"))
+        elif stem := _dotted_twice(token.text):
+            found.append(stem)
     return found
+
+
+def _dotted_twice(word: str) -> str:
+    """The x of x_ddot, xddot, x_dot_dot; empty for other words."""
+    endings = (ending for ending, order in DOTTED if order == 2 and word.endswith(ending))
+    return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
 
 
 def _primes(tokens: Sequence[Token]) -> int:

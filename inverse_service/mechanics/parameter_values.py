@@ -44,6 +44,9 @@ def _constant(value: str | int | float, pointer: str) -> Expression:
     try:
         return read_formula(text, Names(time=False))
     except InputError as error:
+        if "is not declared" in error.detail:
+            detail = 'the value of a parameter holds a name that is not declared: write a number as in "1/2" or "2*pi".'
+            raise InputError(detail, pointer, error.column) from None
         raise error.at(pointer) from None
 
 

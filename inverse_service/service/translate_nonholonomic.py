@@ -36,6 +36,7 @@ from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.service import translate
+from inverse_service.service.outcome import Place
 from inverse_service.service.refusals import DocumentRefused, places_of
 
 T = TypeVar("T")
@@ -43,10 +44,25 @@ T = TypeVar("T")
 
 def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
+    _refuse_other_kinds(document)
     try:
         return NonholonomicDocument.model_validate(document)
     except ValidationError as error:
         raise DocumentRefused(places_of(error, nonholonomic=True)) from None
+
+
+def _refuse_other_kinds(document: Any) -> None:
+    if not isinstance(document, dict):
+        return
+    if "equations" in document:
+        sentence = "'equations' stand beside a Lagrangian or constraints: keep the one or the other."
+        raise DocumentRefused((Place(sentence, "/equations"),))
+    if "lagrangian" in document and document.get("constraints") in (None, [], ""):
+        sentence = (
+            "The Lagrangian has no 'constraints'; write a list such as [\"x' - R*cos(phi)*theta'\"]. "
+            "A system without constraints is given by its 'equations', or simulated as it is."
+        )
+        raise DocumentRefused((Place(sentence, "/constraints"),))
 
 
 def to_nonholonomic(schema: NonholonomicDocument) -> NonholonomicSystem:

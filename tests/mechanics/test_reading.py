@@ -122,9 +122,9 @@ FAULTS: list[tuple[dict[str, Any], str, int | None, str]] = [
     ({"equations": {"x": "1/k"}, "parameters": {"k": 0}}, "/parameters", None, "no real value"),
     ({"equations": {"x": "log(k)"}, "parameters": {"k": -1}}, "/parameters", None, "no real value"),
     ({"equations": {"x": "0"}, "parameters": {"k": "1/0"}}, "/parameters/k", 3, "division by zero"),
-    ({"equations": {"x": "0"}, "parameters": {"k": "x"}}, "/parameters/k", 1, "not declared"),
+    ({"equations": {"x": "0"}, "parameters": {"k": "x"}}, "/parameters/k", 1, "write a number"),
     ({"equations": {"x": "0"}, "parameters": {"k": "t"}}, "/parameters/k", 1, "time"),
-    ({"equations": {"x": "0"}, "parameters": {"k": "exit()"}}, "/parameters/k", 1, "functions"),
+    ({"equations": {"x": "0"}, "parameters": {"k": "exit()"}}, "/parameters/k", 1, "write a number"),
     ({"equations": {"x": "0"}, "parameters": {"k": True}}, "/parameters/k", None, "not a number"),
     ({"equations": {"x": "0"}, "parameters": {"k": float("nan")}}, "/parameters/k", 1, "finite"),
     ({"equations": {"x": "0"}, "parameters": {"k": 10**5000}}, "/parameters/k", None, "digits"),
@@ -160,3 +160,10 @@ def test_a_function_over_other_names_that_no_equation_uses_is_left_out() -> None
     """The first document of the contract declares A over r1, and has neither."""
     found = read_system(["x", "y"], {"x": "-x", "y": "B(y)"}, functions={"A": ["r1"], "B": ["y"]})
     assert [function.name for function in found.functions] == ["B"]
+
+
+@pytest.mark.parametrize("twice", ["x_ddot", "xddot", "x_dot_dot", "x_dotdot", "xdotdot", "x''"])
+def test_dots_written_as_words_are_derivatives(twice: str) -> None:
+    found = read_system(None, f"{twice} = -x_dot - xdot - x")
+    assert found.coordinates == ("x",)
+    assert found.accelerations == read_system(["x"], {"x": "-x' - x' - x"}).accelerations
