@@ -165,3 +165,49 @@ def test_numbers_under_roots_need_no_factors() -> None:
     assert all(isinstance(node, Number) or not isinstance(node, Apply) for node in walk(trees[0]))
     point = draw_point(tower, 1)
     assert pow(evaluate(trees[0], point), 4, point.prime) == evaluate(number(252), point)
+
+
+@pytest.mark.parametrize(
+    ("root", "square_of"),
+    [
+        ("sqrt(x+1-2*sqrt(x))", "sqrt(x)-1"),
+        ("sqrt(exp(2*y)*x+1-2*exp(y)*sqrt(x))", "exp(y)*sqrt(x)-1"),
+        ("sqrt(x+y-2*sqrt(x)*sqrt(y))", "sqrt(x)-sqrt(y)"),
+    ],
+)
+def test_a_square_in_disguise_is_the_absolute_value_of_its_root(root: str, square_of: str) -> None:
+    tower, (found, base) = reduced(root, square_of)
+    table = find_real_point([found, base], (X, Y), 1)
+    assert table is not None
+    for seed in range(3):
+        point = draw_point(tower, seed)
+        assert evaluate(found, point) == real_sign(base, table) * evaluate(base, point) % point.prime
+
+
+@pytest.mark.parametrize(
+    "text", ["sqrt(x+y+1+2*sqrt(x)*sqrt(y)+2*sqrt(x)+2*sqrt(y))", "sqrt(x^(1/2)+1+2*x^(1/4))"]
+)
+def test_a_square_of_three_roots_is_refused_and_never_taken_for_independent(text: str) -> None:
+    with pytest.raises(IrreducibleAtoms, match="denest it by hand"):
+        reduced(text)
+
+
+def test_a_root_that_is_no_square_has_the_sign_of_the_real_point() -> None:
+    tower, _ = reduced("sqrt(x+sqrt(y))")
+    ((factor, sign),) = tower.signs
+    assert sign == 1
+    assert factor == tree("x+sqrt(y)")
+    for seed in range(4):
+        point = draw_point(tower, seed)
+        assert is_positive(evaluate(factor, point), point.prime)
+
+
+def test_a_root_of_what_is_negative_at_the_real_point_is_refused() -> None:
+    with pytest.raises(IrreducibleAtoms, match="negative quantity"):
+        reduce_atoms([tree("sqrt(x-y)")], (X, Y), {X: mpf(1), Y: mpf(2)})
+
+
+def test_roots_without_a_real_point_are_refused() -> None:
+    with pytest.raises(IrreducibleAtoms, match="no real point"):
+        reduce_atoms([tree("sqrt(x)")], (X, Y), None)
+    assert reduce_atoms([tree("x^2")], (X, Y), None).signs == []
