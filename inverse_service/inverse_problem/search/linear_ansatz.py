@@ -8,19 +8,23 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from flint import nmod_mat
 
 from inverse_service.algebra import montgomery
 from inverse_service.algebra.echelon import Words
 from inverse_service.algebra.montgomery import compiled, multiply
-from inverse_service.algebra.primes import reconstruct
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.search.sampling import LetterTable, Sampler, letter_table, monomial_values
+from inverse_service.inverse_problem.search.null_vectors import kernel, settled_kernel
+from inverse_service.inverse_problem.search.sampling import (
+    LetterTable,
+    Sampler,
+    letter_table,
+    monomial_values,
+    samples_from,
+)
 from inverse_service.inverse_problem.search.terms import Monomial
 
 _SPARE_EQUATIONS = 12
 _CONTROL_POINTS = 4
-_LARGEST_NUMBER = 10**7
 
 Combination = dict[Monomial, Fraction]
 
@@ -113,63 +117,27 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
     are no small rationals, or that fail at control points over another prime, are left out.
     """
     letters, n = letters_of(candidates), len(sampler.analysis.accelerations)
-    samples, nullity = (len(candidates) + _SPARE_EQUATIONS) // n + 1, -1
-    # Equations of cyclic coordinates can be trivial: points are doubled until the space no longer shrinks.
-    while True:
-        table = letter_table(sampler, letters, samples, seed)
-        matrix = euler_lagrange_matrix(table, letters, candidates)
-        size, found = _null_vectors(_from_montgomery(matrix, table.prime), len(candidates), table.prime)
-        if size in (0, nullity) or len(found) == size or samples > 2 * len(candidates):
-            break
-        samples, nullity = 2 * samples, size
+
+    def equations(begin: int, end: int) -> Words:
+        table = letter_table(sampler, letters, end, seed)
+        return euler_lagrange_matrix(samples_from(table, begin), letters, candidates)
+
+    # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
+    space = settled_kernel(
+        equations,
+        sampler.prime(seed),
+        (len(candidates) + _SPARE_EQUATIONS) // n + 1,
+        lambda nullity: (nullity + _SPARE_EQUATIONS) // n + 1,
+    )
+    found = space.rational_vectors()
     kept = _that_hold(sampler, candidates, found, seed + 77_777)
     return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
 
 
-@dataclass(frozen=True, slots=True)
-class NullSpace:
-    """The dimension of a kernel, and those of its basis that have small rational coefficients."""
-
-    nullity: int
-    combinations: tuple[Combination, ...]
-
-
-def null_space(matrix: Words, candidates: Sequence[Monomial], prime: int) -> NullSpace:
-    """The kernel of a matrix in Montgomery form, (equations, candidates)."""
-    nullity, vectors = _null_vectors(_from_montgomery(matrix, prime), len(candidates), prime)
-    return NullSpace(nullity, tuple({candidates[k]: a for k, a in vector.items()} for vector in vectors))
-
-
 def null_combinations(matrix: Words, candidates: Sequence[Monomial], prime: int) -> list[Combination]:
-    """The rational part of the kernel."""
-    return list(null_space(matrix, candidates, prime).combinations)
-
-
-def _from_montgomery(matrix: Words, prime: int) -> list[list[int]]:
-    inverse = pow(1 << 64, -1, prime)
-    return [[x * inverse % prime for x in row] for row in matrix.tolist()]
-
-
-def _null_vectors(matrix: list[list[int]], width: int, prime: int) -> tuple[int, list[dict[int, Fraction]]]:
-    """(nullity, rational null vectors in reduced form: free columns are as far right as possible)."""
-    flat = [x for row in matrix for x in row]
-    reduced, rank = nmod_mat(len(matrix), width, flat, prime).rref()
-    if rank == width:
-        return 0, []
-    rows = [[int(x) for x in row] for row in reduced.tolist()[:rank]]
-    pivots = [next(k for k, x in enumerate(row) if x) for row in rows]
-    found = []
-    for free in sorted(set(range(width)) - set(pivots)):
-        vector: dict[int, Fraction] = {free: Fraction(1)}
-        for pivot, row in zip(pivots, rows, strict=True):
-            if row[free]:
-                value = reconstruct(-row[free] % prime, prime, _LARGEST_NUMBER)
-                if value is None:
-                    break
-                vector[pivot] = value
-        else:
-            found.append(vector)
-    return width - rank, found
+    """The rational part of the kernel of a matrix, (equations, candidates)."""
+    vectors = kernel(matrix, prime).rational_vectors()
+    return [{candidates[k]: a for k, a in vector.items()} for vector in vectors]
 
 
 def _that_hold(

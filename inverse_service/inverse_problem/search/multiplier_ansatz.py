@@ -23,10 +23,16 @@ from inverse_service.inverse_problem.search.linear_ansatz import (
     LagrangianSpace,
     exponent_lists,
     letters_of,
-    null_space,
     to_montgomery,
 )
-from inverse_service.inverse_problem.search.sampling import LetterTable, Sampler, letter_table, monomial_values
+from inverse_service.inverse_problem.search.null_vectors import settled_kernel
+from inverse_service.inverse_problem.search.sampling import (
+    LetterTable,
+    Sampler,
+    letter_table,
+    monomial_values,
+    samples_from,
+)
 from inverse_service.inverse_problem.search.terms import Monomial
 
 _SPARE_EQUATIONS = 10
@@ -35,16 +41,20 @@ _SPARE_EQUATIONS = 10
 def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
     """Combinations of the terms, each of which is a Lagrangian up to a potential and linear terms."""
     letters, n = letters_of(terms), len(sampler.analysis.accelerations)
-    samples = (len(terms) + _SPARE_EQUATIONS) // (n * n) + 1
-    nullity = -1
-    # Many of the n^2 conditions can be trivial: points are doubled until the space no longer shrinks.
-    while True:
-        table = letter_table(sampler, letters, samples, seed, with_third=True)
-        matrix = helmholtz_matrix(sampler, table, letters, terms)
-        space = null_space(matrix, terms, table.prime)
-        if space.nullity in (0, nullity) or samples > 2 * len(terms):
-            return LagrangianSpace(sampler, space.combinations)
-        nullity, samples = space.nullity, 2 * samples
+
+    def equations(begin: int, end: int) -> Words:
+        table = letter_table(sampler, letters, end, seed, with_third=True)
+        return helmholtz_matrix(sampler, samples_from(table, begin), letters, terms)
+
+    # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
+    space = settled_kernel(
+        equations,
+        sampler.prime(seed),
+        (len(terms) + _SPARE_EQUATIONS) // (n * n) + 1,
+        lambda nullity: (nullity + _SPARE_EQUATIONS) // (n * n) + 1,
+    )
+    vectors = space.rational_vectors()
+    return LagrangianSpace(sampler, tuple({terms[k]: a for k, a in vector.items()} for vector in vectors))
 
 
 def helmholtz_matrix(

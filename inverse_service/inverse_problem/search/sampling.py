@@ -54,6 +54,10 @@ class Sampler:
         names = self.analysis.system.coordinates
         return [TIME, *(Symbol(name) for name in names), *(Velocity(name) for name in names)]
 
+    def prime(self, seed: int) -> int:
+        """The prime of the points that follow from a seed."""
+        return draw_point(self.tower, seed).prime
+
 
 def make_sampler(analysis: Analysis, letters: Iterable[tuple[Expression, Fraction]]) -> Sampler:
     """Raises IrreducibleAtoms where letters and f have no common real point or cannot be reduced."""
@@ -106,7 +110,7 @@ def letter_table(
     """
     kernels = tuple(to_kernels(letter) for letter in letters)
     order = 3 if with_third else 2
-    rows = sampler.known.setdefault((kernels, seed, order), _Rows(draw_point(sampler.tower, seed).prime))
+    rows = sampler.known.setdefault((kernels, seed, order), _Rows(sampler.prime(seed)))
     while len(rows.kept) < count:
         check()
         if rows.tried >= _ATTEMPTS * count:
@@ -120,6 +124,21 @@ def letter_table(
     points, found = zip(*rows.kept[:count], strict=True)
     arrays = [np.array([row[k] for row in found], np.uint64) for k in range(1, 7)]
     return LetterTable(rows.prime, points, [row[0] for row in found], *arrays)
+
+
+def samples_from(table: LetterTable, first: int) -> LetterTable:
+    """The table without its samples before `first`."""
+    return LetterTable(
+        table.prime,
+        table.points[first:],
+        table.values[first:],
+        table.along[first:],
+        table.by_velocity[first:],
+        table.mixed[first:],
+        table.by_position[first:],
+        table.hessian[first:],
+        table.third[first:],
+    )
 
 
 def _letter_rows(sampler: Sampler, point: Point, kernels: Sequence[Expression], order: int) -> tuple[list[Any], ...]:

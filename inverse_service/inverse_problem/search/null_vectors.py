@@ -1,0 +1,100 @@
+"""Rational null vectors of matrices over a prime field.
+
+A common factor of all entries does not matter, so matrices may be in Montgomery form. Bases are in
+reduced form: each vector has the last of its columns to itself, with entry 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from flint import nmod_mat
+
+from inverse_service.algebra.echelon import Words
+from inverse_service.algebra.primes import reconstruct
+
+_LARGEST_NUMBER = 10**7
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """A basis modulo the prime, (nullity, width), and the column that each vector has to itself."""
+
+    basis: nmod_mat
+    columns: tuple[int, ...]
+
+    @property
+    def nullity(self) -> int:
+        return len(self.columns)
+
+    def rational_vectors(self) -> list[dict[int, Fraction]]:
+        """Those whose entries are small rationals, as tables of the entries that are not 0."""
+        vectors = [_rational([int(x) for x in row], int(self.basis.modulus())) for row in self.basis.tolist()]
+        return [vector for vector in vectors if vector is not None]
+
+
+def _rational(row: list[int], prime: int) -> dict[int, Fraction] | None:
+    vector: dict[int, Fraction] = {}
+    for k, x in enumerate(row):
+        if x:
+            value = reconstruct(x, prime, _LARGEST_NUMBER)
+            if value is None:
+                return None
+            vector[k] = value
+    return vector
+
+
+def kernel(matrix: Words, prime: int) -> Kernel:
+    """The kernel of a matrix, (equations, unknowns)."""
+    return _kernel(_over_field(matrix, prime))
+
+
+def _over_field(matrix: Words, prime: int) -> nmod_mat:
+    rows, columns = matrix.shape
+    return nmod_mat(int(rows), int(columns), matrix.ravel().tolist(), prime)
+
+
+def _kernel(matrix: nmod_mat) -> Kernel:
+    reduced, rank = matrix.rref()
+    width = matrix.ncols()
+    pivots: list[int] = []
+    for i in range(rank):
+        first = pivots[-1] + 1 if pivots else 0
+        pivots.append(next(k for k in range(first, width) if int(reduced[i, k])))
+    taken = set(pivots)
+    free = [k for k in range(width) if k not in taken]
+    prime = int(matrix.modulus())
+    basis = [0] * (len(free) * width)
+    for row, unknown in enumerate(free):
+        basis[row * width + unknown] = 1
+        for i, pivot in enumerate(pivots):
+            if pivot > unknown:
+                break
+            basis[row * width + pivot] = -int(reduced[i, unknown]) % prime
+    return Kernel(nmod_mat(len(free), width, basis, prime), tuple(free))
+
+
+def restricted(known: Kernel, matrix: Words) -> Kernel:
+    """The vectors of a kernel that further equations annihilate too."""
+    further = _over_field(matrix, int(known.basis.modulus()))
+    inside = _kernel(further * known.basis.transpose())
+    return Kernel(inside.basis * known.basis, tuple(known.columns[k] for k in inside.columns))
+
+
+def settled_kernel(
+    equations: Callable[[int, int], Words], prime: int, first: int, further: Callable[[int], int]
+) -> Kernel:
+    """The kernel of the equations at so many samples that more of them no longer shrink it.
+
+    `equations(begin, end)` gives those of these samples; `first` samples are taken, then `further(nullity)`
+    at a time.
+    """
+    found, taken = kernel(equations(0, first), prime), first
+    while found.nullity:
+        before, end = found.nullity, taken + further(found.nullity)
+        found, taken = restricted(found, equations(taken, end)), end
+        if found.nullity == before:
+            break
+    return found
