@@ -55,18 +55,20 @@ def vanish(expressions: Sequence[Expression], variables: Sequence[Variable], see
 def rank_at_point(matrix: Sequence[Sequence[Expression]], variables: Sequence[Variable], seed: int = 1) -> int | None:
     """The rank of a matrix of expressions at a random point, which is its generic rank (almost surely)."""
     flat = [entry for row in matrix for entry in row]
+    if not flat:
+        return 0
     found = values_modulo_primes(flat, variables, 1, seed)
     if found is None:
         return None
     ((point, values),) = found
-    width = len(matrix[0]) if matrix else 0
+    width = len(matrix[0])
     rows = [values[start : start + width] for start in range(0, len(values), width)]
     return _rank(rows, point.prime)
 
 
 def _rank(rows: list[list[int]], prime: int) -> int:
     rank = 0
-    for column in range(len(rows[0]) if rows else 0):
+    for column in range(len(rows[0])):
         pivot = next((k for k in range(rank, len(rows)) if rows[k][column]), None)
         if pivot is None:
             continue

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.inverse_problem.search.divergence import divergence_factor
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.search.divergence import divergence_factor, is_free_of_divergence
+from inverse_service.mechanics.reading import read_system
 from tests.inverse_problem.search.given import material, monomial_of
 
 DAMPED = [
@@ -54,3 +56,26 @@ def test_an_atom_of_a_parameter_in_the_divergence_has_a_value() -> None:
     """exp(-a) stands in the divergence among the constants and nowhere among the letters."""
     found = divergence_factor(material({"x": "exp(-a)*y'*A(x)*x'", "y": "0"}, with_time=True), 3)
     assert found is None
+
+
+def test_a_rate_of_unwieldy_numbers_is_not_taken() -> None:
+    assert divergence_factor(material({"x": "-x-1234567/7654321*x'"}, with_time=True), 3) is None
+
+
+@pytest.mark.parametrize(
+    ("equations", "free"),
+    [
+        ({"x": "-sin(x)"}, True),
+        ({"x": "-x'"}, False),
+        ({"x": "a*x'*y", "y": "-a*y*y'"}, True),
+        ({"x": "x'*y'", "y": "x^2"}, False),
+        ({"x": "1/(sin(x)^2+cos(x)^2-1)"}, False),
+    ],
+)
+def test_the_divergence_is_seen_to_vanish_or_not(equations: dict[str, str], free: bool) -> None:
+    analysis = analyse(read_system(list(equations), equations, ["a"]))
+    assert is_free_of_divergence(analysis, 3) is free
+
+
+def test_where_the_divergence_has_no_value_there_is_no_factor() -> None:
+    assert divergence_factor(material({"x": "-x' + 0*x/(sin(x)^2+cos(x)^2-1)"}, with_time=True), 3) is None
