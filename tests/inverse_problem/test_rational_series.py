@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.expressions.tree import Velocity
+from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.inverse_problem import certify
 from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision import Decision, decide
@@ -80,3 +81,49 @@ def test_the_explanation_shows_it_where_no_closed_form_was_found() -> None:
     (step,) = [step for step in answer.explanation if step.text.startswith("Near x = 2, x' = 3")]
     assert step.latex.startswith(r"L = \frac{\left(\dot{x} - 3\right)^{2}}{2}")
     assert step.latex.endswith(r"\dots")
+
+
+def series_of(equations: dict[str, str], order: int = 2, spare: int = 0) -> RationalSeries | None:
+    return rational_series(analyse(read_system(list(equations), equations)), False, order, spare)
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [
+        {"x": "-x'/(x-2)"},
+        {"x": "-x'/((x-2)*(x-4)) - x/((x-3)*(x'-4))"},
+        # four orders about (2, 3) this is two separate oscillators, which have more Lagrangians
+        {"x": "-x-4*(x-2)^3*(y-3)^4", "y": "-2*y-4*(x-2)^4*(y-3)^3"},
+    ],
+)
+def test_a_point_that_is_singular_or_special_is_left_for_the_next(equations: dict[str, str]) -> None:
+    found = series_of(equations)
+    assert found is not None
+    (first,) = [value for symbol, value in found.point.items() if symbol == Symbol("x")]
+    assert first > 2
+
+
+def test_there_is_none_where_all_points_are_singular() -> None:
+    assert series_of({"x": "1/((x-2)*(x-3)*(x-4)*(x-5))"}) is None
+
+
+def test_there_is_none_without_a_regular_solution() -> None:
+    assert series_of({"x": "x^2+y^2", "y": "0"}) is None
+
+
+def test_coefficients_of_many_digits_are_found_whole() -> None:
+    """For x'' = a x'^2 there is L = exp(-2 a x) x'^2/2, cut off: its derivatives are powers of 2 a."""
+    rate = Fraction(10**20, 3)
+    found = series_of({"x": "10^20/3*x'^2"}, order=3)
+    assert found is not None
+    index = {symbol: k for k, symbol in enumerate(found.variables)}
+    value, slope = [0, 0], [0, 0]
+    value[index[Velocity("x")]] = slope[index[Velocity("x")]] = 2
+    slope[index[Symbol("x")]] = 1
+    ratio = found.coefficients[tuple(slope)] / found.coefficients[tuple(value)]
+    assert abs(ratio.numerator) >= 10**20
+    assert ratio.denominator % rate.denominator == 0
+
+
+def test_numbers_beyond_all_primes_are_not_guessed() -> None:
+    assert series_of({"x": "10^60/3*x'^2"}, order=3) is None
