@@ -67,7 +67,7 @@ class Ready:
             statement = range(first, last + 1)
             chosen = [name for name, met in self.lines.items() if not met.isdisjoint(statement)]
             chosen.sort(key=self.seconds.__getitem__)
-            limit = min(self.limit, 5 + 5 * sum(map(self.seconds.__getitem__, chosen)))
+            limit = min(self.limit, 3 + 2 * sum(map(self.seconds.__getitem__, chosen)))
             yield mutant, self.job(mutated(source, mutant), mutant.function, chosen), limit
 
     def job(self, source: ast.Module, function: str, chosen: Sequence[str]) -> Job:
