@@ -12,6 +12,8 @@ from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
 from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.differential_explanation import steps_in_derivatives
+from inverse_service.inverse_problem.differential_numbers import differential_numbers
 from inverse_service.inverse_problem.differential_obstruction import contradiction, direction_matrix
 from inverse_service.inverse_problem.elimination import (
     Elimination,
@@ -68,8 +70,8 @@ def explain_negative(
 ) -> Explanation:
     """From the chosen conditions of the hierarchy to det g = 0; for None, the differential consequence.
 
-    Where the expressions are too large for pencil and paper, the conditions in numbers at one point, or
-    else their ranks.
+    Where the expressions are too large for pencil and paper, or more than one direction is left, the conditions
+    in numbers at one point, or else their ranks.
     `with_time` says that the question was for L(t, q, v).
     """
     system = analysis.system
@@ -82,11 +84,24 @@ def explain_negative(
             return _by_elimination(analysis, chosen, seed, budget)
     except (TooLarge, ZeroDivisionError):
         pass
-    if chosen is not None and len(system.coordinates) <= LARGEST_N:
-        numbers = numbers_at_a_point(analysis, chosen, time.monotonic() + NUMBERS_LIMIT)
-        if numbers is not None:
-            return Explanation(steps_in_numbers(system, chosen, entry_symbols(system), numbers))
-    return Explanation(summary, complete=False)
+    steps = _in_numbers(analysis, chosen, with_time, seed) if len(system.coordinates) <= LARGEST_N else None
+    return Explanation(summary, complete=False) if steps is None else Explanation(steps)
+
+
+def _in_numbers(
+    analysis: Analysis, chosen: SufficientSet | None, with_time: bool, seed: int
+) -> tuple[Step, ...] | None:
+    """The argument at one point; None where none was met in time."""
+    deadline = time.monotonic() + NUMBERS_LIMIT
+    if chosen is None:
+        derivatives = differential_numbers(analysis, with_time, seed, deadline)
+        if derivatives is None:
+            return None
+        return steps_in_derivatives(analysis, entry_symbols(analysis.system), derivatives)
+    numbers = numbers_at_a_point(analysis, chosen, deadline)
+    if numbers is None:
+        return None
+    return steps_in_numbers(analysis.system, chosen, entry_symbols(analysis.system), numbers)
 
 
 def _by_elimination(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Explanation:

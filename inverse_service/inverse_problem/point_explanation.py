@@ -1,7 +1,8 @@
 """Why every admissible multiplier is singular, in numbers at one point: for conditions too long to write out.
 
 A minor that is not zero at one point is not zero on an open dense set (f is analytic), so what the
-numbers exclude at the point is excluded near every generic point.
+numbers exclude at the point is excluded near every generic point. The same holds for values that no real point
+has but that fulfil all algebraic relations among the functions: the minor is not the zero element of their field.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
+from inverse_service.algebra.point import Variable
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, number
@@ -30,13 +32,13 @@ def steps_in_numbers(
     size = len(system.coordinates)
     names = [symbols[pair] for pair in unknowns(size)]
     rows = {name: _whole(row) for name, row in numbers.rows.items()}
-    solution = _solution(list(rows.values()))
+    solution = echelon(list(rows.values()))
     return (
         opening(system, chosen),
-        _point_step(numbers),
+        point_step("The conditions are long", numbers.variables, numbers.atoms, numbers.real),
         *(_tensor_step(name, matrix) for name, matrix in numbers.tensors.items()),
         *(_equation_step(name, row, names) for name, row in rows.items()),
-        _solution_step(solution, names),
+        solution_step(solution, names),
         _closing_step(solution, names),
     )
 
@@ -48,7 +50,7 @@ def _whole(row: Row) -> Row:
     return tuple(entry * denominator / divisor for entry in row)
 
 
-def _solution(rows: Sequence[Row]) -> list[tuple[int, Row]]:
+def echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
     """The reduced echelon form: (pivot column, row with 1 in the pivot)."""
     found: list[tuple[int, Row]] = []
     for row in rows:
@@ -63,11 +65,21 @@ def _solution(rows: Sequence[Row]) -> list[tuple[int, Row]]:
     return sorted(found)
 
 
-def _point_step(numbers: NumbersAtAPoint) -> Step:
-    values = [*numbers.variables.items(), *numbers.atoms.items()]
+def point_step(
+    why: str, variables: Mapping[Variable, Fraction], atoms: Mapping[Expression, Fraction], real: bool
+) -> Step:
+    """The values that are put in, and why they may be."""
+    values = [*sorted(variables.items(), key=lambda pair: to_text(pair[0])), *atoms.items()]
     listed = ", ".join(f"{to_text(name)} = {value}" for name, value in values)
-    text = f"The conditions are long; take one point. There let {listed}." if values else "Take any point."
     latex = r",\; ".join(f"{to_latex(name)} = {to_latex(number(value))}" for name, value in values)
+    if not values:
+        return Step("Take any point.", latex)
+    if real:
+        return Step(f"{why}; take one point. There let {listed}.", latex)
+    text = (
+        f"{why}; put numbers for the functions in them: {listed}. No real point need have these values, but they "
+        "fulfil every algebraic relation that holds among these functions and the variables."
+    )
     return Step(text, latex)
 
 
@@ -78,30 +90,34 @@ def _tensor_step(condition: ConditionName, matrix: tuple[Row, ...]) -> Step:
     return Step(f"At this point {condition.name} = [{text}].", rf"{head} = \begin{{pmatrix}} {body} \end{{pmatrix}}")
 
 
-def _combination(row: Row, names: Sequence[Symbol]) -> Expression:
+def combination(row: Row, names: Sequence[Symbol]) -> Expression:
     return add(*(multiply(number(a), name) for a, name in zip(row, names, strict=True) if a))
 
 
 def _equation_step(name: EquationName, row: Row, names: Sequence[Symbol]) -> Step:
-    tree = _combination(row, names)
+    tree = combination(row, names)
     return Step(f"{equation_name(name)}, times a number: {to_text(tree)} = 0.", f"{to_latex(tree)} = 0")
 
 
-def _solution_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
+def solution_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
     lines = []
     for pivot, row in solution:
         rest = tuple(-a if k != pivot else Fraction(0) for k, a in enumerate(row))
-        lines.append((names[pivot], _combination(rest, names)))
+        lines.append((names[pivot], combination(rest, names)))
     text = ", ".join(f"{name.name} = {to_text(tree)}" for name, tree in lines)
     latex = r",\; ".join(f"{to_latex(name)} = {to_latex(tree)}" for name, tree in lines)
     return Step(f"These linear equations have the solution {text}.", latex)
 
 
-def _closing_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
+def left_free(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> str:
+    """What the solution makes of g."""
     free = [name.name for k, name in enumerate(names) if k not in {pivot for pivot, _ in solution}]
-    end = f"With these values det g is zero whatever {', '.join(free)} may be" if free else "So g = 0"
+    return f"With these values det g is zero whatever {', '.join(free)} may be" if free else "So g = 0"
+
+
+def _closing_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
     text = (
-        f"{end}. What is excluded here is excluded at every generic point, because a minor that is not zero at one "
-        "point vanishes at most on a set without interior. There is no Lagrangian."
+        f"{left_free(solution, names)}. What is excluded here is excluded at every generic point, because a minor that "
+        "is not zero for these numbers vanishes at most on a set without interior. There is no Lagrangian."
     )
     return Step(text, r"\det g = 0")

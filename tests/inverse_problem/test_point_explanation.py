@@ -11,9 +11,11 @@ from inverse_service import catalogue
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.tree import Apply, Expression
 from inverse_service.inverse_problem.analysis import Analysis, analyse
-from inverse_service.inverse_problem.explanation import explain_negative
+from inverse_service.inverse_problem.explanation import entry_symbols, explain_negative
 from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.numbers_at_a_point import numbers_at_a_point
+from inverse_service.inverse_problem.point_explanation import steps_in_numbers
+from inverse_service.inverse_problem.rational_points import has_points, is_real
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.reading import read_system
 
@@ -75,10 +77,29 @@ def test_roots_are_rational_at_the_point() -> None:
     assert isinstance(root, Fraction)
 
 
-def test_dependent_generators_give_no_point() -> None:
-    """x stands both bare and in log(x): free values of the two would not be those of a real point."""
+def test_numbers_need_no_real_point_where_functions_are_independent() -> None:
+    """x stands both bare and in log(x): free values of the two are those of no real point, and prove as much."""
     system = read_system(["x", "y"], {"x": "y*log(x)+x'", "y": "-x'*y*x"})
     analysis = analyse(system)
     chosen = smallest_sufficient_set(analysis)
     assert chosen is not None
-    assert numbers_at_a_point(analysis, chosen) is None
+    numbers = numbers_at_a_point(analysis, chosen)
+    assert numbers is not None
+    assert not numbers.real
+    steps = [step.text for step in steps_in_numbers(system, chosen, entry_symbols(system), numbers)]
+    assert "No real point need have these values" in steps[1]
+    assert steps[-1].startswith("So g = 0")
+
+
+@pytest.mark.parametrize("equations", [{"x": "x*y'", "y": "pi*x"}, {"x": "x*y'", "y": "sin(1)*x"}])
+def test_numbers_such_as_pi_get_no_value(equations: dict[str, str]) -> None:
+    assert not has_points(analyse(read_system(["x", "y"], equations)))
+
+
+@pytest.mark.parametrize(
+    ("f", "real"),
+    [("sin(x) + cos(x - y)", True), ("sin(x) + exp(y)", True), ("sin(x) + exp(x)", False), ("sin(x) + x", False),
+     ("sin(x)*cos(y)*sin(x^2)", False), ("log(x)", False), ("sin(x) + cos(2*x) + y", True)],
+)  # fmt: skip
+def test_a_point_is_real_where_the_arguments_can_be_chosen(f: str, real: bool) -> None:
+    assert is_real(analyse(read_system(["x", "y"], {"x": f, "y": "0"}))) is real

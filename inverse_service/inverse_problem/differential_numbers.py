@@ -1,0 +1,234 @@
+"""Differentiated Helmholtz equations in numbers at one point, with sums in which all derivatives of g cancel.
+
+The rows are chosen at a random point, modulo a prime. At the point with small rational values the
+coefficients of the derivatives have to have the same rank: then the sums go on to exist near the point (the
+kernel of a matrix of constant rank depends analytically on the point), and what they exclude there is
+excluded at every generic point.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+
+from flint import fmpq, fmpq_mat
+
+from inverse_service.algebra.point import Variable, evaluate, number_value
+from inverse_service.algebra.primes import safe_prime
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.tower import draw_point
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.tree import Expression, Symbol, Velocity
+from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.differentiated_equations import (
+    DerivativeOfEntry,
+    leave_singular_only,
+    rank_of_derivatives,
+    row_names,
+    rows_at,
+    variables_of_question,
+)
+from inverse_service.inverse_problem.hierarchy import all_singular, kernel, unknowns
+from inverse_service.inverse_problem.prolongation import RowName
+from inverse_service.inverse_problem.rational_points import (
+    PlainPoint,
+    atoms_and_jets,
+    bare_variables,
+    has_points,
+    in_fractions,
+    is_real,
+    placed,
+)
+
+# More equations than this nobody follows; the sums are sought among those of the lowest order that suffices.
+MOST_ROWS, HIGHEST_ORDER = 150, 3
+_ATTEMPTS, _ENOUGH = 200, 30
+
+FractionRow = Mapping[DerivativeOfEntry, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """Factors of equations that add up to an equation over `unknowns`, all derivatives of g cancelled."""
+
+    factors: Mapping[RowName, Fraction]
+    result: tuple[Fraction, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DifferentialNumbers:
+    """Values at the point, the equations used, the sums; `rank` is that of the derivatives' coefficients.
+
+    `real` says whether a real point has these values; else they only respect the algebraic relations.
+    """
+
+    with_time: bool
+    real: bool
+    variables: Mapping[Variable, Fraction]
+    atoms: Mapping[Expression, Fraction]
+    rows: Mapping[RowName, FractionRow]
+    sums: tuple[Sum, ...]
+    considered: int
+    rank: int
+
+    @property
+    def size(self) -> int:
+        """How much there is to read."""
+        numbers = [value for row in self.rows.values() for value in row.values()]
+        numbers += [value for each in self.sums for value in each.factors.values()]
+        return sum(len(str(number)) for number in numbers)
+
+
+def differential_numbers(
+    analysis: Analysis, with_time: bool, seed: int = 1, deadline: float = float("inf")
+) -> DifferentialNumbers | None:
+    """The shortest of the first arguments found; None where none was met before the deadline (time.monotonic)."""
+    if not has_points(analysis):
+        return None
+    found: list[DifferentialNumbers] = []
+    for order in range(1, HIGHEST_ORDER + 1):
+        chosen = sufficient_rows(analysis, with_time, order, seed, deadline)
+        for attempt in range(_ATTEMPTS if chosen is not None else 0):
+            if chosen is None or time.monotonic() > deadline or len(found) == _ENOUGH:
+                break
+            numbers = _at_point(analysis, chosen, attempt)
+            found += [] if numbers is None else [numbers]
+        if found:
+            return min(found, key=lambda numbers: numbers.size)
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class SufficientRows:
+    """Rows that leave only singular g at a generic point; `rank` is that of the coefficients of derivatives there."""
+
+    with_time: bool
+    order: int
+    names: tuple[RowName, ...]
+    rank: int
+
+
+def sufficient_rows(
+    analysis: Analysis, with_time: bool, order: int, seed: int, deadline: float = float("inf")
+) -> SufficientRows | None:
+    """Those of the order, without those not needed; None where they leave a regular g."""
+    n, size = len(analysis.system.coordinates), len(variables_of_question(analysis, with_time))
+    if sum(1 for _ in row_names(n, size, order)) > MOST_ROWS:
+        return None
+    point = draw_point(analysis.tower, seed)
+    try:
+        kept = {name: row for name, row in rows_at(analysis, with_time, order, point).items() if row}
+    except SingularPoint:
+        return None
+    if not leave_singular_only(kept, n, point.prime):
+        return None
+    for name in reversed(list(kept)):
+        rest = {other: row for other, row in kept.items() if other != name}
+        if time.monotonic() < deadline and leave_singular_only(rest, n, point.prime):
+            kept = rest
+    return SufficientRows(with_time, order, tuple(kept), rank_of_derivatives(kept, point.prime))
+
+
+def _at_point(analysis: Analysis, chosen: SufficientRows, attempt: int) -> DifferentialNumbers | None:
+    """The argument at the point number `attempt`; None where it does not close there."""
+    values = in_fractions(analysis, partial(_residues, analysis, chosen, attempt))
+    if values is None:
+        return None
+    entries: dict[RowName, dict[DerivativeOfEntry, Fraction]] = {name: {} for name in chosen.names}
+    for key, value in values.items():
+        if isinstance(key, tuple):
+            entries[key[0]][key[1]] = value
+    rows = {name: _primitive(row) for name, row in entries.items() if row}
+    n = len(analysis.system.coordinates)
+    sums, rank = _sums(rows, n)
+    if rank != chosen.rank or not _excludes(sums, n):
+        return None
+    used = {name for each in sums for name in each.factors}
+    bare = {name for f in analysis.accelerations for name in bare_variables(f)}
+    named = {key: value for key, value in values.items() if not isinstance(key, tuple)}
+    velocities = {Velocity(name) for name in analysis.system.coordinates}
+    shown = {key: named[key] for key in named if isinstance(key, Symbol | Velocity) and key in bare | velocities}
+    return DifferentialNumbers(
+        chosen.with_time,
+        is_real(analysis),
+        shown,
+        {atom: named[atom] for atom in atoms_and_jets(analysis, chosen.order + 1)},
+        {name: row for name, row in rows.items() if name in used},
+        sums,
+        len(chosen.names),
+        rank,
+    )
+
+
+_Key = Expression | tuple[RowName, DerivativeOfEntry]
+
+
+def _residues(analysis: Analysis, chosen: SufficientRows, attempt: int, prime: int) -> dict[_Key, int] | None:
+    """Values of variables, atoms and coefficients; None where the point is singular."""
+    point = PlainPoint(prime, attempt, dict(analysis.tower.real_signs))
+    if not placed(analysis, point):
+        return None
+    try:
+        rows = rows_at(analysis, chosen.with_time, chosen.order, point)
+        found: dict[_Key, int] = {atom: evaluate(atom, point) for atom in atoms_and_jets(analysis, chosen.order + 1)}
+    except (SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
+        return None
+    found |= {(name, unknown): value for name in chosen.names for unknown, value in rows[name].items()}
+    return found | dict(point.variables)
+
+
+def _sums(rows: Mapping[RowName, FractionRow], n: int) -> tuple[tuple[Sum, ...], int]:
+    """Sums in which the derivatives cancel, as many as are needed, and the rank of the derivatives' coefficients."""
+    columns = sorted({unknown for row in rows.values() for unknown in row if unknown.degree})
+    matrix = fmpq_mat(len(columns), len(rows), [_flint(row.get(c)) for c in columns for row in rows.values()])
+    reduced, rank = matrix.rref()
+    names = list(rows)
+    pivots = [next(k for k in range(len(names)) if reduced[line, k]) for line in range(rank)]
+    sums: list[Sum] = []
+    for free in (k for k in range(len(names)) if k not in pivots):
+        factors = {names[free]: Fraction(1)}
+        for line, pivot in enumerate(pivots):
+            if reduced[line, free]:
+                factors[names[pivot]] = -_fraction(reduced[line, free])
+        if not _excludes(sums, n):
+            sums.append(_whole(rows, {name: factors[name] for name in names if name in factors}, n))
+    return tuple(sums), rank
+
+
+def _whole(rows: Mapping[RowName, FractionRow], factors: Mapping[RowName, Fraction], n: int) -> Sum:
+    """The sum with whole factors without a common divisor, and what it says of g."""
+    scale = math.lcm(*(factor.denominator for factor in factors.values()))
+    divisor = math.gcd(*(int(factor * scale) for factor in factors.values()))
+    whole = {name: factor * scale / divisor for name, factor in factors.items()}
+    total: dict[DerivativeOfEntry, Fraction] = {}
+    for name, factor in whole.items():
+        for unknown, value in rows[name].items():
+            total[unknown] = total.get(unknown, Fraction(0)) + factor * value
+    values = {(unknown.i, unknown.j): value for unknown, value in total.items() if not unknown.degree}
+    return Sum(whole, tuple(values.get(pair, Fraction(0)) for pair in unknowns(n)))
+
+
+def _excludes(sums: Sequence[Sum], n: int) -> bool:
+    """Whether every symmetric matrix that fulfils the sums is singular."""
+    prime = safe_prime(7_003)
+    rows = [tuple(number_value(entry, prime) for entry in each.result) for each in sums]
+    return all_singular(kernel(rows, len(unknowns(n)), prime), n, prime)
+
+
+def _primitive(row: FractionRow) -> FractionRow:
+    """The row times a number, its coefficients whole without a common divisor."""
+    scale = math.lcm(*(value.denominator for value in row.values()))
+    divisor = math.gcd(*(int(value * scale) for value in row.values())) or 1
+    return {unknown: value * scale / divisor for unknown, value in row.items()}
+
+
+def _flint(value: Fraction | None) -> fmpq:
+    return fmpq(0) if value is None else fmpq(value.numerator, value.denominator)
+
+
+def _fraction(value: fmpq) -> Fraction:
+    return Fraction(int(value.p), int(value.q))

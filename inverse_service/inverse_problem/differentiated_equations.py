@@ -1,0 +1,150 @@
+"""(H2) and (H3), differentiated at a point: linear equations in g and its derivatives there.
+
+    H2_ij  Gamma(g_ij) - sum_k (g_ik N^k_j + g_jk N^k_i) = 0     i <= j
+    H3_ij  sum_k (g_ik Phi^k_j - g_jk Phi^k_i) = 0               i <  j
+
+Each holds identically, so its derivative by the variables x = (t?, q, v) of a multi-index alpha vanishes at
+the point too. By (H1) the derivatives of g_ij by velocities are symmetric: each is named once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+from flint import nmod_mat
+
+from inverse_service.algebra.point import Expansion, Point, Variable
+from inverse_service.algebra.series import Series
+from inverse_service.expressions.tree import TIME, Symbol, Velocity
+from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.hierarchy import all_singular, kernel, unknowns
+from inverse_service.inverse_problem.prolongation import LocalSystem, RowName, local_system
+
+Exponents = tuple[int, ...]
+Coefficients = Mapping[Exponents, int]
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class DerivativeOfEntry:
+    """The derivative of g_ij by the variables counted in `by`; i <= j <= every velocity in `by`."""
+
+    i: int
+    j: int
+    by: Exponents
+
+    @property
+    def degree(self) -> int:
+        return sum(self.by)
+
+
+Row = Mapping[DerivativeOfEntry, int]
+
+
+def variables_of_question(analysis: Analysis, with_time: bool) -> list[Variable]:
+    """(t?, q, v), in the order of the multi-indices."""
+    names = analysis.system.coordinates
+    moment: list[Variable] = [TIME] if with_time or analysis.system.depends_on_time else []
+    return [*moment, *(Symbol(name) for name in names), *(Velocity(name) for name in names)]
+
+
+def row_names(n: int, size: int, order: int) -> Iterator[RowName]:
+    """H2 with derivatives to order - 1, H3 to `order`, the lowest derivatives first."""
+    for degree in range(order + 1):
+        for alpha in _multi_indices(size, degree):
+            yield from (("H3", i, j, alpha) for i, j in unknowns(n) if i < j)
+        for alpha in _multi_indices(size, degree) if degree < order else ():
+            yield from (("H2", i, j, alpha) for i, j in unknowns(n))
+
+
+def _multi_indices(size: int, degree: int) -> list[Exponents]:
+    chosen = combinations_with_replacement(range(size), degree)
+    return [tuple(places.count(k) for k in range(size)) for places in chosen]
+
+
+def rows_at(analysis: Analysis, with_time: bool, order: int, point: Point) -> dict[RowName, Row]:
+    """All rows of the order at a point with its atoms, modulo its prime; SingularPoint where f has no series."""
+    variables = variables_of_question(analysis, with_time)
+    n = len(analysis.system.coordinates)
+    expansion = Expansion(point, variables, order + 3)
+    forces = [expansion.expand(f) for f in analysis.accelerations]
+    velocities = [expansion.expand(v) for v in variables[-n:]]
+    local = local_system(expansion.ring, velocities, forces, len(variables) > 2 * n)
+    table = _Table(local)
+    return {name: table.row(name) for name in row_names(n, len(variables), order)}
+
+
+class _Table:
+    """The series of Gamma, N and Phi as tables of coefficients."""
+
+    def __init__(self, local: LocalSystem) -> None:
+        self.first, self.prime = local.ring.size - local.dimension, local.ring.prime
+        self.field = [_coefficients(series) for series in local.field]
+        self.matrices = {
+            "H2": [[_coefficients(entry) for entry in row] for row in local.connection],
+            "H3": [[_coefficients(entry) for entry in row] for row in local.endomorphism],
+        }
+
+    def row(self, name: RowName) -> Row:
+        kind, i, j, alpha = name
+        row: dict[DerivativeOfEntry, int] = {}
+        for factor, left, right, sign, by in self._terms(kind, i, j):
+            for beta, value in factor.items():
+                if any(b > a for a, b in zip(alpha, beta, strict=True)):
+                    continue
+                left_over = [a - b for a, b in zip(alpha, beta, strict=True)]
+                weight = math.prod(map(math.perm, alpha, beta))
+                if by is not None:
+                    left_over[by] += 1
+                unknown = self._unknown(left, right, left_over)
+                row[unknown] = (row.get(unknown, 0) + sign * weight * value) % self.prime
+        return {unknown: value for unknown, value in row.items() if value}
+
+    def _terms(self, kind: str, i: int, j: int) -> Iterator[tuple[Coefficients, int, int, int, int | None]]:
+        """(factor, i, k, sign, a) for sign factor d_a g_ik, without a derivative where a is None."""
+        matrix = self.matrices[kind]
+        if kind == "H2":
+            yield from ((factor, i, j, 1, a) for a, factor in enumerate(self.field))
+        for k, line in enumerate(matrix):
+            yield line[j], i, k, 1 if kind == "H3" else -1, None
+            yield line[i], j, k, -1, None
+
+    def _unknown(self, i: int, j: int, by: list[int]) -> DerivativeOfEntry:
+        velocities = sorted([i, j, *(k - self.first for k in range(self.first, len(by)) for _ in range(by[k]))])
+        counts = tuple(velocities[2:].count(k) for k in range(len(by) - self.first))
+        return DerivativeOfEntry(velocities[0], velocities[1], (*by[: self.first], *counts))
+
+
+def _coefficients(series: Series) -> Coefficients:
+    terms = (component.to_dict().items() for component in series)
+    return {tuple(map(int, exponents)): int(value) for part in terms for exponents, value in part}
+
+
+def rank_of_derivatives(rows: Mapping[RowName, Row], prime: int) -> int:
+    """The rank of the part of the rows that belongs to derivatives of g."""
+    columns = sorted({unknown for row in rows.values() for unknown in row if unknown.degree})
+    flat = [row.get(unknown, 0) for row in rows.values() for unknown in columns]
+    return nmod_mat(len(rows), len(columns), flat, prime).rank() if columns else 0
+
+
+def leave_singular_only(rows: Mapping[RowName, Row], n: int, prime: int) -> bool:
+    """Whether every g at the point that the rows allow, whatever its derivatives are, is singular."""
+    found = {unknown for row in rows.values() for unknown in row}
+    columns = sorted(found, key=lambda unknown: (-unknown.degree, unknown))
+    above = sum(1 for unknown in columns if unknown.degree)
+    flat = [row.get(unknown, 0) for row in rows.values() for unknown in columns]
+    if not flat:
+        return False
+    reduced, rank = nmod_mat(len(rows), len(columns), flat, prime).rref()
+    place = {pair: k for k, pair in enumerate(unknowns(n))}
+    consequences = []
+    for line in range(rank):
+        if any(int(reduced[line, k]) for k in range(above)):
+            continue
+        values = [0] * len(place)
+        for k in range(above, len(columns)):
+            values[place[columns[k].i, columns[k].j]] = int(reduced[line, k])
+        consequences.append(tuple(values))
+    return all_singular(kernel(consequences, len(place), prime), n, prime)
