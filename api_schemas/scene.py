@@ -25,7 +25,7 @@ MAX_STEP_SIZES = 40
 
 MethodName = Literal["variational", "nonholonomic", "modified", "exact", "reference", "runge-kutta", "heyoka"]
 Observed = Literal[
-    "trajectory", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "velocities"
+    "trajectory", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "velocities", "cost"
 ]
 Beginning = Literal["momenta", "discrete_constraint"]
 Word = Annotated[str, StringConstraints(min_length=1, max_length=MAX_NAME_CHARACTERS)]

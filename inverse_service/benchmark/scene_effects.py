@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import tempfile
 import time
 from collections.abc import Sequence
@@ -18,18 +17,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inverse_service.codegen.compiled import kernel_text
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
+from inverse_service.simulation import part_costs
 from inverse_service.simulation.choices import Grid, MethodChoice
 from inverse_service.simulation.derivation import derive, problem_of
 from inverse_service.simulation.effects import lagrangian_parts, with_effects
-from inverse_service.simulation.formulas import Formulas
-from inverse_service.simulation.observing import ENERGY_START, observation_of
 from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.running import MethodRun, run_method
+from inverse_service.simulation.running import MethodRun, observed_problem, run_method
 from inverse_service.simulation.scene import FreeLagrangian, Requested, Scene, Unavailable
-from inverse_service.simulation.schemes import program_of
 
 COORDINATES = ("phi", "theta", "x", "y")
 LAGRANGIAN = "(x'^2 + y'^2)/2 + theta'^2/4 + phi'^2/8 + B*(x*y' - y*x')/2 - k*(x^2 + y^2)/2"
@@ -38,7 +34,6 @@ TERMS = {"bumps": "-a*cos(x)*cos(y)"}
 VALUES = {"B": 0.1, "k": 0.2, "a": 0.05}
 METHOD = Requested("nonholonomic", "nonholonomic", "0.5", MethodChoice("nonholonomic"))
 Named = tuple[str, ...]
-_OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 # Row, effects, observed quantities; a row adds one thing to the first, or to the row before it with the same start.
 ROWS: tuple[tuple[str, Named, Named], ...] = (
     ("kinetic energy alone", (), ()),
@@ -106,11 +101,7 @@ def operations(scene: Scene) -> int:
     """Floating-point instructions and calls in the kernel of the scene's method, each counted once."""
     problem = problem_of(scene, METHOD, derive(scene, _no_free))
     assert isinstance(problem, Problem)
-    assert METHOD.choice is not None
-    if "energy" in scene.observe:
-        problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
-    text = kernel_text(program_of(Formulas(problem), METHOD.choice, observation_of(scene)))
-    return len(_OPERATION.findall(text))
+    return part_costs.operations(*observed_problem(scene, problem), METHOD)
 
 
 def _observing(run: MethodRun) -> float:

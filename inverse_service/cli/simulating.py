@@ -104,7 +104,7 @@ def page(summary: Mapping[str, Any]) -> str:
         rows.append([method["label"], method["outcome"], str(method["steps"]), *numbers])
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return "\n".join([*lines, *_reasons(summary), *summary["notes"]]) + "\n"
+    return "\n".join([*lines, *_reasons(summary), *_costs(summary), *summary["notes"]]) + "\n"
 
 
 def _columns(summary: Mapping[str, Any]) -> list[str]:
@@ -126,6 +126,27 @@ def _number(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(_number(part) for part in value)
     return "-" if value is None else f"{value:.4g}"
+
+
+def _costs(summary: Mapping[str, Any]) -> list[str]:
+    """What a step costs and what each part adds, where the scene observes it."""
+    lines = []
+    for method in summary["methods"]:
+        cost = method.get("cost") or {}
+        if cost.get("step_ns") is None:
+            continue
+        parts = [
+            f"{part['name']}{' observed' if part['kind'] == 'observed' else ''} {_price(part)}"
+            for part in cost["parts"]
+            if part["step_ns"] is not None and part["operations"]
+        ]
+        added = f"; of these {', '.join(parts)}" if parts else ""
+        lines.append(f"{method['label']}: a step takes {_price(cost)}{added}")
+    return lines
+
+
+def _price(part: Mapping[str, Any]) -> str:
+    return f"{part['step_ns']:.0f} ns ({part['operations']} operations)"
 
 
 def _reasons(summary: Mapping[str, Any]) -> list[str]:

@@ -14,9 +14,10 @@ from inverse_service.service.scene_initial import read_initial
 from inverse_service.service.scene_methods import read_circle, read_methods
 from inverse_service.service.scene_numbers import number_of, read_grid
 from inverse_service.service.scene_system import MechanicalSystem, formula, mechanical_system
-from inverse_service.simulation.effects import BUILT_IN, CONSTRAINTS, lagrangian_parts, with_effects
+from inverse_service.simulation.effects import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts, with_effects
 from inverse_service.simulation.scene import OBSERVED, Scene
 
+Constraints = tuple[Expression, ...]
 TIME_REFUSED = (
     "the system depends on the time t: only systems without t can be simulated. Write a further coordinate for t, "
     "with acceleration 0, and start it at 0 with velocity 1."
@@ -30,7 +31,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
     names = system.names
     values = _values(schema, system)
     definitions = read_definitions(schema.functions, names)
-    lagrangian, constraints, effects = _with_effects(schema, system, definitions)
+    lagrangian, constraints, effects, without = _with_effects(schema, system, definitions)
     accelerations = system.accelerations and tuple(defined(tree, definitions) for tree in system.accelerations)
     formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
     _refuse_open(formulas, names)
@@ -51,6 +52,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
         observe=tuple(name for name in OBSERVED if name in schema.observe),
         circle=read_circle(schema, names),
         notes=notes,
+        without=without,
     )
     return scene, replace(system, definitions=definitions)
 
@@ -82,8 +84,9 @@ def _values(schema: SceneDocument, system: MechanicalSystem) -> dict[str, float]
 
 def _with_effects(
     schema: SceneDocument, system: MechanicalSystem, definitions: Definitions
-) -> tuple[Expression | None, tuple[Expression, ...], tuple[str, ...]]:
-    """L with the effects named, the constraints where they are named, and all names in effect."""
+) -> tuple[Expression | None, Constraints, tuple[str, ...], dict[str, tuple[Expression | None, Constraints]]]:
+    """L with the effects named, the constraints where they are named, all names in effect, and what is left without
+    each of them where the cost of parts is observed."""
     texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
     terms = {name: defined(tree, definitions) for name, tree in texts.items()}
     known = (*BUILT_IN, *terms)
@@ -98,11 +101,17 @@ def _with_effects(
                 "effects and terms need a Lagrangian, and this system is given by its equations: leave them out.",
                 "/terms" if terms else "/effects",
             )
-        return None, (), ()
+        return None, (), (), {}
     whole = defined(system.lagrangian, definitions)
     parts = lagrangian_parts(whole, system.names.coordinates)
-    constraints = tuple(defined(w, definitions) for w in system.constraints) if CONSTRAINTS in named else ()
-    return with_effects(parts, terms, named), constraints, named
+    given = tuple(defined(w, definitions) for w in system.constraints)
+
+    def acting(names: tuple[str, ...]) -> tuple[Expression, Constraints]:
+        return with_effects(parts, terms, names), given if CONSTRAINTS in names else ()
+
+    removable = [name for name in named if name != KINETIC] if "cost" in schema.observe else []
+    without = {one: acting(tuple(name for name in named if name != one)) for one in removable}
+    return *acting(named), named, dict(without)
 
 
 def _refuse_open(formulas: list[Expression], names: Names) -> None:

@@ -63,9 +63,10 @@ def _run_document(document: Any, progress: Progress | None, time_limit: float) -
     read = time.perf_counter()
     if progress is not None:
         progress("deriving")
-    derived = derive(scene, finder(schema, system, catalogue_name(schema)))
+    find = finder(schema, system, catalogue_name(schema))
+    derived = derive(scene, find)
     done = time.perf_counter()
-    found = run_scene(scene, derived, progress, lambda: time.monotonic() > deadline)
+    found = run_scene(scene, derived, progress, lambda: time.monotonic() > deadline, find)
     stages = {"read": read - begun, "derive": done - read, "run": time.perf_counter() - done}
     return found, stages
 

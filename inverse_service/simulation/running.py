@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,11 +13,12 @@ from numpy.typing import NDArray
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.choices import Start
-from inverse_service.simulation.derivation import COMPARED, USES_EXACT, Derived, problem_of
+from inverse_service.simulation.choices import Observation, Start
+from inverse_service.simulation.derivation import COMPARED, USES_EXACT, Derived, Find, problem_of
 from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
+from inverse_service.simulation.part_costs import COST, Means, part_costs
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.quantities import Observed, observed_quantities
 from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
@@ -54,8 +56,13 @@ class SceneRun:
     runs: tuple[MethodRun, ...]
 
 
-def run_scene(scene: Scene, derived: Derived, progress: Progress | None = None, stop: Stop | None = None) -> SceneRun:
-    """Run every method; what ends a method is its outcome and does not touch the others."""
+def run_scene(
+    scene: Scene, derived: Derived, progress: Progress | None = None, stop: Stop | None = None, find: Find | None = None
+) -> SceneRun:
+    """Run every method; what ends a method is its outcome and does not touch the others.
+
+    `find` looks for free Lagrangians where the cost of parts is observed.
+    """
     tell = progress or (lambda message: None)
     truth = None
     if USES_EXACT & set(scene.observe):
@@ -64,12 +71,17 @@ def run_scene(scene: Scene, derived: Derived, progress: Progress | None = None, 
     runs = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
-        runs.append(run_method(scene, requested, derived, truth, stop))
+        runs.append(run_method(scene, requested, derived, truth, stop, find))
     return SceneRun(scene, derived, truth, tuple(runs))
 
 
 def run_method(
-    scene: Scene, requested: Requested, derived: Derived, truth: Truth | Unavailable | None, stop: Stop | None = None
+    scene: Scene,
+    requested: Requested,
+    derived: Derived,
+    truth: Truth | Unavailable | None,
+    stop: Stop | None = None,
+    find: Find | None = None,
 ) -> MethodRun:
     """One method and its observed quantities."""
     free = derived.free.get(requested.free) if requested.method in ("variational", "modified") else None
@@ -92,6 +104,10 @@ def run_method(
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
     numbers, series = observed_quantities(observed, seconds)
+    if COST in scene.observe and problem is not None:
+        begun = time.perf_counter()
+        numbers[COST] = _costs(scene, requested, derived, known, stop, find)
+        seconds[COST] = time.perf_counter() - begun
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, known)
 
 
@@ -100,15 +116,40 @@ def _integrated(
 ) -> Trajectory | Unavailable:
     assert requested.choice is not None
     values = values_of(scene, requested, free)
-    observation = observation_of(scene)
-    if observation.observables and "energy" in scene.observe:
+    problem, observation = observed_problem(scene, problem)
+    if ENERGY_START in problem.parameters:
         values[ENERGY_START] = start_energy(scene) or 0.0
-        problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
     try:
         start = start_of(scene, requested, free, values)
         return run(problem, requested.choice, start, scene.grid, values, observation, stop)
     except InputError as error:
         return Unavailable(error.detail)
+
+
+def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observation]:
+    """The problem with the parameters that the observed formulas need, and what is recorded."""
+    observation = observation_of(scene)
+    if observation.observables and "energy" in scene.observe:
+        problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
+    return problem, observation
+
+
+def _costs(
+    scene: Scene, requested: Requested, derived: Derived, free: FreeLagrangian | None, stop: Stop | None,
+    find: Find | None,
+) -> dict[str, Any]:  # fmt: skip
+    def step(variant: Scene, problem: Problem) -> Trajectory | Unavailable:
+        known = None
+        if problem.free_lagrangian is not None:
+            known = free or FreeLagrangian(problem.free_lagrangian, problem.free_hamiltonian, {}, "")
+        return _integrated(variant, requested, problem, known, stop)
+
+    means = Means(step, observed_problem, find or _no_free, stop or (lambda: False))
+    return part_costs(scene, requested, derived, means)
+
+
+def _no_free(*_: object) -> Unavailable:
+    return Unavailable("no free Lagrangian was looked for.")
 
 
 def values_of(scene: Scene, requested: Requested, free: FreeLagrangian | None) -> dict[str, float]:

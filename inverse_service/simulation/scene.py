@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 EXACT = "exact"
 # What each observed quantity is called in the scene, in the order in which a person reads them.
-OBSERVED = ("trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error")
+OBSERVED = ("trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,8 @@ class Scene:
     """`lagrangian` holds the effects named and no other; None for a system given by `accelerations`.
 
     `values` gives every parameter a number. `positions` and `velocities` (n,) are on the constraints.
-    `circle` are the places of the two coordinates whose path is matched by circles.
+    `circle` are the places of the two coordinates whose path is matched by circles. `without` gives (Lagrangian,
+    constraints) without each effect, where the cost of parts is observed, and is empty elsewhere.
     """
 
     name: str
@@ -78,3 +79,4 @@ class Scene:
     observe: tuple[str, ...]
     circle: tuple[int, int] | None
     notes: tuple[str, ...] = ()
+    without: Mapping[str, tuple[Expression | None, tuple[Expression, ...]]] = field(default_factory=dict)

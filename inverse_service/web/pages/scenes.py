@@ -24,6 +24,12 @@ OBSERVABLES = (
     ("constraints", "Constraints", "how well they hold"),
     ("error", "Error", "against the true motion"),
     ("matching_circle", "Matching circle", "radius and drift of the centre"),
+    ("cost", "Cost", "what each effect and quantity adds to a step"),
+)
+EFFECTS = (
+    ("constraints", "without them the motion is free"),
+    ("potential", "terms of L without velocities"),
+    ("magnetic", "terms of L linear in the velocities"),
 )
 TICKED_METHODS = ("variational", "nonholonomic", "exact")
 TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
@@ -54,6 +60,9 @@ class SceneForm:
     observe: tuple[str, ...] = TICKED_OBSERVABLES
     further: tuple[Mapping[str, Any], ...] = ()
     kept: tuple[int, ...] = ()
+    # Parts of L that may be left out, with what they are; `effects` are those that act. Empty without a Lagrangian.
+    parts: tuple[tuple[str, str], ...] = ()
+    effects: tuple[str, ...] = ()
 
 
 def scene_form(document: Mapping[str, Any], title: str, system: str = "", job: str = "", scene: str = "") -> SceneForm:
@@ -81,7 +90,16 @@ def scene_form(document: Mapping[str, Any], title: str, system: str = "", job: s
         observe=(*TICKED_OBSERVABLES, *(("matching_circle",) if has_plane and has_constraints else ()))
         if has_constraints
         else ("trajectory", "energy"),
+        parts=parts_of(document),
+        effects=tuple(name for name, _ in parts_of(document)),
     )
+
+
+def parts_of(document: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    """The effects that a system can have."""
+    if "lagrangian" not in document:
+        return ()
+    return tuple(effect for effect in EFFECTS if effect[0] != "constraints" or document.get("constraints"))
 
 
 def with_sent(form: SceneForm, sent: Form) -> SceneForm:
@@ -107,6 +125,8 @@ def with_sent(form: SceneForm, sent: Form) -> SceneForm:
         tuple(name for name, *_ in OBSERVABLES if name in sent.every("observe")),
         form.further,
         tuple(k for k in range(len(form.further)) if str(k) in sent.every("further")),
+        form.parts,
+        tuple(name for name, _ in form.parts if name in sent.every("effect")),
     )
 
 
@@ -126,6 +146,8 @@ def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]
         "methods": [*(_method(name, form.alphas) for name in form.methods), *(form.further[k] for k in form.kept)],
         "observe": list(form.observe),
     }
+    if len(form.effects) < len(form.parts):
+        scene["effects"] = list(form.effects)
     if form.functions:
         scene["functions"] = {name: text for name, (_, text) in form.functions.items()}
     return scene
@@ -148,6 +170,7 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
     further = tuple(entry for entry in methods if entry not in fitting.values())
     positions, velocities = initial.get("positions", {}), initial.get("velocities") or {}
     functions, values = scene.get("functions", {}), scene.get("parameters") or {}
+    parts = (*form.parts, *((name, "a term of the scene") for name in scene.get("terms") or {})) if form.parts else ()
     return SceneForm(
         form.system,
         form.job,
@@ -165,12 +188,14 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
         tuple(scene.get("observe", form.observe)),
         further,
         tuple(range(len(further))),
+        parts,
+        tuple(name for name, _ in parts if name in scene.get("effects", dict(parts))),
     )
 
 
 def changed_scene(base: Mapping[str, Any], scene: Mapping[str, Any]) -> dict[str, Any]:
     """A scene that was run before with what the form says; what the form does not show stays."""
-    kept = {key: value for key, value in base.items() if key not in ("time", "steps")}
+    kept = {key: value for key, value in base.items() if key not in ("time", "steps", "effects")}
     initial = dict(scene["initial"])
     before = base.get("initial") or {}
     if before.get("project"):

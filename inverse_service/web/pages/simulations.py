@@ -59,6 +59,7 @@ def simulation_result(request: Request, job: Mapping[str, Any], document: str) -
         rows=[method_row(method, columns) for method in result["methods"]],
         free=free_lagrangians(result),
         costs=costs(result),
+        parts=part_costs(result),
         figures=figures.figure_names(result),
         motion=figures.motion_of(result),
         scene=document,
@@ -133,6 +134,27 @@ def costs(result: Mapping[str, Any]) -> dict[str, Any]:
     rows = [(stage, [duration(method["seconds"].get(stage)) for method in methods]) for stage in stages]
     shared = [(stage, duration(value)) for stage, value in result.get("seconds", {}).items()]
     return {"labels": [method["label"] for method in methods], "rows": rows, "shared": shared}
+
+
+def part_costs(result: Mapping[str, Any]) -> dict[str, Any]:
+    """What each effect and observed quantity adds to a step, where the scene observed that; else empty."""
+    methods = [method for method in result["methods"] if (method.get("cost") or {}).get("step_ns") is not None]
+    if not methods:
+        return {}
+    names = dict.fromkeys((p["kind"], p["name"]) for method in methods for p in method["cost"]["parts"])
+    rows = [("the whole step", [_price(method["cost"]) for method in methods])]
+    for kind, name in names:
+        found = [[p for p in method["cost"]["parts"] if (p["kind"], p["name"]) == (kind, name)] for method in methods]
+        title = f"{name} observed" if kind == "observed" else name
+        rows.append((title, [_price(part[0]) if part else "\u2013" for part in found]))
+    notes = dict.fromkeys(method["cost"]["note"] for method in methods if method["cost"].get("note"))
+    return {"labels": [method["label"] for method in methods], "rows": rows, "notes": list(notes)}
+
+
+def _price(part: Mapping[str, Any]) -> str:
+    if part["step_ns"] is None:
+        return "\u2013"
+    return "nothing" if not part["operations"] and part.get("note") else f"{part['step_ns']:.1f} ns"
 
 
 def figures_json(result: Mapping[str, Any]) -> Response:

@@ -86,3 +86,22 @@ def test_a_scene_of_a_result_or_of_a_document_has_its_form() -> None:
     for form in (of_result, of_document, written_out):
         assert form.coordinates == ("x",)
         assert form.parameters == {"k": "1"}
+
+
+def test_effects_of_a_scene_are_ticked_and_those_of_its_terms_too() -> None:
+    scene = DISK | {"terms": {"bumps": "-cos(x)"}, "effects": ["constraints", "bumps"]}
+    form = form_of_scene(form_of_system(scene["system"], scene="job"), scene)
+    assert [name for name, _ in form.parts] == ["constraints", "potential", "magnetic", "bumps"]
+    assert form.effects == ("constraints", "bumps")
+    assert through_the_form(scene)["effects"] == ["constraints", "bumps"]
+
+
+def test_all_effects_ticked_is_a_scene_that_names_none() -> None:
+    form = form_of_system(DISK["system"])
+    assert "effects" not in scene_document(form, DISK["system"])
+    without = with_sent(form, Form({"step": ("1",), "steps": ("2",), "method": ("exact",), "effect": ("potential",)}))
+    assert scene_document(without, DISK["system"])["effects"] == ["potential"]
+
+
+def test_a_system_given_by_equations_has_no_effects() -> None:
+    assert form_of_system({"coordinates": ["x"], "equations": {"x": "-x"}}).parts == ()
