@@ -49,8 +49,8 @@ def _split_by_roots(ring: ExactRing, quotient: Quotient) -> list[Quotient]:
 def _by_powers(quotient: Quotient, index: int, degree: int) -> list[Quotient]:
     """One quotient for each power of the generator in the numerator."""
     tables: list[dict[tuple[int, ...], fmpq]] = [{} for _ in range(degree)]
-    for exponents, coefficient in quotient.numerator.terms():
-        tables[int(exponents[index])][tuple(int(e) for e in exponents)] = coefficient
+    for exponents, coefficient in quotient.numerator.to_dict().items():
+        tables[exponents[index]][exponents] = coefficient
     owner = quotient.field
     return [owner.quotient(owner.context.from_dict(table), quotient.exponents) for table in tables if table]
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from functools import lru_cache
 
 from inverse_service.expressions.tree import (
     HALF,
@@ -31,6 +32,7 @@ from inverse_service.expressions.tree import (
 )
 
 
+@lru_cache(maxsize=8192)
 def to_kernels(expression: Expression) -> Expression:
     """The same function of the same variables, written with the six kernels only."""
     inner = rebuild(expression, to_kernels)

@@ -95,8 +95,20 @@ def number_value(value: Fraction, prime: int) -> int:
     return value.numerator * pow(value.denominator, -1, prime) % prime
 
 
-def evaluate(expression: Expression, point: Point) -> int:
-    """The value at the point; SingularPoint where a denominator vanishes, ValueError for a missing root."""
+def evaluate(expression: Expression, point: Point, known: dict[Expression, int] | None = None) -> int:
+    """The value at the point; SingularPoint where a denominator vanishes, ValueError for a missing root.
+
+    `known` keeps the values found at this point, for trees that share parts.
+    """
+    if known is None:
+        known = {}
+    elif expression in known:
+        return known[expression]
+    known[expression] = value = _evaluate(expression, point, known)
+    return value
+
+
+def _evaluate(expression: Expression, point: Point, known: dict[Expression, int]) -> int:
     prime = point.prime
     match expression:
         case Number(value):
@@ -104,18 +116,18 @@ def evaluate(expression: Expression, point: Point) -> int:
         case Symbol() | Velocity():
             return point.variable(expression)
         case Sum(terms):
-            return sum(evaluate(term, point) for term in terms) % prime
+            return sum(evaluate(term, point, known) for term in terms) % prime
         case Product(factors):
             product = 1
             for factor in factors:
-                product = product * evaluate(factor, point) % prime
+                product = product * evaluate(factor, point, known) % prime
             return product
         case Power(base, Number(exponent)):
-            return _power_value(evaluate(base, point), exponent, prime)
+            return _power_value(evaluate(base, point, known), exponent, prime)
         case Apply():
             return point.atom(expression)
         case Arbitrary(name, arguments, orders):
-            return point.jet(name, tuple(evaluate(argument, point) for argument in arguments), orders)
+            return point.jet(name, tuple(evaluate(argument, point, known) for argument in arguments), orders)
     raise TypeError(f"{type(expression).__name__} is not a kernel")
 
 

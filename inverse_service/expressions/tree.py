@@ -256,6 +256,14 @@ def rebuild(expression: Expression, change: Callable[[Expression], Expression]) 
 
 def substitute(expression: Expression, table: dict[Expression, Expression]) -> Expression:
     """Every node that is a key of `table` replaced by its value, all at once."""
-    if expression in table:
-        return table[expression]
-    return rebuild(expression, lambda part: substitute(part, table))
+    known: dict[Expression, Expression] = {}
+
+    def replaced(part: Expression) -> Expression:
+        """The part with its replacements; trees share parts, and each is rebuilt once."""
+        if part in table:
+            return table[part]
+        if part not in known:
+            known[part] = rebuild(part, replaced)
+        return known[part]
+
+    return replaced(expression)

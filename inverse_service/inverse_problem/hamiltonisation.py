@@ -28,7 +28,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.identities import rank_at_point, vanish
 from inverse_service.inverse_problem.restricted_flow import Comparison, Flow, compare
-from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
+from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.legendre.constraints import constraint_images
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
@@ -143,7 +143,7 @@ class _Work:
         return self._tested("On the constraints the associated system has the accelerations of the motion.", trees)
 
     def euler_lagrange(self) -> Statement:
-        trees = euler_lagrange_residual(self.lagrangian, self.names, self.associated.accelerations)
+        trees = euler_lagrange_sums(self.lagrangian, self.names, self.associated.accelerations)
         return self._tested("The Euler-Lagrange equations of L hold along the associated system.", trees)
 
     def canonical(self) -> Statement:

@@ -30,8 +30,9 @@ def values_modulo_primes(
         found = []
         for attempt in range(_ATTEMPTS):
             point = draw_point(tower, seed * _ATTEMPTS + attempt)
+            known: dict[Expression, int] = {}
             try:
-                found.append((point, [evaluate(kernel, point) for kernel in kernels]))
+                found.append((point, [evaluate(kernel, point, known) for kernel in kernels]))
             except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
                 continue
             if len(found) == points:

@@ -15,9 +15,9 @@ from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision import Decision, Limits, decide
 from inverse_service.inverse_problem.finding import existence_steps, legendre_steps, verification_steps
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Solution, Step
+from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Solution, Step
+from inverse_service.inverse_problem.printed_conditions import printed_conditions
 from inverse_service.inverse_problem.search.describe import describe
-from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -55,19 +55,16 @@ def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: So
     The decision is made all the same: it says how large the space of multipliers is.
     """
     began = time.monotonic()
-    tensors = conditions(system)
+    found, left_out = printed_conditions(system) if options.conditions else (None, "")
     analysis = analyse(system)
     decision = decide(system, False, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis)
     answer = _answer(analysis, decision, known)
-    found = None
-    if tensors.Phi is not None and tensors.nabla_Phi is not None and tensors.R is not None:
-        found = Conditions(tensors.Phi, tensors.nabla_Phi, tensors.R)
     provenance = {
         "seed": options.seed,
         "time_limit": options.time_limit,
         "points": [dict(point) for point in decision.points],
         "seconds": {"decision": round(decision.seconds, 4), "all": round(time.monotonic() - began, 4)},
-        "conditions_left_out": tensors.reason,
+        "conditions_left_out": left_out,
     }
     return Solution(system, answer, None if options.time_dependent is False else answer, found, provenance)
 

@@ -16,6 +16,7 @@ from inverse_service.inverse_problem.identities import vanish
 from inverse_service.inverse_problem.known_lagrangian import Known, confirmed, solution_with
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
+from inverse_service.inverse_problem.printed_conditions import with_conditions
 from inverse_service.inverse_problem.solving import Progress, solve
 from inverse_service.mechanics.nonholonomic.associated_systems import (
     KINDS,
@@ -172,14 +173,22 @@ def _vanishing(motion: EquationsOfMotion, family: Sequence[Expression], place: i
 def study(
     report: MotionReport, systems: Sequence[AssociatedSystem], options: SolveOptions, progress: Progress | None = None
 ) -> Study:
-    """Each system decided and, where it is variational, carried to H and the constraints in phase space."""
+    """Each system decided and, where it is variational, carried to H and the constraints in phase space.
+
+    The conditions are written out for the main one only.
+    """
+    quiet = replace(options, conditions=False)
     end = time.monotonic() + options.time_limit
     answers = []
     for place, system in enumerate(systems):
         waiting = sum(other.system is not None for other in systems[place:])
         share = (end - time.monotonic()) / max(waiting, 1)
-        answers.append(_answered(report, system, replace(options, time_limit=max(share, 0.1)), progress))
-    return Study(report, tuple(answers), _main(answers))
+        answers.append(_answered(report, system, replace(quiet, time_limit=max(share, 0.1)), progress))
+    main = _main(answers)
+    solution = answers[main].solution
+    if solution is not None and options.conditions:
+        answers[main] = replace(answers[main], solution=with_conditions(solution))
+    return Study(report, tuple(answers), main)
 
 
 def _main(answers: Sequence[AssociatedAnswer]) -> int:

@@ -15,7 +15,8 @@ class SolveOptions:
     the random points and primes, so that a run can be repeated. `time_limit` is in seconds; the
     solver looks at it between its stages and ends as undetermined. `ansatz`: terms that a Lagrangian
     is first looked for in. `series_order`: up to which order the multiplier is expanded where no
-    closed form is found; None leaves the choice to the solver.
+    closed form is found; None leaves the choice to the solver. `conditions`: whether Phi, nabla Phi and R
+    are written out.
     """
 
     time_dependent: bool | None = None
@@ -23,3 +24,4 @@ class SolveOptions:
     time_limit: float = 60.0
     ansatz: tuple[Expression, ...] = ()
     series_order: int | None = None
+    conditions: bool = True

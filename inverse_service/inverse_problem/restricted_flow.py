@@ -95,14 +95,24 @@ def _arbitrary(tree: Expression) -> list[Arbitrary]:
 
 def with_functions(tree: Expression, table: Mapping[str, tuple[tuple[Symbol, ...], Expression]]) -> Expression:
     """Each arbitrary function replaced by its sample, derivatives by derivatives of the sample."""
-    inner = rebuild(tree, lambda part: with_functions(part, table))
-    if not isinstance(inner, Arbitrary) or inner.name not in table:
-        return inner
-    arguments, body = table[inner.name]
-    for argument, order in zip(arguments, inner.orders, strict=True):
+    known: dict[Expression, Expression] = {}
+
+    def sampled(part: Expression) -> Expression:
+        if part not in known:
+            known[part] = _sampled(rebuild(part, sampled), table)
+        return known[part]
+
+    return sampled(tree)
+
+
+def _sampled(node: Expression, table: Mapping[str, tuple[tuple[Symbol, ...], Expression]]) -> Expression:
+    if not isinstance(node, Arbitrary) or node.name not in table:
+        return node
+    arguments, body = table[node.name]
+    for argument, order in zip(arguments, node.orders, strict=True):
         for _ in range(order):
             body = differentiate(body, argument)
-    return substitute(body, dict(zip(arguments, inner.arguments, strict=True)))
+    return substitute(body, dict(zip(arguments, node.arguments, strict=True)))
 
 
 @dataclass(slots=True)

@@ -28,11 +28,11 @@ from inverse_service.inverse_problem.finding import (
 from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
+from inverse_service.inverse_problem.printed_conditions import printed_conditions
 from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.divergence import is_free_of_divergence
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.ladder import search
-from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
@@ -67,13 +67,15 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     """
     began = time.monotonic()
     report = progress or (lambda _: None)
-    report("conditions")
-    tensors = conditions(system)
+    printed, left_out = None, ""
+    if options.conditions:
+        report("conditions")
+        printed, left_out = printed_conditions(system)
     seconds = {"conditions": time.monotonic() - began}
     try:
         analysis = analyse(system)
     except IrreducibleAtoms as problem:
-        return _unreduced(system, options, _conditions(tensors), problem.detail)
+        return _unreduced(system, options, printed, problem.detail)
     seconds["analysis"] = time.monotonic() - began - seconds["conditions"]
     work = _Work(analysis, options, report, began + options.time_limit, seconds)
     autonomous, with_time = _answers(work)
@@ -82,15 +84,9 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
         "time_limit": options.time_limit,
         "points": [dict(point) for point in work.points],
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
-        "conditions_left_out": tensors.reason,
+        "conditions_left_out": left_out,
     }
-    return Solution(system, autonomous, with_time, _conditions(tensors), provenance)
-
-
-def _conditions(tensors: Any) -> Conditions | None:
-    if tensors.Phi is None or tensors.nabla_Phi is None or tensors.R is None:
-        return None
-    return Conditions(tensors.Phi, tensors.nabla_Phi, tensors.R)
+    return Solution(system, autonomous, with_time, printed, provenance)
 
 
 def _unreduced(

@@ -49,12 +49,19 @@ def euler_lagrange_residual(
     Zero along q'' = f exactly when its solutions are extremals. ValueError where the numbers of
     coordinates and accelerations differ.
     """
+    return tuple(map(collect, euler_lagrange_sums(lagrangian, coordinates, accelerations)))
+
+
+def euler_lagrange_sums(
+    lagrangian: Expression, coordinates: Sequence[str], accelerations: Sequence[Expression]
+) -> tuple[Expression, ...]:
+    """The residual as it comes, nothing collected: to be evaluated, not to be read."""
     pairs = zip(coordinates, accelerations, strict=True)
     rates: list[tuple[Symbol | Velocity, Expression]] = [(Velocity(name), f) for name, f in pairs]
     rates += [(Symbol(name), Velocity(name)) for name in coordinates]
-    residuals = []
+    sums = []
     for name, momentum in zip(coordinates, momenta(lagrangian, coordinates), strict=True):
         terms = [multiply(differentiate(momentum, leaf), rate) for leaf, rate in rates if rate != ZERO]
         force = negate(differentiate(lagrangian, Symbol(name)))
-        residuals.append(collect(add(*terms, differentiate(momentum, TIME), force)))
-    return tuple(residuals)
+        sums.append(add(*terms, differentiate(momentum, TIME), force))
+    return tuple(sums)

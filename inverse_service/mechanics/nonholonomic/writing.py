@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import lru_cache
 
 from flint import fmpq
 
@@ -92,12 +93,13 @@ def _place(factor: Expression) -> int:
     return 2 if isinstance(base, Velocity) else 1 if isinstance(base, Apply) else 0
 
 
+@lru_cache(maxsize=1024)
 def tidied(tree: Expression) -> Expression:
     """The tree as one exact quotient, roots and circular functions reduced; as it is where that is too large."""
     variables = list(dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity)))
     try:
         # One order more than the tree holds: roots of arbitrary functions ask for a derivative.
-        ring = exact_ring([tree], variables, 1, Budget(_TIDIED_TERMS))
+        ring = exact_ring([tree], variables, 1, Budget(_TIDIED_TERMS), spare=True)
         return readable(ring, ring.value(tree))
     except (TooLarge, ZeroDivisionError):
         return tree
