@@ -28,7 +28,7 @@ from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.service.reading import escape
 from inverse_service.service.scene_formulas import defined, refuse_open_functions
 from inverse_service.service.scene_numbers import number_of
-from inverse_service.service.scene_system import MechanicalSystem, formula
+from inverse_service.service.scene_system import MechanicalSystem, formula, lagrangian_of
 from inverse_service.service.solving import solve_document
 from inverse_service.simulation.array_values import Array, array_value, table_of
 from inverse_service.simulation.class_lagrangian import ClassLagrangian, class_lagrangian, start_momenta
@@ -168,7 +168,8 @@ def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
         "coordinates": list(scene.coordinates),
         "equations": texts,
         "parameters": [name for name in scene.values if name in used],
-        "time_dependent_lagrangian": False,
+        # For the system itself an L(t, q, q') serves too; an associated one is wanted as the paper has it.
+        "time_dependent_lagrangian": False if scene.accelerations is None else None,
     }
 
 
@@ -198,9 +199,9 @@ def _solved(question: dict[str, Any]) -> tuple[str | None, str]:
         result = solve_document(question, SolveOptions(time_limit=SOLVE_SECONDS))
     except InverseServiceError as error:
         return None, error.detail
-    lagrangian = result.get("lagrangian")
-    if isinstance(lagrangian, Mapping):
-        return str(lagrangian["text"]), ""
+    text = lagrangian_of(result)
+    if text is not None:
+        return text, ""
     verdict = str(result.get("verdict", "undetermined")).replace("_", " ")
     return None, f"the solver says {verdict}."
 

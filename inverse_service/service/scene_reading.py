@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from api_schemas.scene import SceneDocument
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names, declared_name
+from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.service.reading import escape
 from inverse_service.service.scene_formulas import Definitions, defined, read_definitions, refuse_open_functions
@@ -19,8 +19,8 @@ from inverse_service.simulation.scene import OBSERVED, Scene
 
 Constraints = tuple[Expression, ...]
 TIME_REFUSED = (
-    "the system depends on the time t: only systems without t can be simulated. Write a further coordinate for t, "
-    "with acceleration 0, and start it at 0 with velocity 1."
+    "a system with constraints that depends on the time t is not simulated: write a further coordinate for t, with "
+    "kinetic energy of its own, and start it at 0 with velocity 1."
 )
 
 
@@ -34,7 +34,9 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
     lagrangian, constraints, effects, without = _with_effects(schema, system, definitions)
     accelerations = system.accelerations and tuple(defined(tree, definitions) for tree in system.accelerations)
     formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
-    _refuse_open(formulas, names)
+    refuse_open_functions(formulas, names)
+    if constraints and any(node == TIME for tree in formulas for node in walk(tree)):
+        raise InputError(TIME_REFUSED, "/system")
     positions, velocities = read_initial(schema, names, lagrangian, constraints, values)
     grid, notes = read_grid(schema)
     scene = Scene(
@@ -112,10 +114,3 @@ def _with_effects(
     removable = [name for name in named if name != KINETIC] if "cost" in schema.observe else []
     without = {one: acting(tuple(name for name in named if name != one)) for one in removable}
     return *acting(named), named, dict(without)
-
-
-def _refuse_open(formulas: list[Expression], names: Names) -> None:
-    for tree in formulas:
-        if any(node == TIME for node in walk(tree)):
-            raise InputError(TIME_REFUSED, "/system")
-    refuse_open_functions(formulas, names)

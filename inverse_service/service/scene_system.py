@@ -97,9 +97,15 @@ def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSys
     else:
         keys = ("name", "coordinates", "equations", "parameters", "functions")
         found = _of_document({key: system[key] for key in keys if key in system}, extra)
-    answers = (result, result.get("with_time"))
-    texts = [a["lagrangian"].get("text") for a in answers if isinstance(a, Mapping) and _is_part(a.get("lagrangian"))]
-    return _with_free(found, texts[0], "the result given") if texts else found
+    text = lagrangian_of(result)
+    return found if text is None else _with_free(found, text, "the result given")
+
+
+def lagrangian_of(result: Mapping[str, Any]) -> str | None:
+    """The Lagrangian of a result that serves best here: one with a Hamiltonian in closed form, also with t."""
+    answers = [a for a in (result, result.get("with_time")) if isinstance(a, Mapping) and _is_part(a.get("lagrangian"))]
+    closed = [a for a in answers if _is_part(a.get("hamiltonian")) and not a["hamiltonian"].get("implicit")]
+    return next((str(answer["lagrangian"]["text"]) for answer in (*closed, *answers)), None)
 
 
 def _is_part(value: Any) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import (
     PI,
+    TIME,
     Apply,
     Expression,
     Number,
@@ -47,10 +48,18 @@ class NoValue(InputError):
 
 
 def table_of(
-    coordinates: tuple[str, ...], positions: Array, velocities: Array | None, values: Mapping[str, float]
+    coordinates: tuple[str, ...],
+    positions: Array,
+    velocities: Array | None,
+    values: Mapping[str, float],
+    times: Array | None = None,
 ) -> dict[Expression, Any]:
-    """Names to arrays: `positions` and `velocities` are (m, n), each column a coordinate; parameters are numbers."""
-    table: dict[Expression, Any] = {Symbol(name): value for name, value in values.items()}
+    """Names to arrays: `positions` and `velocities` are (m, n), each column a coordinate; parameters are numbers.
+
+    `times` (m,) are values of t; left out, t is 0, as at the start.
+    """
+    table: dict[Expression, Any] = {TIME: 0.0 if times is None else times}
+    table |= {Symbol(name): value for name, value in values.items()}
     table |= {Symbol(name): positions[:, k] for k, name in enumerate(coordinates)}
     if velocities is not None:
         table |= {Velocity(name): velocities[:, k] for k, name in enumerate(coordinates)}

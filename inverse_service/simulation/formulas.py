@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from inverse_service.codegen.algebra import ZERO, Evaluator, Formula, closure, free_names, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, walk
+from inverse_service.expressions.tree import TIME, Expression, Number, Power, Product, Symbol, Velocity, walk
 from inverse_service.simulation.problem import Problem
 
+# t in a kernel: the time at the start of the step, a state variable of systems that depend on it.
+MOMENT = symbol("t")
 Gradient = Callable[[list[Formula], list[Formula]], list[Formula]]
 
 
@@ -40,7 +42,7 @@ class Formulas:
 
     @cached_property
     def table(self) -> dict[Expression, Formula]:
-        return names_of(self.problem.coordinates, self.problem.parameters)
+        return names_of(self.problem.coordinates, self.problem.parameters) | {TIME: MOMENT}
 
     def symbols(self, letter: str) -> list[Formula]:
         return [symbol(f"{letter}{k}") for k in range(self.size)]
@@ -120,17 +122,20 @@ class Formulas:
     def evaluator(self, key: str, make: Callable[[], Sequence[Formula]]) -> Evaluator:
         """Values of formulas over q, v and the parameters; made when `key` is first asked for."""
         if key not in self._evaluators:
-            names = [*(str(name) for letter in "qv" for name in self.symbols(letter)), *self.parameters]
+            names = [*(str(name) for letter in "qv" for name in self.symbols(letter)), *self.parameters, str(MOMENT)]
             self._evaluators[key] = Evaluator(make(), names)
         return self._evaluators[key]
 
-    def gradient(self, formula: Formula, letter: str, first: str = "q", second: str = "v") -> Gradient:
-        """The derivatives by the symbols of `letter`, as a callable of (values of first, values of second)."""
+    def gradient(
+        self, formula: Formula, letter: str, first: str = "q", second: str = "v", moment: Formula = MOMENT
+    ) -> Gradient:
+        """The derivatives by the symbols of `letter` at the time `moment`, as a callable of (values of first, values
+        of second)."""
         slopes = [formula.diff(variable) for variable in self.symbols(letter)]
         names = [*self.symbols(first), *self.symbols(second)]
 
         def at(left: Sequence[Formula], right: Sequence[Formula]) -> list[Formula]:
-            table = dict(zip(names, [*left, *right], strict=True))
+            table = dict(zip([*names, MOMENT], [*left, *right, moment], strict=True))
             return [slope.subs(table) for slope in slopes]
 
         return at

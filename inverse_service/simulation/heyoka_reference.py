@@ -14,6 +14,7 @@ import numpy as np
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import (
     PI,
+    TIME,
     Apply,
     Expression,
     Number,
@@ -60,7 +61,7 @@ def run_heyoka(
     rows = np.asarray(rows)
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 1
     positions, velocities = rows[:good, :size], rows[:good, size:]
-    table = table_of(problem.coordinates, positions, velocities, dict(values))
+    table = table_of(problem.coordinates, positions, velocities, dict(values), times[:good])
     series = {item.name: array_value(item.expression, table) for item in observation.observables}
     return Trajectory(
         times=times[:good],
@@ -95,6 +96,7 @@ def taylor_integrator(problem: Problem, start: Start, values: Mapping[str, float
     size = len(problem.coordinates)
     table: dict[Expression, Any] = {PI: heyoka.expression(np.pi)}
     table |= {Symbol(name): heyoka.expression(float(values[name])) for name in problem.parameters}
+    table[TIME] = heyoka.time
     table |= {Symbol(name): variables[k] for k, name in enumerate(problem.coordinates)}
     table |= {Velocity(name): variables[size + k] for k, name in enumerate(problem.coordinates)}
     forces = [_translated(tree, table, heyoka) for tree in problem.accelerations or ()]

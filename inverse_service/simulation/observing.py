@@ -20,7 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, add, multiply, subtract
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    subtract,
+    walk,
+)
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.simulation.array_values import array_value, table_of
@@ -107,10 +117,15 @@ def energy_numbers(trajectory: Trajectory, start: float) -> dict[str, Any]:
     return numbers | ({} if start else {"energy_error_is": "absolute, because the energy of the start is 0"})
 
 
-def point_energy(scene: Scene, positions: Array, velocities: Array) -> Array:
+def depends_on_time(scene: Scene) -> bool:
+    """Whether the Lagrangian of the scene contains t, so that its energy is no constant."""
+    return scene.lagrangian is not None and any(node == TIME for node in walk(scene.lagrangian))
+
+
+def point_energy(scene: Scene, positions: Array, velocities: Array, times: Array | None = None) -> Array:
     """E(q_k, v_k) at the recorded points, (m,)."""
     assert scene.lagrangian is not None
-    table = table_of(scene.coordinates, positions, velocities, scene.values)
+    table = table_of(scene.coordinates, positions, velocities, scene.values, times)
     return array_value(energy(scene.lagrangian, scene.coordinates), table)
 
 

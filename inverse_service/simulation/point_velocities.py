@@ -39,7 +39,7 @@ def _from_hamiltonian(
     scene: Scene, hamiltonian: Expression, trajectory: Trajectory, values: dict[str, float]
 ) -> Array:
     assert trajectory.momenta is not None
-    table = table_of(scene.coordinates, trajectory.positions, None, values)
+    table = table_of(scene.coordinates, trajectory.positions, None, values, trajectory.times)
     names = [Symbol(f"p_{name}") for name in scene.coordinates]
     table |= {name: trajectory.momenta[:, k] for k, name in enumerate(names)}
     return np.column_stack([array_value(differentiate(hamiltonian, name), table) for name in names])
@@ -54,7 +54,7 @@ def _from_lagrangian(
     if any(isinstance(node, Velocity) for row in matrix for entry in row for node in walk(entry)):
         return None
     rest = np.zeros_like(trajectory.positions)
-    table = table_of(scene.coordinates, trajectory.positions, rest, values)
+    table = table_of(scene.coordinates, trajectory.positions, rest, values, trajectory.times)
     mass = np.array([[array_value(entry, table) for entry in row] for row in matrix]).transpose(2, 0, 1)
     offsets = np.column_stack([array_value(p, table) for p in momenta(lagrangian, scene.coordinates)])
     free = np.linalg.solve(mass, (trajectory.momenta - offsets)[:, :, None])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import TIME, Expression, walk
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,3 +25,9 @@ class Problem:
     free_hamiltonian: Expression | None = None
     free_constants: tuple[str, ...] = ()
     accelerations: tuple[Expression, ...] | None = None
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether t occurs in any of the formulas; the motion begins at t = 0."""
+        trees = (self.lagrangian, self.free_lagrangian, self.free_hamiltonian, *(self.accelerations or ()))
+        return any(node == TIME for tree in trees if tree is not None for node in walk(tree))

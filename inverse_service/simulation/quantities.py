@@ -16,6 +16,7 @@ from inverse_service.simulation.observing import (
     circle_numbers,
     conserved_momenta,
     constraint_numbers,
+    depends_on_time,
     energy_numbers,
     error_numbers,
     greatest,
@@ -31,6 +32,7 @@ from inverse_service.simulation.scene import Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, true_rows
 
 Array = NDArray[np.float64]
+NO_CONSTANT = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,10 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     numbers = energy_numbers(run.trajectory, start)
     series = run.trajectory.series["energy_error"] + start
     velocities = _point_velocities(run)
+    if depends_on_time(run.scene):
+        if velocities is not None:
+            series = point_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
+        return {"energy_start": start, "max_energy_error": None, "energy_note": NO_CONSTANT}, {"energy": series}
     if velocities is not None:
         points = point_energy(run.scene, run.trajectory.positions, velocities)
         errors = np.abs(points - start) / (abs(start) or 1.0)

@@ -1,6 +1,6 @@
 """Accelerations of a constrained motion in a form that is regular wherever the constraints are independent.
 
-With g = L_vv, F = L_q - L_vq v and constraints w v = 0:
+With g = L_vv, F = L_q - L_vq v - L_vt and constraints w v = 0:
 
     a = g^-1 (F + w^T lambda),   lambda = -(w g^-1 w^T)^-1 (w' v + w g^-1 F)
 
@@ -16,6 +16,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     ONE,
+    TIME,
     ZERO,
     Expression,
     Symbol,
@@ -107,7 +108,8 @@ def _forces(names: tuple[str, ...], lagrangian: Expression) -> tuple[Expression,
 
 def _rate(expression: Expression, names: tuple[str, ...]) -> Expression:
     """The part of the derivative in time that holds no acceleration."""
-    return collect(add(*(multiply(differentiate(expression, Symbol(name)), Velocity(name)) for name in names)))
+    along = (multiply(differentiate(expression, Symbol(name)), Velocity(name)) for name in names)
+    return collect(add(*along, differentiate(expression, TIME)))
 
 
 def _applied(matrix: Matrix, vector: Sequence[Expression]) -> tuple[Expression, ...]:

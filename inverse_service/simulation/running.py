@@ -172,7 +172,7 @@ def start_of(
 def with_series(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """The exact trajectory with the formulas of the observed quantities at its points."""
     values = dict(scene.values) | {ENERGY_START: start_energy(scene) or 0.0}
-    table = table_of(scene.coordinates, trajectory.positions, trajectory.velocities, values)
+    table = table_of(scene.coordinates, trajectory.positions, trajectory.velocities, values, trajectory.times)
     series = {one.name: array_value(one.expression, table) for one in observables(scene)}
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     return replace(trajectory, series=series, maxima=maxima)

@@ -18,7 +18,7 @@ from inverse_service.integrators.variational import (
     symmetrised_hamiltonian_step,
 )
 from inverse_service.simulation.choices import MethodChoice, Observable, Observation
-from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.formulas import MOMENT, Formulas
 
 SMALLER_STEP = "take a smaller step"
 GUARD_REMEDY = "take a smaller step or smaller free constants of the free Lagrangian"
@@ -53,8 +53,8 @@ def variational(formulas: Formulas, choice: MethodChoice, observation: Observati
 
 def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
-    slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "q", "p") for letter in "qp")
     alpha = alpha_of(choice)
+    slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "q", "p", _moment(alpha)) for letter in "qp")
     if len(parts_of(choice)) == 2:
         e = (f.symbols("e"), f.symbols("g"))
         equations, pushes = symmetrised_hamiltonian_step(q, p, d, e, STEP, alpha, slope_q, slope_p)
@@ -62,7 +62,7 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     else:
         equations, pushes = hamiltonian_step(q, p, d, f.symbols("e"), STEP, alpha, slope_q, slope_p)
         unknowns, watched = [*d, *f.symbols("e")], between(p, f.symbols("e"), 1 - alpha)
-    guards = _guards(f, between(q, d, alpha), watched) if choice.guard else []
+    guards = _guards(f, between(q, d, alpha), watched, _moment(alpha)) if choice.guard else []
     watches = [*_velocity_watches(f, q, d, alpha), *guards]
     scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
     statements = plan(equations, [str(name) for name in unknowns], scales, guarded=choice.guard)
@@ -80,16 +80,22 @@ def _velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: Fo
 
 
 def _pair(f: Formulas, q: Sequence[Formula], d: Sequence[Formula], alpha: Formula) -> dict[Formula, Formula]:
-    """q and v of the discrete Lagrangian."""
+    """q, v and t of the discrete Lagrangian."""
     table = dict(zip(f.symbols("q"), between(q, d, alpha), strict=True))
+    table[MOMENT] = _moment(alpha)
     table.update({v: move / STEP for v, move in zip(f.symbols("v"), d, strict=True)})
     return table
 
 
-def _guards(f: Formulas, place: list[Formula], momentum: list[Formula]) -> list[Watch]:
+def _moment(part: Formula) -> Formula:
+    return MOMENT + part * STEP
+
+
+def _guards(f: Formulas, place: list[Formula], momentum: list[Formula], moment: Formula) -> list[Watch]:
     """h |d2H/dq_i dp_i| < 1 where it is not constant: for the class of the paper this is h |G'(r1)| < 1."""
     table = dict(zip([*f.symbols("q"), *f.symbols("p")], [*place, *momentum], strict=True))
     names = set(table)
+    table[MOMENT] = moment
     watches = []
     for k, coordinate in enumerate(f.problem.coordinates):
         mixed = f.hamiltonian.diff(symbol(f"q{k}")).diff(symbol(f"p{k}"))
@@ -101,8 +107,8 @@ def _guards(f: Formulas, place: list[Formula], momentum: list[Formula]) -> list[
 
 def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
-    slope_q, slope_v = (f.gradient(f.free_lagrangian, letter) for letter in "qv")
     parts = parts_of(choice)
+    slope_q, slope_v = (f.gradient(f.free_lagrangian, letter, moment=_moment(parts[0])) for letter in "qv")
     equations, pushes = raw_step(q, p, d, STEP, parts, slope_q, slope_v)
     watches = [
         Watch("sign", denominator.formula.subs(_pair(f, q, d, part)), denominator.text, "use the Hamiltonian form")
@@ -119,7 +125,7 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program
 def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
     m = [symbol(f"m{a}") for a in range(len(f.forms))]
-    slope_q, slope_v = (f.gradient(f.lagrangian, letter) for letter in "qv")
+    slope_q, slope_v = (f.gradient(f.lagrangian, letter, moment=_moment(parts_of(choice)[0])) for letter in "qv")
     equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts_of(choice), slope_q, slope_v, f.forms_at)
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
     statements = plan(equations, [str(name) for name in (*d, *m)], scales, guarded=choice.guard)
@@ -189,7 +195,8 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
     for stage, row in enumerate(tableau.rows):
         place, velocity = (_stage_point(start, stages, which, row) for which, start in enumerate((q, v)))
         place, velocity = _named(statements, place, f"x{stage}_"), _named(statements, velocity, f"y{stage}_")
-        table = dict(zip([*q, *v], [*place, *velocity], strict=True))
+        moment = _moment(number(float(sum(row))))
+        table = dict(zip([*q, *v, MOMENT], [*place, *velocity, moment], strict=True))
         forces = _named(statements, [a.subs(table) for a in f.accelerations], f"f{stage}_")
         stages.append((velocity, forces))
     origin = [number(0)] * f.size
@@ -225,7 +232,7 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
             for k in range(f.size)
         ]
         speed = [v[k] + sum((number(matrix[j][i]) * u[i][k] for i in stages), number(0)) for k in range(f.size)]
-        table = dict(zip([*q, *v], [*place, *speed], strict=True))
+        table = dict(zip([*q, *v, MOMENT], [*place, *speed, _moment(number(nodes[j]))], strict=True))
         values += [STEP * a.subs(table) for a in f.accelerations]
     names = tuple(str(name) for row in u for name in row)
     block = Iterate(names, tuple(values), tuple(f"v{k}" for _ in stages for k in range(f.size)))
@@ -238,12 +245,13 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
 def _point_program(
     f: Formulas, observation: Observation, statements: tuple[Statement, ...], changes: list[Formula], forces: int
 ) -> Program:
-    state = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
+    carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
+    state, updates = _with_clock(f, carried, changes)
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation.observables)
-    needed = [*changes, *(formula for _, formula in observed)]
+    needed = [*updates, *(formula for _, formula in observed)]
     return Program(
         state=state, arguments=("h", "a", *f.parameters), statements=used_only(statements, needed),
-        updates=tuple(changes), observed=observed, forces=forces,
+        updates=tuple(updates), observed=observed, forces=forces,
     )  # fmt: skip
 
 
@@ -260,6 +268,7 @@ def _program(
     known = _assigned(statements)
     places = range(f.size) if momenta is None else momenta
     state = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
+    state, changes = _with_clock(f, state, changes)
     updates = tuple(None if number(0) in (change, known.get(change)) else change for change in changes)
     q, d = f.symbols("q"), f.symbols("d")
     displacement = tuple(d) if observation.velocities else ()
@@ -276,6 +285,13 @@ def _program(
         observed=observed,
         forces=0 if any(not isinstance(statement, Assign) for statement in statements) else 1,
     )
+
+
+def _with_clock(
+    f: Formulas, state: tuple[str, ...], changes: Sequence[Formula]
+) -> tuple[tuple[str, ...], Sequence[Formula]]:
+    """With t as a state variable that grows by h, where the problem depends on it."""
+    return ((*state, str(MOMENT)), [*changes, STEP]) if f.problem.depends_on_time else (state, changes)
 
 
 def _assigned(statements: Sequence[Statement]) -> dict[Formula, Formula]:

@@ -10,7 +10,7 @@ from inverse_service.codegen.algebra import ZERO, Formula, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome
 from inverse_service.simulation.choices import MethodChoice, Start
-from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.schemes import parts_of
 
 Numbers = dict[str, float]
@@ -33,6 +33,7 @@ def initial(
     f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]
 ) -> Initial:
     """State of the kernel at t = 0."""
+    parameters = {**parameters, str(MOMENT): 0.0}
     _require(start, f.size)
     q = _named("q", start.positions)
     if choice.method in ("runge_kutta", "reference"):

@@ -99,9 +99,10 @@ def test_a_bad_value_is_refused_where_it_stands(path: str, value: Any, pointer: 
     assert 10 < len(refused.value.detail) < 500
 
 
-def test_a_system_with_time_is_refused() -> None:
-    scene = DISK | {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + t*x"}, "parameters": {}}
-    scene["initial"] = {"positions": {"x": 0}, "velocities": {"x": 0}}
+def test_a_system_with_constraints_and_time_is_refused() -> None:
+    system = {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 + y'^2 + t*x", "constraints": ["y' - x*x'"]}
+    scene = DISK | {"system": system, "parameters": {}}
+    scene["initial"] = {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0}}
     with pytest.raises(InputError, match="depends on the time t"):
         read_scene(scene_schema(scene))
 

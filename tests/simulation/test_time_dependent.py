@@ -1,0 +1,111 @@
+"""Systems with t: every method meets the known solution at its order, and nothing is said of an energy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inverse_service.errors import InputError
+from inverse_service.service.simulating import simulate
+
+W = 2.0
+FORCED: dict[str, Any] = {
+    "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2 + x*cos(w*t)", "parameters": ["w"]},
+    "parameters": {"w": W},
+    "initial": {"positions": {"x": "1/2"}, "velocities": {"x": 1}},
+}
+DAMPED: dict[str, Any] = {
+    "system": {"coordinates": ["x"], "equations": {"x": "-x - c*x'"}, "parameters": ["c"]},
+    "parameters": {"c": "1/5"},
+    "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+}
+GIVEN = DAMPED | {"free_lagrangian": "exp(c*t)*(x'^2 - x^2)/2"}
+
+
+def forced(t: Any) -> Any:
+    """x'' + x = cos(w t), x(0) = 1/2, x'(0) = 1."""
+    part = 1 / (1 - W**2)
+    return (0.5 - part) * np.cos(t) + np.sin(t) + part * np.cos(W * t)
+
+
+def damped(t: Any) -> Any:
+    """x'' + c x' + x = 0, x(0) = 1, x'(0) = 0."""
+    rate, turn = 0.1, np.sqrt(1 - 0.01)
+    return np.exp(-rate * t) * (np.cos(turn * t) + rate / turn * np.sin(turn * t))
+
+
+def errors(scene: dict[str, Any], method: dict[str, Any], true: Any, steps: int) -> float:
+    found = simulate(scene | {"step": 10 / steps, "steps": steps, "methods": [method]})["methods"][0]
+    assert found["outcome"] == "completed"
+    columns = found["points"]["columns"]
+    return float(np.abs(np.array(columns["x"]) - true(np.array(columns["t"]))).max())
+
+
+METHODS: list[tuple[dict[str, Any], float]] = [
+    ({"method": "variational", "alpha": 0}, 1),
+    ({"method": "variational", "alpha": "1/3"}, 1),
+    ({"method": "variational"}, 2),
+    ({"method": "variational", "form": "raw"}, 2),
+    ({"method": "variational", "order": 4}, 4),
+    ({"method": "runge-kutta"}, 4),
+]
+
+
+@pytest.mark.parametrize(("scene", "true"), [(FORCED, forced), (GIVEN, damped)], ids=["forced", "damped"])
+@pytest.mark.parametrize(("method", "order"), METHODS, ids=[str(method) for method, _ in METHODS])
+def test_methods_have_their_order(scene: dict[str, Any], true: Any, method: dict[str, Any], order: float) -> None:
+    coarse, fine = (errors(scene, method, true, steps) for steps in (400, 800))
+    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.12)
+
+
+@pytest.mark.parametrize(("scene", "true"), [(FORCED, forced), (DAMPED, damped)], ids=["forced", "damped"])
+@pytest.mark.parametrize("method", ["reference", "heyoka"])
+def test_references_meet_the_known_solution(scene: dict[str, Any], true: Any, method: str) -> None:
+    if method == "heyoka":
+        pytest.importorskip("heyoka")
+    assert errors(scene, {"method": method}, true, 200) < 1e-13
+
+
+def test_a_lagrangian_method_with_nonholonomic_name_takes_t_too() -> None:
+    assert errors(FORCED, {"method": "nonholonomic"}, forced, 800) < 1e-3
+
+
+def test_the_lagrangian_of_a_damped_system_is_found_with_t() -> None:
+    found = simulate(DAMPED | {"step": 0.1, "steps": 5, "methods": ["variational"]})["methods"][0]
+    assert "t" in found["free_lagrangian"]
+
+
+def test_an_energy_that_is_no_constant_has_no_error() -> None:
+    scene = FORCED | {"step": 0.1, "steps": 50, "observe": ["energy"], "methods": ["variational", "reference"]}
+    for method in simulate(scene)["methods"]:
+        assert method["max_energy_error"] is None
+        assert "contains t" in method["energy_note"]
+        assert len(method["points"]["columns"]["energy"]) == 51
+
+
+def test_the_energy_of_a_driven_system_is_that_of_its_motion() -> None:
+    scene = FORCED | {"step": 0.01, "steps": 300, "observe": ["energy"], "methods": ["variational"]}
+    columns = simulate(scene)["methods"][0]["points"]["columns"]
+    t = np.array(columns["t"])
+    speed = np.gradient(forced(t), t, edge_order=2)
+    expected = speed**2 / 2 + forced(t) ** 2 / 2 - forced(t) * np.cos(W * t)
+    assert np.abs(np.array(columns["energy"]) - expected).max() < 1e-3
+
+
+def test_a_lagrangian_that_has_other_motions_is_refused() -> None:
+    scene = DAMPED | {"step": 0.1, "steps": 5, "methods": ["variational"], "free_lagrangian": "exp(t)*(x'^2 - x^2)"}
+    with pytest.raises(InputError, match="no solution of this Lagrangian"):
+        simulate(scene)
+
+
+def test_what_is_not_done_says_so() -> None:
+    symmetrised = {"method": "variational", "alpha": 0, "symmetrised": True}
+    method = simulate(FORCED | {"step": 0.1, "steps": 5, "methods": [symmetrised]})["methods"][0]
+    assert method["outcome"] == "unavailable"
+    assert "systems without t" in method["reason"]
+    rolling = {"coordinates": ["x", "y"], "lagrangian": "x'^2 + y'^2 + x*cos(t)", "constraints": ["y' - x*x'"]}
+    with pytest.raises(InputError, match="constraints that depends on the time t"):
+        simulate(FORCED | {"system": rolling, "parameters": {}, "step": 0.1, "steps": 5, "methods": ["reference"],
+                           "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 1}}})  # fmt: skip
