@@ -41,6 +41,10 @@ class Formulas:
         return len(self.problem.coordinates)
 
     @cached_property
+    def depends_on_time(self) -> bool:
+        return self.problem.depends_on_time
+
+    @cached_property
     def table(self) -> dict[Expression, Formula]:
         return names_of(self.problem.coordinates, self.problem.parameters) | {TIME: MOMENT}
 

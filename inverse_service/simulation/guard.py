@@ -27,7 +27,7 @@ def refusal(
     """A "guard" outcome at step 0 where h max|G'| reaches 1 on the way, else None. `parameters` by kernel name."""
     if not choice.guard or choice.method != "variational" or f.problem.free_hamiltonian is None or not grid.steps:
         return None
-    if f.problem.depends_on_time:  # what it is on the way is not known beforehand
+    if f.depends_on_time:  # what it is on the way is not known beforehand
         return None
     place = f.moving_alone
     if place is None or f"d{place}" not in begin.rates:

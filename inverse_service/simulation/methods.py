@@ -83,7 +83,7 @@ def _run(
 
 def _is_monotone(formulas: Formulas, choice: MethodChoice, grid: Grid, parameters: Mapping[str, float]) -> bool:
     """Whether each substep has one root only, whatever the guard says."""
-    if formulas.problem.depends_on_time:
+    if formulas.depends_on_time:
         return False
     program = program_of(formulas, choice, Observation(momenta=False, velocities=False))
     known = {"a": choice.alpha, **parameters}

@@ -26,7 +26,7 @@ def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None
         raise InputError("The form of the variational method is hamiltonian or raw.")
     if choice.method in ("variational", "nonholonomic", "modified"):
         _check_order(choice)
-    if problem.depends_on_time and choice.symmetrised and choice.alpha != 0.5:
+    if choice.symmetrised and choice.alpha != 0.5 and problem.depends_on_time:
         raise InputError("Symmetrised steps are for systems without t: take alpha = 1/2, which has order 2 too.")
     for grid in grids:
         if not (abs(grid.step) > 0 and grid.step - grid.step == 0 and grid.steps >= 0 and grid.record_every >= 1):

@@ -291,7 +291,7 @@ def _with_clock(
     f: Formulas, state: tuple[str, ...], changes: Sequence[Formula]
 ) -> tuple[tuple[str, ...], Sequence[Formula]]:
     """With t as a state variable that grows by h, where the problem depends on it."""
-    return ((*state, str(MOMENT)), [*changes, STEP]) if f.problem.depends_on_time else (state, changes)
+    return ((*state, str(MOMENT)), [*changes, STEP]) if f.depends_on_time else (state, changes)
 
 
 def _assigned(statements: Sequence[Statement]) -> dict[Formula, Formula]:

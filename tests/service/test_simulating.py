@@ -196,8 +196,6 @@ def test_a_system_that_is_not_variational_says_so_and_the_rest_runs() -> None:
 
 
 def test_a_free_lagrangian_of_another_motion_is_refused() -> None:
-    from inverse_service.errors import InputError
-
     wrong = "phi'^2/2 + theta'^2/2 + (x'^2/sin(phi) + y'^2/cos(phi))/(2*phi')"
     with pytest.raises(InputError, match="no solution of this Lagrangian") as refused:
         simulate(scene("disk", methods=["variational"], free_lagrangian=wrong, steps=10))
