@@ -141,14 +141,14 @@ def reduced(total: Combination, gauge: Sequence[Combination]) -> Combination:
 
 def scaled(combination: Combination) -> Combination:
     """The simplest term that is not linear in the velocities gets coefficient 1/2 if quadratic, else 1."""
-    moving = [key for key in combination if _velocity_degree(key) not in (0, 1)] or list(combination)
+    moving = [key for key in combination if velocity_degree(key) not in (0, 1)] or list(combination)
     leading = min(moving, key=rank)
     target = Fraction(1, 2) if any(e == 2 and has_velocity(letter) for letter, e in leading) else Fraction(1)
     factor = target / combination[leading]
     return {key: a * factor for key, a in combination.items()}
 
 
-def _velocity_degree(key: Monomial) -> Fraction:
+def velocity_degree(key: Monomial) -> Fraction:
     """0 without velocities, 1 for a single velocity, else a number above 1."""
     return sum((1 + abs(e - 1) for letter, e in key if has_velocity(letter)), Fraction(0))
 
@@ -175,5 +175,3 @@ def inertia(table: RealTable | None, hessian: Sequence[Sequence[Expression]]) ->
 def as_tree(combination: Combination) -> Expression:
     """The Lagrangian as a sum of its terms."""
     return tree_of(combination)
-
-

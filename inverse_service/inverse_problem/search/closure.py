@@ -55,11 +55,11 @@ def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> lis
 
 
 def _without_squares(key: Monomial) -> list[Monomial]:
-    """With sin^2 u or cos^2 u also the monomial without it: 1 = sin^2 u + cos^2 u."""
+    """With sin^2 u or cos^2 u also the monomial without it, 1 = sin^2 u + cos^2 u; sinh and cosh likewise."""
     return [
         times(key, frozenset([(letter, Fraction(2))]), -1)
         for letter, e in key
-        if isinstance(letter, Apply) and letter.function in ("sin", "cos") and e >= 2
+        if isinstance(letter, Apply) and letter.function in ("sin", "cos", "sinh", "cosh") and e >= 2
     ]
 
 

@@ -10,20 +10,21 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.analysis import Analysis
-from inverse_service.inverse_problem.search.choice import as_tree, gauge_of, reduced, regular_members, scaled, signature
+from inverse_service.inverse_problem.search.choice import as_tree
 from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until, within
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms
 from inverse_service.inverse_problem.search.found import Found, SearchOutcome
-from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, solve_ansatz
+from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
+from inverse_service.inverse_problem.search.members import best_members, needed_combinations
 from inverse_service.inverse_problem.search.multiplier_ansatz import solve_multiplier
 from inverse_service.inverse_problem.search.own_terms import own_family
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
 from inverse_service.inverse_problem.search.specialists import SPECIALISTS, Specialist
-from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, add_terms
+from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms
+from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.inverse_problem.search.velocity_free import may_be_velocity_free
-from inverse_service.mechanics.euler_lagrange import hessian
 
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
@@ -45,18 +46,22 @@ def search(
     tried: list[tuple[str, int]] = []
     try:
         with until(deadline):
-            candidates = _climb(analysis, with_time, seed, progress, own_terms, tried)
-            found = next((kept for kept in (_kept(one, holds) for one in candidates) if kept), None)
+            rungs = _climb(analysis, with_time, seed, progress, own_terms, tried)
+            candidates = (_kept(one, analysis, holds) for one in rungs)
+            found = next((kept for kept in candidates if kept), None)
     except OutOfTime:
         found = None
     return SearchOutcome(found, tuple(tried))
 
 
-def _kept(found: Found, holds: Callable[[Expression], bool]) -> Found | None:
-    """From the first Lagrangian on that holds."""
+def _kept(found: Found, analysis: Analysis, holds: Callable[[Expression], bool]) -> Found | None:
+    """From the first Lagrangian on that holds, each written shorter where that is possible."""
     for k, tree in enumerate(found.lagrangians):
-        if holds(tree):
-            return replace(found, lagrangians=found.lagrangians[k:], parts=() if k else found.parts)
+        for form in dict.fromkeys((tidied(tree, analysis.system), tree)):
+            if holds(form):
+                others = (tidied(other, analysis.system) for other in found.lagrangians[k + 1 :])
+                trees = tuple(dict.fromkeys((form, *others)))
+                return replace(found, lagrangians=trees, parts=() if k else found.parts)
     return None
 
 
@@ -126,9 +131,8 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
         return None
     try:
         space = solve_multiplier(_sampler(material, terms), terms, seed)
-        chosen = dict.fromkeys(
-            key for members in regular_members(space, seed) for k in members for key in space.combinations[k]
-        )
+        members = needed_combinations(space, seed)
+        chosen = dict.fromkeys(key for k in members for key in space.combinations[k])
         return _with_potentials(material, family, list(chosen), seed) if chosen else None
     except _NO_POINTS:
         return None
@@ -141,32 +145,8 @@ def _sampler(material: Material, terms: Sequence[Monomial]) -> Sampler:
 def _with_potentials(material: Material, family: Family, chosen: Sequence[Monomial], seed: int) -> Found | None:
     terms = all_terms(material, family, chosen)
     space = solve_ansatz(_sampler(material, terms), terms, seed)
-    sets = regular_members(space, seed)
-    if not sets:
+    members = best_members(space, seed)
+    if not members:
         return None
-    members = [_member(material, space, members, seed) for members in sets]
-    members.sort(key=lambda member: not member[1])
-    parts = tuple(as_tree(space.combinations[k]) for k in sets[0])
-    return Found(tuple(dict.fromkeys(tree for tree, _ in members)), family.name, parts)
-
-
-def _member(material: Material, space: LagrangianSpace, chosen: Sequence[int], seed: int) -> tuple[Expression, bool]:
-    """The sum of the chosen combinations, each with the sign that makes its Hessian positive; is it definite?
-
-    Where that sum is singular the parts get different weights.
-    """
-    names = material.analysis.system.coordinates
-    gauge = gauge_of(space, seed)
-    parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
-    found = [signature(space, hessian(as_tree(part), names)) for part in parts]
-    signs = [-1 if one is not None and one[1] > one[0] else 1 for one in found]
-    tree, inertia = as_tree({}), None
-    for spread in range(3):
-        total: Combination = {}
-        for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
-            total = add_terms(total, part, sign * (1 + spread * k))
-        tree = as_tree(reduced(total, gauge))
-        inertia = signature(space, hessian(tree, names))
-        if inertia is None or sum(inertia) == len(names):
-            break
-    return tree, inertia is not None and inertia[0] == len(names)
+    trees = dict.fromkeys(as_tree(member.terms) for member in members)
+    return Found(tuple(trees), family.name, tuple(map(as_tree, members[0].parts)))

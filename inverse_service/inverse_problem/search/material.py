@@ -41,7 +41,7 @@ from inverse_service.inverse_problem.search.terms import (
 )
 from inverse_service.mechanics.conditions import exact_motion
 
-_COMPANIONS = {"sin": "cos", "cos": "sin"}
+_COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _TERMS, _SECONDS = 2_000, 1.0
 
 
@@ -143,9 +143,9 @@ def _letters(forces: Iterable[Terms]) -> list[Expression]:
 
 
 def companions(letter: Expression) -> list[Expression]:
-    """cos for sin, sin for cos, A for A', for A''."""
+    """cos for sin, sin for cos, cosh for sinh, sinh for cosh, A for A', for A''."""
     match letter:
-        case Apply(("sin" | "cos") as function, argument):
+        case Apply(function, argument) if function in _COMPANIONS:
             return [Apply(_COMPANIONS[function], argument)]
         case Arbitrary(name, arguments, orders) if any(orders):
             place = next(k for k, order in enumerate(orders) if order)

@@ -37,8 +37,13 @@ Terms = dict[Monomial, Fraction]
 EMPTY: Monomial = frozenset()
 _LARGEST_EXPANSION = 400
 _LARGEST_POWER = 6
-# Exponents of sine and cosine.
-_CIRCULAR = {"tan": (1, -1), "cot": (-1, 1), "sec": (0, -1), "csc": (-1, 0)}
+_CIRCULAR, _HYPERBOLIC = ("sin", "cos"), ("sinh", "cosh")
+# Each as powers of such a pair.
+_QUOTIENTS = {
+    "tan": (_CIRCULAR, (1, -1)), "cot": (_CIRCULAR, (-1, 1)), "sec": (_CIRCULAR, (0, -1)), "csc": (_CIRCULAR, (-1, 0)),
+    "tanh": (_HYPERBOLIC, (1, -1)), "coth": (_HYPERBOLIC, (-1, 1)), "sech": (_HYPERBOLIC, (0, -1)),
+    "csch": (_HYPERBOLIC, (-1, 0)),
+}  # fmt: skip
 
 
 class TooManyTerms(ArithmeticError):
@@ -107,10 +112,9 @@ def terms_of(expression: Expression) -> Terms:
             return _power(terms_of(base), exponent)
         case Apply("exp", argument):
             return _exponential(argument)
-        case Apply(("tan" | "cot" | "sec" | "csc") as function, argument):
-            sine, cosine = _CIRCULAR[function]
-            letters = ((Apply("sin", argument), sine), (Apply("cos", argument), cosine))
-            return {frozenset((letter, Fraction(e)) for letter, e in letters if e): Fraction(1)}
+        case Apply(function, argument) if function in _QUOTIENTS:
+            pairs = zip(*_QUOTIENTS[function], strict=True)
+            return {frozenset((Apply(name, argument), Fraction(e)) for name, e in pairs if e): Fraction(1)}
         case _:
             return {monomial(expression): Fraction(1)}
 

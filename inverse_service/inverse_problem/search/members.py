@@ -1,0 +1,153 @@
+"""The members of a space of Lagrangians that are worth having: regular, definite where possible, simple."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+
+from inverse_service.algebra.real_point import RealTable, real_sign
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.tree import Expression, Symbol, walk
+from inverse_service.inverse_problem.search.choice import (
+    as_tree,
+    complexity,
+    gauge_of,
+    reduced,
+    regular_members,
+    scaled,
+    signature,
+    velocity_degree,
+)
+from inverse_service.inverse_problem.search.deadline import check
+from inverse_service.inverse_problem.search.definite import MOST_PARTS, Matrix, definite_weights
+from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace
+from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial_tree, times
+from inverse_service.mechanics.euler_lagrange import hessian
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A Lagrangian, the combinations it is a sum of, and whether its Hessian is positive at the real point."""
+
+    terms: Combination
+    parts: tuple[Combination, ...]
+    definite: bool
+
+
+def best_members(space: LagrangianSpace, seed: int) -> list[Member]:
+    """The simplest regular members, definite ones first, short kinetic terms before others."""
+    sets = regular_members(space, seed)
+    if not sets:
+        return []
+    gauge = gauge_of(space, seed)
+    found = [_sum_of(space, gauge, chosen) for chosen in sets]
+    if not any(member.definite for member in found):
+        found += _definite_sums(space, gauge)
+    parameters = frozenset(Symbol(name) for name in space.sampler.analysis.system.parameters)
+    table = space.sampler.real_point
+    plain = [_divided(member, parameters, table) for member in found] if table and parameters else found
+    return sorted(plain, key=lambda member: _order(member, parameters))
+
+
+def _order(member: Member, parameters: frozenset[Symbol]) -> tuple[bool, Fraction, tuple[Fraction, int]]:
+    weights = (sum((abs(e) + (e < 0) for _, e in part), Fraction(0)) for part in _constants(member.terms, parameters))
+    return not member.definite, sum(weights, Fraction(0)), complexity(member.terms)
+
+
+def _divided(member: Member, parameters: frozenset[Symbol], table: RealTable) -> Member:
+    """Divided by the parameters of one of its kinetic terms, if that leaves fewer of them there.
+
+    A multiplier times a constant is one; the sign keeps the Hessian positive at the real point.
+    """
+    found = [member]
+    for part in dict.fromkeys(_constants(member.terms, parameters)):
+        if part:
+            sign = -1 if real_sign(monomial_tree(part), table) < 0 else 1
+            terms = {times(key, part, -1): sign * value for key, value in member.terms.items()}
+            found.append(replace(member, terms=terms))
+    return min(found, key=lambda one: _order(one, parameters))
+
+
+def _constants(terms: Combination, parameters: frozenset[Symbol]) -> list[Monomial]:
+    """The letters of each kinetic term that hold nothing but parameters."""
+    kinetic = [key for key in terms if velocity_degree(key) not in (0, 1)]
+    return [frozenset(item for item in key if _is_constant(item[0], parameters)) for key in kinetic]
+
+
+def _is_constant(letter: Expression, parameters: frozenset[Symbol]) -> bool:
+    names = {node for node in walk(letter) if isinstance(node, Symbol)}
+    return bool(names) and names <= parameters
+
+
+def needed_combinations(space: LagrangianSpace, seed: int) -> list[int]:
+    """The numbers of the combinations that the simplest regular members and a definite one are made of."""
+    sets = regular_members(space, seed)
+    chosen = dict.fromkeys(k for members in sets for k in members)
+    if sets and not any(_sum_of(space, [], members).definite for members in sets):
+        for member in _definite_sums(space, []):
+            chosen |= dict.fromkeys(k for k, c in enumerate(space.combinations) if c in member.parts)
+    return list(chosen)
+
+
+def _sum_of(space: LagrangianSpace, gauge: Sequence[Combination], chosen: Sequence[int]) -> Member:
+    """The sum of the chosen combinations, each with the sign that makes its Hessian positive.
+
+    Where that sum is singular the parts get different weights.
+    """
+    names = space.sampler.analysis.system.coordinates
+    parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
+    found = [signature(space, hessian(as_tree(part), names)) for part in parts]
+    signs = [-1 if one is not None and one[1] > one[0] else 1 for one in found]
+    total: Combination = {}
+    inertia = None
+    for spread in range(3):
+        total = {}
+        for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
+            total = add_terms(total, part, sign * (1 + spread * k))
+        total = reduced(total, gauge)
+        inertia = signature(space, hessian(as_tree(total), names))
+        if inertia is None or sum(inertia) == len(names):
+            break
+    given = tuple(space.combinations[k] for k in chosen)
+    return Member(total, given, inertia is not None and inertia[0] == len(names))
+
+
+def _definite_sums(space: LagrangianSpace, gauge: Sequence[Combination]) -> list[Member]:
+    """Sums with a positive definite Hessian at the real point, from the simplest combinations."""
+    simplest = sorted(space.combinations, key=complexity)[:MOST_PARTS]
+    with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
+    found = []
+    for weights in definite_weights([matrix for _, matrix in with_hessian]):
+        total: Combination = {}
+        for weight, (c, _) in zip(weights, with_hessian, strict=True):
+            total = add_terms(total, c, weight)
+        parts = tuple(c for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight)
+        found.append(Member(_scaled_up(reduced(total, gauge)), parts, definite=True))
+    return found
+
+
+def _scaled_up(combination: Combination) -> Combination:
+    """`scaled`, by a positive factor."""
+    result = scaled(combination)
+    key = next(iter(result))
+    return result if result[key] * combination[key] > 0 else {key: -value for key, value in result.items()}
+
+
+def _real_hessian(space: LagrangianSpace, combination: Combination) -> Matrix | None:
+    """d2L/dv dv at the real point; None where it vanishes or has no value."""
+    check()
+    table = space.sampler.real_point
+    if table is None or not any(velocity_degree(key) not in (0, 1) for key in combination):
+        return None
+    names = space.sampler.analysis.system.coordinates
+    with mpmath.workdps(20):
+        try:
+            entries = [[float(evaluate(e, table)) for e in row] for row in hessian(as_tree(combination), names)]
+        except (NoRealValue, ArithmeticError, TypeError):
+            return None
+    matrix = np.array(entries)
+    return matrix if np.isfinite(matrix).all() and np.abs(matrix).max() > 0 else None

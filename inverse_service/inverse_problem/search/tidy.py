@@ -1,0 +1,95 @@
+"""A Lagrangian written shorter: terms with the same velocities and parameters over one denominator."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from fractions import Fraction
+
+from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.tree import TIME, Expression, Sum, Symbol, Velocity, add, multiply, rebuild, walk
+from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    monomial_tree,
+    terms_of,
+    times,
+    tree_of,
+)
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_TERMS, _SECONDS = 500, 0.5
+# Past so many nodes nothing gets short enough to read.
+_LARGEST = 4_000
+_FAILED = (TooLarge, TooManyTerms, ZeroDivisionError, IrreducibleAtoms, InputError, ValueError)
+
+
+def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """A tree with fewer nodes, equal up to a constant factor, or the same one; to be verified like any other."""
+    if _size(tree) > _LARGEST:
+        return tree
+    return min([tree, *_other_forms(tree, system)], key=_size)
+
+
+def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:
+    found = []
+    for form in (collect, _inside, lambda given: _grouped(given, system)):
+        try:
+            found.append(form(tree))
+        except _FAILED:
+            continue
+    return found
+
+
+def _size(tree: Expression) -> int:
+    return sum(1 for _ in walk(tree))
+
+
+def _inside(tree: Expression) -> Expression:
+    """Every sum collected by itself where that makes it shorter."""
+    tree = rebuild(tree, _inside)
+    return min(tree, collect(tree), key=_size) if isinstance(tree, Sum) else tree
+
+
+def _grouped(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """The sum over velocities and parameters of their coefficients, each in its shortest form."""
+    parameters = frozenset(Symbol(name) for name in system.parameters)
+    groups: dict[Monomial, Terms] = {}
+    for key, value in _without_squares(terms_of(tree), parameters).items():
+        outer: Monomial = frozenset(item for item in key if has_velocity(item[0]) or item[0] in parameters)
+        groups.setdefault(outer, {})[key - outer] = value
+    deadline = time.monotonic() + _SECONDS
+    return add(*(_part(outer, inner, system, deadline) for outer, inner in groups.items()))
+
+
+def _without_squares(terms: Terms, parameters: frozenset[Symbol]) -> Terms:
+    """Even powers of parameters that all terms share left out: a positive multiple is as good a Lagrangian."""
+    shared = frozenset.intersection(*terms) if terms else EMPTY
+    common = frozenset((letter, e) for letter, e in shared if letter in parameters and e % 2 == 0)
+    return {times(key, common, -1): value for key, value in terms.items()}
+
+
+def _part(
+    outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrderSystem, deadline: float
+) -> Expression:
+    plain = tree_of(inner)
+    moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
+    constant, rates = monomial_tree(outer - moving), monomial_tree(moving)
+    whole = multiply(constant, plain, rates)
+    if len(inner) == 1 and next(iter(inner)) == EMPTY:
+        return whole
+    names = system.coordinates
+    symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    try:
+        ring = exact_ring([plain], symbols, 0, Budget(_TERMS, deadline))
+        quotient = quotient_tree(ring, ring.value(plain))
+    except (TooLarge, ZeroDivisionError):
+        return whole
+    return min(whole, multiply(constant, quotient, rates), key=_size)

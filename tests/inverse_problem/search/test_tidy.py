@@ -1,0 +1,39 @@
+"""Lagrangians are written shorter without being changed."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import walk
+from inverse_service.inverse_problem.search.tidy import tidied
+from inverse_service.mechanics.reading import read_system
+from tests.inverse_problem.search.forty_digits import same_value
+from tests.inverse_problem.search.given import tree
+
+SYSTEM = read_system(["x", "y"], {"x": "-a*x", "y": "-b*y"}, ["a", "b", "c"], {"A": ["x"]})
+
+
+@pytest.mark.parametrize(
+    ("given", "most"),
+    [
+        ("x'^2/2 + y'^2/2 - a*x^2", 20),
+        ("(1-t^2)*(x'^2/2 - a*x^2/(2*(1-t)*(1+t)))", 20),
+        ("x'^2/(2*(1+x)) - (-1 - x)*a*y'^2/2 - (a*x - a*x^3)/(1+x)", 34),
+        ("x'/((x' + x*y + y*x)^2 + 1)", 14),
+        ("x'^2/2 - cos(x)^2*x'^2/2 + a*cos(x)^2*y'^2", 20),
+    ],
+)
+def test_the_shorter_form_has_the_same_value(given: str, most: int) -> None:
+    found = tidied(tree(given), SYSTEM)
+    assert same_value(found, tree(given))
+    assert sum(1 for _ in walk(found)) <= most, to_text(found)
+
+
+def test_a_square_of_a_parameter_in_all_terms_is_left_out() -> None:
+    assert same_value(tidied(tree("x'^2/a^2 + b*y/a^2"), SYSTEM), tree("x'^2 + b*y"))
+
+
+@pytest.mark.parametrize("text", ["0", "1", "x'", "A(x)*x'^2", "sqrt(1-x'^2)", "x'*log(x')", "x'^2/y'"])
+def test_what_is_short_stays(text: str) -> None:
+    assert tidied(tree(text), SYSTEM) == tree(text)
