@@ -19,8 +19,8 @@ from inverse_service.simulation.scene import OBSERVED, Scene
 
 Constraints = tuple[Expression, ...]
 TIME_REFUSED = (
-    "a system with constraints that depends on the time t is not simulated: write a further coordinate for t, with "
-    "kinetic energy of its own, and start it at 0 with velocity 1."
+    "constraints that depend on the time t are not simulated: write a further coordinate for t, with kinetic energy of "
+    "its own, and start it at 0 with velocity 1."
 )
 
 
@@ -35,7 +35,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
     accelerations = system.accelerations and tuple(defined(tree, definitions) for tree in system.accelerations)
     formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
     refuse_open_functions(formulas, names)
-    if constraints and any(node == TIME for tree in formulas for node in walk(tree)):
+    if any(node == TIME for tree in constraints for node in walk(tree)):
         raise InputError(TIME_REFUSED, "/system")
     positions, velocities = read_initial(schema, names, lagrangian, constraints, values)
     grid, notes = read_grid(schema)

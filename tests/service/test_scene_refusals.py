@@ -99,11 +99,11 @@ def test_a_bad_value_is_refused_where_it_stands(path: str, value: Any, pointer: 
     assert 10 < len(refused.value.detail) < 500
 
 
-def test_a_system_with_constraints_and_time_is_refused() -> None:
-    system = {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 + y'^2 + t*x", "constraints": ["y' - x*x'"]}
+def test_constraints_with_time_are_refused() -> None:
+    system = {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 + y'^2", "constraints": ["y' - t*x'"]}
     scene = DISK | {"system": system, "parameters": {}}
     scene["initial"] = {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0}}
-    with pytest.raises(InputError, match="depends on the time t"):
+    with pytest.raises(InputError, match="depend on the time t"):
         read_scene(scene_schema(scene))
 
 

@@ -77,6 +77,24 @@ def test_the_lagrangian_of_a_damped_system_is_found_with_t() -> None:
     assert "t" in found["free_lagrangian"]
 
 
+@pytest.mark.parametrize(("method", "order"), [({"method": "nonholonomic"}, 2), ({"method": "runge-kutta"}, 4),
+                                               ({"method": "nonholonomic", "order": 4}, 4)])  # fmt: skip
+def test_a_driven_constrained_system_keeps_constraint_and_order(method: dict[str, Any], order: int) -> None:
+    driven = {
+        "system": {"coordinates": ["phi", "theta", "x", "y"],
+                   "constraints": ["x' - cos(phi)*theta'", "y' - sin(phi)*theta'"],
+                   "lagrangian": "(x'^2 + y'^2)/2 + theta'^2/4 + phi'^2/8 + x*cos(t)/3 + phi*sin(t)*y'/10"},
+        "initial": {"positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 1}},
+        "methods": [method], "observe": ["error", "constraints"],
+    }  # fmt: skip
+    coarse, fine = (
+        simulate(driven | {"step": 5 / steps, "steps": steps})["methods"][0] for steps in (200, 400)
+    )
+    assert np.log2(coarse["max_error"] / fine["max_error"]) == pytest.approx(order, abs=0.15)
+    if method["method"] == "nonholonomic":
+        assert fine["max_constraint"] < 1e-14
+
+
 def test_an_energy_that_is_no_constant_has_no_error() -> None:
     scene = FORCED | {"step": 0.1, "steps": 50, "observe": ["energy"], "methods": ["variational", "reference"]}
     for method in simulate(scene)["methods"]:
@@ -105,7 +123,3 @@ def test_what_is_not_done_says_so() -> None:
     method = simulate(FORCED | {"step": 0.1, "steps": 5, "methods": [symmetrised]})["methods"][0]
     assert method["outcome"] == "unavailable"
     assert "systems without t" in method["reason"]
-    rolling = {"coordinates": ["x", "y"], "lagrangian": "x'^2 + y'^2 + x*cos(t)", "constraints": ["y' - x*x'"]}
-    with pytest.raises(InputError, match="constraints that depends on the time t"):
-        simulate(FORCED | {"system": rolling, "parameters": {}, "step": 0.1, "steps": 5, "methods": ["reference"],
-                           "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 1}}})  # fmt: skip
