@@ -184,6 +184,34 @@ def _trace(
             weights[use_rows[u]] = _minus(weights[use_rows[u]], product, prime)
 
 
+@compiled
+def _cut(
+    numbers: Indices, first: int, basis_starts: Indices, basis_columns: Columns, basis_values: Words,
+    starts: Indices, columns: Indices, values: Words,
+) -> None:
+    """The entries from column `first` on of those basis rows; each row ends with its smallest column."""
+    entries = 0
+    for row in range(len(numbers)):
+        for k in range(basis_starts[numbers[row]], basis_starts[numbers[row] + 1]):
+            if basis_columns[k] < first:
+                break
+            columns[entries], values[entries] = basis_columns[k] - first, basis_values[k]
+            entries += 1
+        starts[row + 1] = entries
+
+
+@dataclass(frozen=True, slots=True)
+class SparseRows:
+    """Rows in compressed form: starts (rows + 1), columns, values."""
+
+    starts: Indices
+    columns: Indices
+    values: Words
+
+    def __len__(self) -> int:
+        return len(self.starts) - 1
+
+
 @dataclass(slots=True)
 class Echelon:
     """An echelon basis of rows over `width` columns; `width` may grow (new columns are last)."""
@@ -274,6 +302,16 @@ class Echelon:
         """{basis row: {column: value}} for rows whose pivot is in columns first … width - 1."""
         numbers = [int(k) for k in self.pivot_of[first:width] if k >= 0]
         return {number: self._row(number) for number in numbers}
+
+    def cut_rows(self, first: int, width: int) -> SparseRows:
+        """The rows whose pivot is in columns first … width - 1, cut to these columns, each in Montgomery form."""
+        numbers = self.pivot_of[first:width]
+        numbers = numbers[numbers >= 0]
+        starts = np.zeros(len(numbers) + 1, np.int64)
+        room = int((self.starts[numbers + 1] - self.starts[numbers]).sum())
+        columns, values = np.empty(room, np.int64), np.empty(room, np.uint64)
+        _cut(numbers, first, self.starts, self.columns, self.values, starts, columns, values)
+        return SparseRows(starts, columns[: starts[-1]], values[: starts[-1]])
 
     def _row(self, number: int) -> dict[int, int]:
         part = slice(int(self.starts[number]), int(self.starts[number + 1]))

@@ -29,24 +29,6 @@ class MonomialKeys:
         return sum(int(e) << (self.bits * k) for k, e in enumerate(exponents))
 
 
-class KnownKeys(dict[tuple[int, ...], int]):
-    """Keys by exponents, each computed once: a look-up costs a tenth of the sum."""
-
-    def __init__(self, size: int) -> None:
-        super().__init__()
-        self._monomials = MonomialKeys(size)
-
-    def __missing__(self, exponents: tuple[int, ...]) -> int:
-        key = self[exponents] = self._monomials.key(exponents)
-        return key
-
-
-@lru_cache(maxsize=64)
-def known_keys(size: int) -> KnownKeys:
-    """The table of keys in `size` variables, kept for the life of the process."""
-    return KnownKeys(size)
-
-
 @lru_cache(maxsize=512)
 def exponents_of_degree(size: int, degree: int) -> npt.NDArray[np.int8]:
     """All exponent vectors of a total degree, (count, size)."""

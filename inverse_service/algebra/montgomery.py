@@ -7,9 +7,11 @@ Montgomery form: x stands for x R modulo P, R = 2^64; a product costs three mult
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
@@ -66,6 +68,7 @@ def power(
     return result
 
 
+@lru_cache(maxsize=256)
 def constants(prime: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """(P, -1/P modulo R, R modulo P, R^2 modulo P)."""
     radix = 1 << 64
@@ -75,3 +78,11 @@ def constants(prime: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
         np.uint64(radix % prime),
         np.uint64(radix * radix % prime),
     )
+
+
+@lru_cache(maxsize=64)
+def small_numbers(prime: int, count: int) -> npt.NDArray[np.uint64]:
+    """0, 1, …, count - 1 in Montgomery form."""
+    numbers = np.array([k * (1 << 64) % prime for k in range(count)], np.uint64)
+    numbers.setflags(write=False)
+    return numbers

@@ -197,6 +197,8 @@ def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
 
 
 def _negative(run: _Run, prolongation: Prolongation, seed: int) -> Decision | None:
+    if len(run.history) > 1 and run.history[-1][0] == run.history[-2][0]:
+        return None  # the same values g(p) as the order before left, and there a regular one was among them
     rows = involution.value_rows(prolongation)
     if not involution.is_singular_everywhere(prolongation, list(rows.values()), seed):
         return None

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from inverse_service.algebra import montgomery
 from inverse_service.algebra.echelon import Words
-from inverse_service.algebra.monomials import known_keys
-from inverse_service.algebra.montgomery import compiled
+from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.series import Series
+from inverse_service.inverse_problem.monomial_tables import Places, known_places, row_tables
 
 Integers = npt.NDArray[np.int64]
 Exponents = npt.NDArray[np.int8]
@@ -20,7 +21,7 @@ NO_DERIVATIVE = -1
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A summand of one equation: factor * series * g_ij, or factor * series * d_a g_ij, factor 1 or -1."""
+    """A summand of one equation: factor * series * g_ij, or factor * series * d_a g_ij, factor 1 or -1; i <= j."""
 
     equation: int
     i: int
@@ -32,15 +33,18 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class TermTable:
-    """The terms of all equations of a kind.
+    """The terms of all equations of a kind, over `size` displacements, those of velocities from `first_velocity` on.
 
-    Series s has the Taylor coefficients starts[s] … starts[s + 1] - 1 (monomial keys, values, degrees);
-    term t is equation, series, sign, v_i, v_j, d_a in the columns of `terms`, (terms, 6).
+    Series s has the Taylor coefficients starts[s] … starts[s + 1] - 1 (places among the monomials of
+    their degree, values, degrees, ascending); term t is equation, series, sign, pair of g_ij, d_a in the
+    columns of `terms`, (terms, 5).
     """
 
+    size: int
+    first_velocity: int
     equations: int
     starts: Integers
-    keys: Integers
+    places: Integers
     values: Words
     degrees: Integers
     terms: Integers
@@ -48,90 +52,66 @@ class TermTable:
 
 def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity: int) -> TermTable:
     """The terms over `size` displacements, those of the velocities from `first_velocity` on."""
-    key_of = known_keys(size)
-    keys: list[int] = []
+    place_of = known_places(size)
+    n = size - first_velocity
+    places: list[int] = []
     values: list[int] = []
     degrees: list[int] = []
-    starts, places = [0], dict[int, int]()
+    starts, numbers = [0], dict[int, int]()
     rows = []
     for term in terms:
-        if id(term.series) not in places:
-            places[id(term.series)] = len(places)
+        if id(term.series) not in numbers:
+            numbers[id(term.series)] = len(numbers)
             for degree, component in enumerate(term.series):
-                for exponents, value in component.to_dict().items() if component else ():
-                    keys.append(key_of[exponents])
-                    values.append(int(value))
-                    degrees.append(degree)
-            starts.append(len(keys))
-        first, second = first_velocity + term.i, first_velocity + term.j
-        rows.append((term.equation, places[id(term.series)], term.negative, first, second, term.derivative))
+                if component:
+                    table = component.to_dict()
+                    places += [place_of[exponents] for exponents in table]
+                    values += map(int, table.values())
+                    degrees += [degree] * len(table)
+            starts.append(len(places))
+        pair = term.i * n - term.i * (term.i - 1) // 2 + term.j - term.i
+        rows.append((term.equation, numbers[id(term.series)], term.negative, pair, term.derivative))
     return TermTable(
-        equations, np.array(starts, np.int64), np.array(keys, np.int64), np.array(values, np.uint64),
-        np.array(degrees, np.int64), np.array(rows, np.int64).reshape(-1, 6),
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class Unknowns:
-    """All unknown monomials in ascending degree; block d is starts[d] … starts[d + 1] - 1."""
-
-    keys: Integers
-    exponents: Exponents
-    starts: Integers
+        size, first_velocity, equations, np.array(starts, np.int64), np.array(places, np.int64),
+        np.array(values, np.uint64), np.array(degrees, np.int64), np.array(rows, np.int64).reshape(-1, 5),
+    )  # fmt: skip
 
 
 @compiled
-def _multiple(value: np.uint64, factor: np.int64, prime: np.uint64) -> np.uint64:
-    """value * factor modulo the prime; the factor is at most a few dozen."""
-    total = np.uint64(0)
-    for _ in range(factor):
-        total += value
-        if total >= prime:
-            total -= prime
-    return total
-
-
-@compiled
-def emit(
-    fill: bool, keys: Integers, exponents: Exponents, starts: Integers, series_starts: Integers, term_keys: Integers,
-    term_values: Words, degrees: Integers, terms: Integers, degree: int,
-    row_keys: Integers, row_order: Integers, bits: int, prime: np.uint64,
+def _emit(
+    fill: bool, degree: int, series_starts: Integers, places: Integers, series_values: Words, degrees: Integers,
+    terms: Integers, monomials: Integers, product_starts: Integers, products: Places, column_starts: Integers,
+    entry_columns: Integers, factors: Integers, raised_starts: Integers, raised: Integers, exponents: Integers,
+    size: int, small: Words, prime: np.uint64, negative_inverse: np.uint64,
     counts: Integers, columns: Integers, values: Words,
-) -> None:
+) -> None:  # fmt: skip
     """Entries of term * (d_a) g_ij in the rows of one degree, for all terms; counted or filled in."""
     for t in range(len(terms)):
-        vi, vj, da = terms[t, 3], terms[t, 4], terms[t, 5]
-        first_row = terms[t, 0] * len(row_keys)
+        first_row, pair, along = terms[t, 0] * monomials[degree], terms[t, 3], terms[t, 4]
         for c in range(series_starts[terms[t, 1]], series_starts[terms[t, 1] + 1]):
-            wanted = degree - degrees[c] + (1 if da >= 0 else 0)
-            if degrees[c] > degree or wanted >= len(starts) - 1:
+            if degrees[c] > degree:
+                break
+            # Coefficient m of the series times coefficient m' of (d_a) g_ij, for all m' of this degree.
+            low = degree - degrees[c]
+            count = monomials[low]
+            start = product_starts[degrees[c]] + places[c] * count
+            if not fill:
+                for k in range(start, start + count):
+                    counts[first_row + products[k]] += 1
                 continue
-            for m in range(starts[wanted], starts[wanted + 1]):
-                ei = np.int64(exponents[m, vi])
-                ej = np.int64(exponents[m, vj])
-                factor = ei * (ej - 1) if vi == vj else ei * ej
-                if factor <= 0:
-                    continue
-                key = keys[m] - (np.int64(1) << (bits * vi)) - (np.int64(1) << (bits * vj))
-                if da >= 0:
-                    ea = np.int64(exponents[m, da])
-                    if da == vi:
-                        ea -= 1
-                    if da == vj:
-                        ea -= 1
-                    if ea <= 0:
-                        continue
-                    factor *= ea
-                    key -= np.int64(1) << (bits * da)
-                place = np.searchsorted(row_keys, key + term_keys[c])
-                if place >= len(row_keys) or row_keys[place] != key + term_keys[c]:
-                    continue
-                row = first_row + row_order[place]
-                if fill:
-                    value = prime - term_values[c] if terms[t, 2] else term_values[c]
-                    columns[counts[row]] = m
-                    values[counts[row]] = _multiple(value, factor, prime)
-                counts[row] += 1
+            value = prime - series_values[c] if terms[t, 2] else series_values[c]
+            for k in range(count):
+                if along < 0:
+                    entry = column_starts[low] + pair * count + k
+                    factor = factors[entry]
+                else:
+                    above = raised_starts[low] + k * size + along
+                    entry = column_starts[low + 1] + pair * monomials[low + 1] + raised[above]
+                    factor = factors[entry] * exponents[above]
+                place = counts[first_row + products[start + k]]
+                columns[place] = entry_columns[entry]
+                values[place] = multiply(value, small[factor], prime, negative_inverse)
+                counts[first_row + products[start + k]] = place + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,17 +123,20 @@ class Rows:
     values: Words
 
 
-def rows_of_degree(
-    unknowns: Unknowns, table: TermTable, degree: int, row_keys: Integers, bits: int, prime: int
-) -> Rows:
-    """The coefficients of the monomials `row_keys` (all of one degree), equation after equation."""
-    order = np.argsort(row_keys)
-    counts = np.zeros(table.equations * len(row_keys) + 1, np.int64)
-    terms = (table.starts, table.keys, table.values, table.degrees, table.terms)
-    head = (unknowns.keys, unknowns.exponents, unknowns.starts, *terms, degree, row_keys[order], order, bits)
-    modulus = np.uint64(prime)
-    emit(False, *head, modulus, counts, np.empty(0, np.int64), np.empty(0, np.uint64))
+def rows_of_degree(table: TermTable, degree: int, prime: int) -> Rows:
+    """The coefficients of all monomials of one degree, equation after equation."""
+    t = row_tables(table.size, table.first_velocity, degree)
+    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    # A factor is a product of three exponents of a monomial of degree degree + 3.
+    small = montgomery.small_numbers(prime, (degree + 4) ** 3)
+    counts = np.zeros(table.equations * t.counts[degree] + 1, np.int64)
+    head = (
+        degree, table.starts, table.places, table.values, table.degrees, table.terms, t.counts, t.product_starts,
+        t.products, t.column_starts, t.columns, t.factors, t.raised_starts, t.raised, t.exponents, table.size,
+        small, modulus, negative_inverse,
+    )  # fmt: skip
+    _emit(False, *head, counts, np.empty(0, np.int64), np.empty(0, np.uint64))
     starts = np.concatenate([[0], np.cumsum(counts[:-1])]).astype(np.int64)
     columns, values = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.uint64)
-    emit(True, *head, modulus, starts.copy(), columns, values)
+    _emit(True, *head, starts.copy(), columns, values)
     return Rows(starts, columns, values)

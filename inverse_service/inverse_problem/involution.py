@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import random
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from flint import nmod_mat
 
-from inverse_service.algebra.echelon import Echelon
-from inverse_service.algebra.monomials import MonomialKeys, keys_of
-from inverse_service.inverse_problem.emission import Exponents
+from inverse_service.algebra import montgomery
+from inverse_service.algebra.echelon import Echelon, Indices, SparseRows, Words
+from inverse_service.algebra.montgomery import compiled, multiply
+from inverse_service.inverse_problem.monomial_tables import raised_unknowns
 from inverse_service.inverse_problem.prolongation import Prolongation, unknown_block
 
 Rows = list[dict[int, int]]
@@ -84,73 +83,70 @@ def symbol(prolongation: Prolongation, degree: int, seed: int) -> Symbol:
     Systems, chapter VIII).
     """
     low, high = prolongation.width(degree - 1), prolongation.width(degree)
-    rows = prolongation.echelon.rows_within(low, high)
-    top = [{c - low: v for c, v in row.items() if c >= low} for row in rows.values()]
-    dimension = high - low - len(top)
+    rows = prolongation.echelon.cut_rows(low, high)
+    dimension = high - low - len(rows)
     if dimension == 0:
         return Symbol(0, 0, (0,) * prolongation.size)
-    basis = kernel(top, high - low, prolongation.local.ring.prime)
-    return Symbol(dimension, _prolonged(prolongation, degree, top), _characters(prolongation, degree, basis, seed))
+    characters = _characters(prolongation, degree, rows, seed)
+    return Symbol(dimension, _prolonged(prolongation, degree, rows), characters)
 
 
-def _columns_of(
-    prolongation: Prolongation, block: Exponents, wanted: Exponents
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-    """The places in `block` of the monomials `wanted`, and which of them are there at all."""
-    keys = MonomialKeys(prolongation.size)
-    known = keys_of(keys, block)
-    order = np.argsort(known)
-    sought = keys_of(keys, wanted)
-    places = np.minimum(np.searchsorted(known, sought, sorter=order), len(known) - 1)
-    return order[places], known[order[places]] == sought
+@compiled
+def _raise(
+    columns: Indices, values: Words, places: Indices, factors: Indices, small: Words,
+    prime: np.uint64, negative_inverse: np.uint64, raised: Indices, scaled: Words,
+) -> None:  # fmt: skip
+    """Each entry, for the coefficient of m in d_a L, as one for that of x_a m in L: all entries for each a."""
+    entries = len(columns)
+    for a in range(places.shape[1]):
+        for k in range(entries):
+            column = columns[k]
+            raised[a * entries + k] = places[column, a]
+            scaled[a * entries + k] = multiply(values[k], small[factors[column, a]], prime, negative_inverse)
 
 
-def _prolonged(prolongation: Prolongation, degree: int, top: Rows) -> int:
+def _prolonged(prolongation: Prolongation, degree: int, rows: SparseRows) -> int:
     """dim {L of degree d + 3 : all partial derivatives lie in M_d}."""
-    block, above = prolongation.blocks[degree], unknown_block(prolongation, degree + 1)
-    prime, size = prolongation.local.ring.prime, prolongation.size
+    size, prime = prolongation.size, prolongation.local.ring.prime
+    step = raised_unknowns(size, prolongation.first_velocity, degree)
+    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    entries = len(rows.columns)
+    columns, values = np.empty(size * entries, np.int64), np.empty(size * entries, np.uint64)
+    small = montgomery.small_numbers(prime, degree + 4)
+    _raise(rows.columns, rows.values, step.places, step.factors, small, modulus, negative_inverse, columns, values)
+    starts = rows.starts[None, :-1] + entries * np.arange(size)[:, None]
     echelon = Echelon(prime)
-    echelon.widen(len(above))
-    entries = np.array([column for row in top for column in row], np.int64)
-    values = [value for row in top for value in row.values()]
-    lengths = np.array([len(row) for row in top], np.int64)
-    starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
-    for a in range(size):
-        raised = block[entries] + np.eye(size, dtype=np.int8)[a]
-        columns, _ = _columns_of(prolongation, above, raised)
-        scaled = [value * factor % prime for value, factor in zip(values, raised[:, a].tolist(), strict=True)]
-        echelon.insert(starts, columns, np.array(scaled, np.uint64))
-    return len(above) - echelon.count
+    echelon.widen(len(unknown_block(prolongation, degree + 1)))
+    echelon.insert(np.append(starts.ravel(), size * entries), columns, values)
+    return echelon.width - echelon.count
 
 
-def _characters(prolongation: Prolongation, degree: int, basis: nmod_mat, seed: int) -> tuple[int, ...]:
-    """alpha_1, …, alpha_m from the ranks of successive random derivatives on M_d."""
+@compiled
+def _derive(
+    directions: Words, factors: Indices, small: Words, prime: np.uint64, negative_inverse: np.uint64, values: Words
+) -> None:
+    """values[k, m, a] = directions[k, a] * (the exponent of x_a in x_a m)."""
+    for k in range(values.shape[0]):
+        for m in range(values.shape[1]):
+            for a in range(values.shape[2]):
+                values[k, m, a] = multiply(directions[k, a], small[factors[m, a]], prime, negative_inverse)
+
+
+def _characters(prolongation: Prolongation, degree: int, rows: SparseRows, seed: int) -> tuple[int, ...]:
+    """alpha_1, …, alpha_m: how many of the equations D_k L = 0 are new, D_k the k-th random derivative.
+
+    The equations for the coefficient of a monomial m in D L, m of one degree less, v-degree >= 2.
+    """
     generator = random.Random(f"directions {seed}")
     prime, size = prolongation.local.ring.prime, prolongation.size
-    total, dimensions = None, [basis.nrows()]
-    for _ in range(size):
-        if dimensions[-1] == 0:
-            dimensions.append(0)
-            continue
-        direction = [generator.randrange(1, prime) for _ in range(size)]
-        image = (basis * _derivative_matrix(prolongation, degree, direction)).transpose()
-        stacked = image if total is None else nmod_mat(
-            total.nrows() + image.nrows(), image.ncols(), total.entries() + image.entries(), prime
-        )
-        reduced, rank = stacked.rref()
-        total = nmod_mat(rank, image.ncols(), reduced.entries()[: rank * image.ncols()], prime) if rank else None
-        dimensions.append(basis.nrows() - rank)
-    return tuple(a - b for a, b in itertools.pairwise(dimensions))
-
-
-def _derivative_matrix(prolongation: Prolongation, degree: int, direction: list[int]) -> nmod_mat:
-    """L -> sum_a direction_a d_a L modulo v-degree <= 1, (unknowns of degree d, of degree d - 1)."""
-    block, below = prolongation.blocks[degree], prolongation.blocks[degree - 1]
-    prime, size = prolongation.local.ring.prime, prolongation.size
-    matrix = nmod_mat(len(block), len(below), prime)
-    for a in range(size):
-        rows = np.flatnonzero(block[:, a])
-        columns, there = _columns_of(prolongation, below, block[rows] - np.eye(size, dtype=np.int8)[a])
-        for row, column in zip(rows[there].tolist(), columns[there].tolist(), strict=True):
-            matrix[row, column] = int(block[row, a]) * direction[a] % prime
-    return matrix
+    step = raised_unknowns(size, prolongation.first_velocity, degree - 1)
+    directions = np.array([[generator.randrange(1, prime) for _ in range(size)] for _ in range(size)], np.uint64)
+    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    values = np.empty((size, *step.places.shape), np.uint64)
+    _derive(directions, step.factors, montgomery.small_numbers(prime, degree + 3), modulus, negative_inverse, values)
+    echelon = Echelon(prime)
+    echelon.widen(len(prolongation.blocks[degree]))
+    echelon.insert(rows.starts, rows.columns, rows.values)
+    columns = np.tile(step.places.ravel(), size)
+    dependent = echelon.insert(np.arange(0, len(columns) + 1, size), columns, values.ravel())
+    return tuple(int(k) for k in np.count_nonzero(~dependent.reshape(size, -1), axis=1))

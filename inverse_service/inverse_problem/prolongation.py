@@ -20,17 +20,17 @@ import numpy as np
 
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon import Echelon, Flags
-from inverse_service.algebra.monomials import MonomialKeys, exponents_of_degree, keys_of, raised_places
+from inverse_service.algebra.monomials import exponents_of_degree, raised_places
 from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.inverse_problem.emission import (
     NO_DERIVATIVE,
     Exponents,
     Term,
     TermTable,
-    Unknowns,
     rows_of_degree,
     term_table,
 )
+from inverse_service.inverse_problem.monomial_tables import unknown_exponents
 
 # (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
 RowName = tuple[str, int, int, tuple[int, ...]]
@@ -197,9 +197,7 @@ def start(local: LocalSystem, expected: Mapping[tuple[str, int], Flags] | None =
 
 def unknown_block(prolongation: Prolongation, degree: int) -> Exponents:
     """Exponents of the unknowns of degree `degree` in g: total degree + 2, v-degree >= 2."""
-    table = exponents_of_degree(prolongation.size, degree + 2)
-    kept: Exponents = table[table[:, prolongation.first_velocity :].sum(axis=1) >= 2]
-    return kept
+    return unknown_exponents(prolongation.size, prolongation.first_velocity, degree)
 
 
 def advance(prolongation: Prolongation) -> None:
@@ -208,19 +206,15 @@ def advance(prolongation: Prolongation) -> None:
     order = prolongation.order
     prolongation.blocks.append(unknown_block(prolongation, order))
     prolongation.echelon.widen(prolongation.width(order))
-    unknowns = _unknowns(prolongation)
-    bits, prime = MonomialKeys(prolongation.size).bits, prolongation.local.ring.prime
     for block in prolongation.equations:
         degree = order - 1 if block.kind == "H2" else order
         if degree < 0 or not block.pairs:
             continue
-        monomials = exponents_of_degree(prolongation.size, degree)
-        keys = keys_of(MonomialKeys(prolongation.size), monomials)
-        rows = rows_of_degree(unknowns, block.table, degree, keys, bits, prime)
+        rows = rows_of_degree(block.table, degree, prolongation.local.ring.prime)
         expected = _expected(prolongation, block, degree)
         found = prolongation.echelon.insert(rows.starts, rows.columns, rows.values, expected)
         prolongation.dependent[block.kind, degree] = found
-        prolongation.row_blocks.append((block, monomials))
+        prolongation.row_blocks.append((block, exponents_of_degree(prolongation.size, degree)))
 
 
 def _expected(prolongation: Prolongation, block: Equations, degree: int) -> Flags | None:
@@ -239,10 +233,3 @@ def _expected(prolongation: Prolongation, block: Equations, degree: int) -> Flag
     pairs, monomials = np.nonzero(below.reshape(len(block.pairs), -1))
     flags[pairs[:, None], above[monomials]] = True
     return flags.reshape(-1)
-
-
-def _unknowns(prolongation: Prolongation) -> Unknowns:
-    exponents = np.concatenate(prolongation.blocks)
-    widths = [0, *(len(block) for block in prolongation.blocks)]
-    keys = keys_of(MonomialKeys(prolongation.size), exponents)
-    return Unknowns(keys, exponents, np.cumsum(widths).astype(np.int64))

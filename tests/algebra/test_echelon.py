@@ -198,3 +198,19 @@ def test_all_rows_may_be_expected_to_depend() -> None:
     insert(echelon, rows, np.ones(len(rows), np.bool_))
     assert echelon.count == reduced(rows, 25)[1] > 0
     assert insert(echelon, rows, np.ones(len(rows), np.bool_)).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rows_are_cut_to_the_columns_of_their_pivots(seed: int) -> None:
+    echelon = echelon_of(random_rows(30, 40, 0.15, seed), 40)
+    inverse = pow(1 << 64, -1, P)
+    for first, width in [(0, 40), (10, 30), (39, 40), (7, 7)]:
+        cut = echelon.cut_rows(first, width)
+        rows = echelon.rows_within(first, width).values()
+        whole = [{c - first: x for c, x in row.items() if c >= first} for row in rows]
+        found = []
+        for a, b in itertools.pairwise(cut.starts.tolist()):
+            values = [x * inverse % P for x in cut.values[a:b].tolist()]
+            found.append(dict(zip(cut.columns[a:b].tolist(), values, strict=True)))
+        assert found == whole
+        assert len(cut) == len(whole)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from inverse_service.algebra.primes import safe_prime
 from inverse_service.inverse_problem.decision import Decision, decide, statement
-from inverse_service.inverse_problem.involution import Symbol, _columns_of, kernel
+from inverse_service.inverse_problem.involution import Symbol, kernel
 from inverse_service.mechanics.reading import read_system
 
 P = safe_prime(7)
@@ -92,18 +90,6 @@ def test_a_symbol_is_involutive_only_where_cartans_equality_holds() -> None:
 )
 def test_the_sentence_names_the_last_character(dimension: int, characters: tuple[int, ...], sentence: str) -> None:
     assert statement(dimension, characters) == f"the multiplier depends on {sentence}"
-
-
-def test_monomials_are_found_by_their_exponents_and_missed_where_they_are_not() -> None:
-    block = np.array([[0, 0, 2], [0, 1, 1], [1, 0, 1]], np.int8)
-    prolongation = SimpleNamespace(size=3)
-    wanted = np.array([[1, 0, 1], [0, 0, 2], [2, 0, 0], [0, 0, 5], [5, 5, 5], [0, 1, 1]], np.int8)
-    places, there = _columns_of(prolongation, block, wanted)  # type: ignore[arg-type]
-    assert there.tolist() == [True, True, False, False, False, True]
-    assert places[there].tolist() == [2, 0, 1]
-    for order in ([2, 1, 0], [1, 2, 0]):
-        again, _ = _columns_of(prolongation, block[order], block)  # type: ignore[arg-type]
-        assert (block[order][again] == block).all()
 
 
 @pytest.mark.parametrize("width", [1, 4])
