@@ -16,6 +16,7 @@ from inverse_service.inverse_problem.power_series import count
 from inverse_service.inverse_problem.rational_series import as_tree, rational_series
 from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.found import SearchOutcome
+from inverse_service.inverse_problem.search.specialists import REASONS
 from inverse_service.inverse_problem.verification import explain_positive
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
@@ -23,6 +24,8 @@ from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
 # The order of the series that is written out, and how many coefficients it may have.
 _SERIES_ORDER = 2
 _MOST_COEFFICIENTS = 60
+# Sentences hold formulas up to so many characters.
+_LONGEST_FORMULA = 400
 
 
 def existence_steps(decision: Decision) -> tuple[Step, ...]:
@@ -46,8 +49,20 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
 
 def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
     """Which families were tried in vain."""
-    tried = "; ".join(f"{name} ({count} terms)" for name, count in outcome.tried) or "none fits f"
-    return (Step(f"No closed form was found. Families tried: {tried}."),)
+    families = "; ".join(f"{name} ({terms(count)})" for name, count in outcome.tried if name not in REASONS)
+    methods = "; ".join(name for name, _ in outcome.tried if name in REASONS)
+    also = f" Methods tried: {methods}." if methods else ""
+    return (Step(f"No closed form was found. Families tried: {families or 'none fits f'}.{also}"),)
+
+
+def terms(count: int) -> str:
+    """The number with its noun."""
+    return "1 term" if count == 1 else f"{count} terms"
+
+
+def _written(text: str, given: str) -> str:
+    """The formula, or where it stands if it would fill the page."""
+    return text if len(text) <= _LONGEST_FORMULA else given
 
 
 def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> tuple[Step, ...]:
@@ -63,9 +78,11 @@ def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> t
     place = ", ".join(f"{to_text(symbol)} = {found.point[symbol]}" for symbol in named)
     text = (
         f"Near {place} one regular Lagrangian begins, to total degree {found.order + 2} and up to terms of at most "
-        "first degree in the velocities (which the equations of motion then fix),"
+        "first degree in the velocities (which the equations of motion then fix), as "
     )
-    return (Step(text, r"L = " + to_latex(as_tree(found)) + r" + \dots"),)
+    series = as_tree(found)
+    shown = _written(f"L = {to_text(series)} + ...", "the formula given as LaTeX")
+    return (Step(f"{text}{shown}.", r"L = " + to_latex(series) + r" + \dots"),)
 
 
 def of_lagrangian(analysis: Analysis, decision: Decision, outcome: SearchOutcome, tree: Expression) -> Answer:
@@ -83,15 +100,25 @@ def of_lagrangian(analysis: Analysis, decision: Decision, outcome: SearchOutcome
 def _search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
     assert outcome.found is not None
     name, count = outcome.tried[-1]
-    first = Step(
-        f"In the family '{name}' ({count} candidate terms) the Euler-Lagrange equations along the motion are "
-        "linear in the coefficients; solved, they leave the Lagrangian",
-        "L = " + to_latex(tree),
+    result = _written(f"L = {to_text(tree)}", "the L given above")
+    reason = (
+        f"{REASONS[name]} This gives {result}."
+        if name in REASONS
+        else (
+            f"In the family '{name}' ({count} candidate {'term' if count == 1 else 'terms'}) the Euler-Lagrange "
+            f"equations along the motion are linear in the coefficients; solved, they leave {result}."
+        )
     )
+    first = Step(reason, "L = " + to_latex(tree))
     if len(outcome.found.parts) < 2:
         return (first,)
-    parts = " + ".join(f"C_{{{k}}}\\left({to_latex(p)}\\right)" for k, p in enumerate(outcome.found.parts, start=1))
-    return (first, Step("More generally, with constants C_k that keep the Hessian regular,", "L = " + parts))
+    formula = " + ".join(f"C_{{{k}}}\\left({to_latex(p)}\\right)" for k, p in enumerate(outcome.found.parts, start=1))
+    plain = " + ".join(f"C_{k}*({to_text(p)})" for k, p in enumerate(outcome.found.parts, start=1))
+    general = _written(f"L = {plain} is a Lagrangian", "so is every sum of its parts C_k L_k")
+    return (
+        first,
+        Step(f"More generally, {general} for constants C_k that keep the Hessian regular.", "L = " + formula),
+    )
 
 
 def verification_steps(analysis: Analysis, lagrangian: Lagrangian) -> tuple[Step, ...]:
@@ -116,11 +143,14 @@ def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
     """How H follows from the momenta."""
     if hamiltonian is None:
         return ()
-    pairs = zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)
-    momenta = r",\quad ".join(f"{to_latex(symbol)} = {to_latex(p)}" for symbol, p in pairs)
+    pairs = list(zip(hamiltonian.symbols, hamiltonian.momenta, strict=True))
+    names = [to_text(symbol) for symbol, _ in pairs]
+    formula = r",\quad ".join(f"{to_latex(symbol)} = {to_latex(p)}" for symbol, p in pairs)
+    plain = ", ".join(f"{name} = {to_text(p)}" for name, (_, p) in zip(names, pairs, strict=True))
     solved = "cannot be solved for the velocities in closed form" if hamiltonian.implicit else "are solved for them"
-    note = f" ({hamiltonian.note})" if hamiltonian.note else ""
+    note = f" ({hamiltonian.note.rstrip('.')})" if hamiltonian.note else ""
+    result = _written(f"H = p v - L = {to_text(hamiltonian.expression)}", "H = p v - L is the one given above")
     return (
-        Step("The momenta p = dL/dv are", momenta),
-        Step(f"They {solved}{note}; with them H = p v - L.", "H = " + to_latex(hamiltonian.expression)),
+        Step(f"The momenta p = dL/dv are {_written(plain, 'those given with H')}.", formula),
+        Step(f"They {solved}{note}; with them {result}.", "H = " + to_latex(hamiltonian.expression)),
     )

@@ -21,7 +21,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 TERM_LIMIT = 2_000
 TIME_LIMIT = 1.0
-LARGEST_N = 4
+LARGEST_N = 8
 # More terms than this fill pages, and to print them takes seconds.
 MOST_TERMS_SHOWN = 600
 Matrix = Sequence[Sequence[Quotient]]
@@ -113,6 +113,8 @@ def _require_zero(differences: Sequence[Quotient]) -> None:
 
 
 def _text(exact: ExactMotion, matrix: Matrix) -> str:
+    if len(matrix) > 1 and all(entry.is_zero for row in matrix for entry in row):
+        return "0"
     rows = [", ".join(to_text(quotient_tree(exact.ring, entry)) for entry in row) for row in matrix]
     return "[" + ", ".join(f"[{row}]" for row in rows) + "]"
 

@@ -35,12 +35,14 @@ class Specialist:
 
     `propose(material, seed, ladder)` returns regular Lagrangians, the simplest first; none where it
     finds none; `ladder` searches for those of a smaller system. What is proposed is checked by the caller.
+    `reason` is a sentence for people that says where such a Lagrangian comes from.
     """
 
     name: str
     cost: float
     applies: Callable[[Material], bool]
     propose: Callable[[Material, int, Ladder], Sequence[Expression]]
+    reason: str = ""
 
 
 def _alone(
@@ -51,18 +53,78 @@ def _alone(
 
 
 SPECIALISTS: tuple[Specialist, ...] = (
-    Specialist("linear systems, multipliers in t alone", 1.5, is_linear, _alone(linear_lagrangians)),
-    Specialist("linear systems, separate coordinates", 6.6, is_autonomous_and_linear, _alone(separate_lagrangians)),
     Specialist(
-        "velocities carried by a constant one", 2.5, constant_velocity.applies, _alone(constant_velocity.propose)
+        "linear systems, multipliers in t alone",
+        1.5,
+        is_linear,
+        _alone(linear_lagrangians),
+        "The system is linear: a g that depends on t alone has to solve g' = g N + (g N)^T and keep g Phi symmetric.",
     ),
-    Specialist("real and imaginary parts of complex Lagrangians", 3.6, is_even, holomorphic_lagrangians),
-    Specialist("decoupled blocks one by one", 3.7, decoupled.applies, decoupled.propose),
-    Specialist("symbolic parameters by interpolation", 4.5, parameters.applies, parameters.propose),
-    Specialist("other coordinates", 3.5, other_coordinates.applies, other_coordinates.propose),
-    Specialist("parts of z' log z', complex velocities", 9.6, is_plural, _alone(complex_logarithm_lagrangians)),
-    Specialist("uniform damping, e^(ct) L_0", 1.8, is_damped, damped_lagrangians),
     Specialist(
-        "one coordinate, products of Darboux factors", 6.5, last_multiplier.applies, _alone(last_multiplier.propose)
+        "linear systems, separate coordinates",
+        6.6,
+        is_autonomous_and_linear,
+        _alone(separate_lagrangians),
+        "The system is linear and falls apart in other linear coordinates; Lagrangians of the parts are added up.",
+    ),
+    Specialist(
+        "velocities carried by a constant one",
+        2.5,
+        constant_velocity.applies,
+        _alone(constant_velocity.propose),
+        "One velocity w' is constant and x'' = w' A x': then L = w'^2/2 + x'^T S(w) x'/(2 w') will do with S' = -S A.",
+    ),
+    Specialist(
+        "real and imaginary parts of complex Lagrangians",
+        3.6,
+        is_even,
+        holomorphic_lagrangians,
+        "The system is one of fewer complex coordinates; part of a Lagrangian of that one is a Lagrangian of this.",
+    ),
+    Specialist(
+        "decoupled blocks one by one",
+        3.7,
+        decoupled.applies,
+        decoupled.propose,
+        "The system falls apart into blocks; Lagrangians of the blocks are added up.",
+    ),
+    Specialist(
+        "symbolic parameters by interpolation",
+        4.5,
+        parameters.applies,
+        parameters.propose,
+        "With numbers in the place of the parameters a Lagrangian is found; how its coefficients depend on them "
+        "follows from many such numbers.",
+    ),
+    Specialist(
+        "other coordinates",
+        3.5,
+        other_coordinates.applies,
+        other_coordinates.propose,
+        "In other coordinates f is shorter; a Lagrangian found there is carried back.",
+    ),
+    Specialist(
+        "parts of z' log z', complex velocities",
+        9.6,
+        is_plural,
+        _alone(complex_logarithm_lagrangians),
+        "Two velocities are taken as one complex z'; the parts of z' log z' are completed by a potential.",
+    ),
+    Specialist(
+        "uniform damping, e^(ct) L_0",
+        1.8,
+        is_damped,
+        damped_lagrangians,
+        "Without a common damping -c q' the system has a Lagrangian L_0; the factor e^(c t), for c(t) the exponential "
+        "of its integral, brings the damping back.",
+    ),
+    Specialist(
+        "one coordinate, products of Darboux factors",
+        6.5,
+        last_multiplier.applies,
+        _alone(last_multiplier.propose),
+        "For one coordinate g has to solve Gamma(g) + g df/dv = 0; a product of factors that Gamma takes to multiples "
+        "of themselves solves it, and L is g integrated twice by v.",
     ),
 )
+REASONS = {specialist.name: specialist.reason for specialist in SPECIALISTS}

@@ -11,7 +11,19 @@ from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.tree import TIME, Expression, Sum, Symbol, Velocity, add, multiply, rebuild, walk
+from inverse_service.expressions.tree import (
+    TIME,
+    Expression,
+    Number,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    rebuild,
+    walk,
+)
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
@@ -28,6 +40,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 _TERMS, _SECONDS = 500, 0.5
 # Past so many nodes nothing gets short enough to read.
 _LARGEST = 4_000
+_BEFORE_A_BRACKET = 12
+_MINUS = Number(Fraction(-1))
 _FAILED = (TooLarge, TooManyTerms, ZeroDivisionError, IrreducibleAtoms, InputError, ValueError)
 
 
@@ -49,7 +63,16 @@ def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression
 
 
 def _size(tree: Expression) -> int:
-    return sum(1 for _ in walk(tree))
+    """The nodes; a minus sign counts nothing, but much before a bracket."""
+    return sum(1 for _ in walk(tree)) + sum(map(_sign, walk(tree)))
+
+
+def _sign(node: Expression) -> int:
+    if not isinstance(node, Product) or node.factors[0] != _MINUS:
+        return 0
+    if len(node.factors) > 2:
+        return -1
+    return _BEFORE_A_BRACKET if isinstance(node.factors[1], Sum) else -2
 
 
 def _inside(tree: Expression) -> Expression:
@@ -92,4 +115,13 @@ def _part(
         quotient = quotient_tree(ring, ring.value(plain))
     except (TooLarge, ZeroDivisionError):
         return whole
+    if _is_sum_of(quotient, len(inner)):
+        return whole
     return min(whole, multiply(constant, quotient, rates), key=_size)
+
+
+def _is_sum_of(tree: Expression, count: int) -> bool:
+    """Whether it is a number times a sum of so many terms: nothing was gained then."""
+    if isinstance(tree, Product) and isinstance(tree.factors[0], Number):
+        tree = multiply(*tree.factors[1:])
+    return isinstance(tree, Sum) and len(tree.terms) >= count
