@@ -35,7 +35,8 @@ def batch_file(
 def rows_of(summary: Summary) -> list[tuple[str, int]]:
     """What was counted, with its names."""
     rows = [(verdict.replace("_", " "), count) for verdict, count in sorted(summary.verdicts.items())]
-    rows.append(("error lines", summary.errors))
+    if summary.errors or not summary.skipped:
+        rows.append(("error line" if summary.errors == 1 else "error lines", summary.errors))
     others = (
         ("faults of the program", summary.faults),
         ("answered by an earlier run", summary.skipped),

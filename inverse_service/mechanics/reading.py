@@ -24,6 +24,10 @@ from inverse_service.mechanics.second_order_system import FunctionDeclaration, S
 
 Equations = Mapping[str, str] | Sequence[str] | str
 Parameters = Sequence[str] | Mapping[str, ParameterValue]
+NO_ACCELERATION = (
+    "the equations contain no acceleration such as x'', x_ddot or \\ddot{x}, so there are no coordinates: write "
+    "equations of second order."
+)
 _Equation = tuple[Expression, Expression, str]  # left side, right side, pointer
 
 
@@ -177,6 +181,8 @@ def _coordinates(
         declared = Names((), parameters, functions)
         found = inferred_coordinates(equations, declared)
         pointer = "/equations"
+        if equations and not found:
+            raise InputError(NO_ACCELERATION, pointer)
     else:
         pointer = "/coordinates"
         found = tuple(declared_name(word, f"{pointer}/{place}", "coordinate") for place, word in enumerate(coordinates))

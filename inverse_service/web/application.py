@@ -26,6 +26,7 @@ from inverse_service.web import (
     routes_simulation,
 )
 from inverse_service.web.engine import Engine
+from inverse_service.web.head_requests import HeadAsGet
 from inverse_service.web.headers import SecurityHeaders
 from inverse_service.web.measuring import Measured
 
@@ -42,6 +43,7 @@ def create_application(settings: Settings) -> FastAPI:
     app = FastAPI(title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None)
     app.state.engine = Engine(settings)
     problems.install(app)
+    app.add_middleware(HeadAsGet)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Measured, counters=app.state.engine.counters)
     if settings.cors_origins:

@@ -30,16 +30,15 @@ class Preference:
 
 
 def preference_of(request: Request) -> Preference:
-    """`Prefer: respond-async` and `wait=S`; refuses more than 20 s. Others are ignored (RFC 7240)."""
+    """`Prefer: respond-async` and `wait=S`, of which at most 20 s are applied. Others are ignored (RFC 7240)."""
     text = ", ".join(request.headers.getlist("prefer"))
     found = WAIT.search(text)
-    if found is not None and float(found[1]) > MAX_WAIT:
-        raise Refusal(422, "limit", f"'Prefer: wait=S' takes at most {MAX_WAIT:g} s.")
+    seconds = min(float(found[1]), MAX_WAIT) if found else 0.0
+    applied = f"wait={seconds:g}" if found else ""
     if ASYNC.search(text):
         # RFC 7240: with both, the answer may come within the time.
-        seconds = float(found[1]) if found else 0.0
-        return Preference(seconds, "respond-async" + (f", wait={found[1]}" if found else ""))
-    return Preference(float(found[1]), f"wait={found[1]}") if found else Preference(DEFAULT_WAIT, "")
+        return Preference(seconds, ", ".join(part for part in ("respond-async", applied) if part))
+    return Preference(seconds, applied) if found else Preference(DEFAULT_WAIT, "")
 
 
 def wants_fresh(request: Request) -> bool:

@@ -120,7 +120,7 @@ async def _answers(request: Request, identifier: str) -> list[BatchAnswer]:
 def row_of(answer: BatchAnswer) -> Row:
     """An answer as a line of the table."""
     found = json.loads(answer_line(answer))
-    name = str(found["id"])
+    name = "\u2013" if found["id"] is None else str(found["id"])
     if "error" in found:
         return Row(answer.number, name, "failed", found["detail"], "")
     lagrangian = found.get("lagrangian")
