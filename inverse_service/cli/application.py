@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from inverse_service import __version__
 from inverse_service.cli.exits import exit_codes
 
 application = typer.Typer(
@@ -34,6 +35,21 @@ class CatalogueFormat(StrEnum):
 
     json = "json"
     text = "text"
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"inverse-service {__version__}")
+        raise typer.Exit
+
+
+@application.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."""
 
 
 Seconds = Annotated[float | None, typer.Option("--time-limit", help="Seconds; default from the settings, 60.")]
@@ -88,7 +104,10 @@ def batch(
     time_limit: Seconds = None,
     cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")] = None,
 ) -> None:
-    """Many systems; started again after an interruption it goes on where it was."""
+    """Many systems, one a line.
+
+    Started again after an interruption it goes on where it was.
+    """
     from inverse_service.cli.batching import batch_file
 
     sys.exit(batch_file(file, output, workers, time_limit, cluster))
@@ -127,7 +146,10 @@ def paper(
         "paper"
     ),
 ) -> None:
-    """Every proposition, example and figure of the paper computed anew. Exit 1 where one differs."""
+    """The paper computed anew.
+
+    Every proposition, example and figure, in one report that says where it agrees. Exit 1 where one differs.
+    """
     from inverse_service.cli.papering import write_paper
 
     sys.exit(write_paper(output))
@@ -138,7 +160,10 @@ def catalogue(
     name: Annotated[str | None, typer.Argument(help="One system; without it, all names.")] = None,
     format: Annotated[CatalogueFormat | None, typer.Option(help="Default: text for the list, json for one.")] = None,
 ) -> None:
-    """The named systems; one of them as a document that `solve` takes."""
+    """The named systems.
+
+    With a NAME, that system as a document that `solve` takes.
+    """
     from inverse_service.cli.listing import list_catalogue
 
     sys.exit(list_catalogue(name, None if format is None else format.value))

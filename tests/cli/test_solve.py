@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from inverse_service import __version__
 from inverse_service.cli.application import run
 from inverse_service.service import tasks
 
@@ -212,3 +213,8 @@ def test_options_of_a_document_hold_on_the_command_line_too(call: Any, tmp_path:
     bad = call("solve", written(tmp_path, OSCILLATOR | {"options": {"time_limit": 1e9}}))
     assert (bad.code, bad.out) == (2, "")
     assert "/options/time_limit" in bad.err
+
+
+def test_the_version_is_told(call: Any) -> None:
+    found = call("--version")
+    assert (found.code, found.out) == (0, f"inverse-service {__version__}\n")
