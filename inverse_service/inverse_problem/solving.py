@@ -11,7 +11,7 @@ from typing import Any
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.errors import CertificateRefused, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.inverse_problem import certify
 from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision import Decision, Limits, decide
@@ -52,6 +52,7 @@ class _Work:
     seconds: dict[str, float] = field(default_factory=dict)
     points: list[Mapping[str, int]] = field(default_factory=list)
     outcome: SearchOutcome | None = None
+    autonomous: Decision | None = None
 
     def add_seconds(self, stage: str, began: float) -> None:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.monotonic() - began
@@ -105,7 +106,9 @@ def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
     if wanted is False and not depends:
         return autonomous, None
     if autonomous is not None and autonomous.verdict == "variational":
-        return autonomous, autonomous if _is_complete(autonomous) else _with_time_instead(work, autonomous)
+        with_time = autonomous if _is_complete(autonomous) else _with_time_instead(work, autonomous)
+        same = _without_time(work, with_time) if with_time is not autonomous else None
+        return (same, same) if same is not None else (autonomous, with_time)
     return autonomous, _answer(work, with_time=True)
 
 
@@ -126,8 +129,20 @@ def _with_time_instead(work: _Work, autonomous: Answer) -> Answer:
     return answer if answer is not None and better else autonomous
 
 
+def _without_time(work: _Work, answer: Answer) -> Answer | None:
+    """The answer to the question for L(q, v), where a search for L(t, q, v) found one that holds no t."""
+    if answer.lagrangian is None or TIME in walk(answer.lagrangian.expression) or work.autonomous is None:
+        return None
+    assert work.outcome is not None
+    found = of_lagrangian(work.analysis, work.autonomous, work.outcome, answer.lagrangian.expression)
+    if _verdict(work, found.certificate or {}).verdict != "valid":
+        return None
+    return _completed(work, replace(found, checked="valid"), [], work.autonomous)
+
+
 def _answer(work: _Work, with_time: bool) -> Answer:
     decision = _decide(work, with_time)
+    work.autonomous = work.autonomous if with_time else decision
     if decision.verdict == "undetermined":
         return Answer("undetermined", reason=decision.reason)
     if decision.verdict == "not_variational":

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.errors import CertificateRefused
 from inverse_service.inverse_problem import solving
+from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
+from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 
@@ -36,6 +40,23 @@ def test_a_variational_system_has_a_lagrangian_its_space_and_a_checked_certifica
 def test_an_autonomous_lagrangian_answers_the_second_question_too() -> None:
     solution = solved(OSCILLATOR)
     assert solution.autonomous is solution.with_time
+
+
+def test_a_lagrangian_without_time_found_late_answers_both_questions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the first search runs out of time and the search with t finds one that holds no t."""
+    whole = solving.search
+
+    def hurried(analysis: Analysis, with_time: bool, *rest: Any) -> SearchOutcome:
+        return whole(analysis, with_time, *rest) if with_time else SearchOutcome(None, ())
+
+    monkeypatch.setattr(solving, "search", hurried)
+    solution = solved({"x": "x*y'", "y": "-x*x'"})
+    assert solution.autonomous is not None
+    assert solution.autonomous is solution.with_time
+    assert solution.autonomous.lagrangian is not None
+    assert solution.autonomous.certificate is not None
+    assert solution.autonomous.certificate["question"] == "autonomous"
+    assert solution.autonomous.checked == "valid"
 
 
 def test_the_two_questions_may_have_two_answers() -> None:
