@@ -1,9 +1,10 @@
 """Sparse echelon form modulo a prime, grown row by row.
 
 The pivot of a row is its last nonzero column, so with columns in ascending degree the rows whose
-pivot lies in the first k columns are all consequences on those columns. Each new row is reduced in
-full by the rows before it (rows then hold little beside their pivot and free columns) and the
-multiples used are recorded, so that each consequence can be traced to the original rows.
+pivot lies in the first k columns are all consequences on those columns. Each new row is reduced by the
+rows before it until its pivot stands (to reduce it further costs two to three times as much and spares
+nothing later on) and the multiples used are recorded, so that each consequence can be traced to the
+original rows.
 
 Rows that are expected to depend on the others cost most and give nothing. They are not reduced one by
 one: a random combination of all of them is, and where it vanishes, so do they (a row that does not lets it
@@ -58,7 +59,7 @@ def _reduce(
     top: int, work: Words, pivot_of: Indices, basis_starts: Indices, basis_columns: Columns, basis_values: Words,
     use_rows: Columns, use_factors: Words, state: Indices, prime: np.uint64, negative_inverse: np.uint64,
 ) -> int:
-    """Reduce `work` by the basis and record the multiples used; the pivot that is left, or -1."""
+    """Reduce `work` by the basis as far as its pivot and record the multiples used; the pivot, or -1."""
     pivot, uses = -1, state[_USES]
     for column in range(top, -1, -1):
         factor = work[column]
@@ -66,8 +67,8 @@ def _reduce(
             continue
         used = pivot_of[column]
         if used < 0:
-            pivot = max(pivot, column)
-            continue
+            pivot = column
+            break
         use_rows[uses], use_factors[uses] = used, factor
         uses += 1
         for k in range(basis_starts[used], basis_starts[used + 1]):
