@@ -40,7 +40,10 @@ async def parse(request: Request) -> Response:
 
 @router.post("/v1/check", responses={200: {"model": CheckAnswer}, **BAD_BODY}, openapi_extra=ANY_OBJECT)
 async def check(request: Request) -> Response:
-    """The independent checker's verdict on a result."""
+    """The independent checker's verdict on a result or a certificate, or on {"document": …, "result": …}.
+
+    The system of a result is compared with the document that it carries, or with the one beside it.
+    """
     engine = engine_of(request)
     body_limit = CHECK_BODY_FACTOR * engine.settings.max_body
     if not isinstance(await read_json_body_again(request, body_limit), dict):
