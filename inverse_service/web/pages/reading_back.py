@@ -107,7 +107,10 @@ def _names(answer: Mapping[str, Any], guess: Guess | None) -> list[tuple[str, Ma
     rows = [("Coordinates", _symbols(answer["coordinates"]), "")]
     if answer["parameters"]:
         guessed = bool(guess and set(guess.parameters) & set(answer["parameters"]))
-        note = "constants of any value" + (", taken as such because they have no equation" if guessed else "")
+        one = len(answer["parameters"]) == 1
+        note = "\u2013 a constant of any value" if one else "\u2013 constants of any value"
+        if guessed:
+            note += ", as it has no equation" if one else ", as they have no equation"
         rows.append(("Parameters", _symbols(answer["parameters"]), note))
     if answer["functions"]:
         names = Names(tuple(answer["coordinates"]), (), {k: tuple(v) for k, v in answer["functions"].items()})

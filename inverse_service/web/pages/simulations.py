@@ -60,6 +60,7 @@ def simulation_result(request: Request, job: Mapping[str, Any], document: str) -
         free=free_lagrangians(result),
         costs=costs(result),
         parts=part_costs(result),
+        notes=notes_of(result),
         figures=figures.figure_names(result),
         motion=figures.motion_of(result),
         scene=document,
@@ -100,6 +101,17 @@ def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> Met
     return MethodRow(
         method["label"], method["outcome"], method["steps"], numbers, why, bool(figures.columns_of(method))
     )
+
+
+def notes_of(result: Mapping[str, Any]) -> list[str]:
+    """What the scene and its methods have to say beside their numbers; the same note of several methods once."""
+    found: dict[str, list[str]] = {}
+    for method in result["methods"]:
+        for key in ("note", "energy_note", "error_note", "phase_note"):
+            if method.get(key):
+                text = str(method[key])
+                found.setdefault(text[:1].upper() + text[1:], []).append(method["label"])
+    return [*result["notes"], *(f"{', '.join(labels)}: {note}" for note, labels in found.items())]
 
 
 def free_lagrangians(result: Mapping[str, Any]) -> list[FreeLagrangian]:

@@ -58,7 +58,7 @@ function layout(figure) {
   if (figure.equal) found.yaxis.scaleanchor = "x";
   if (figure.groups) {
     const count = figure.groups.length;
-    found.height = 110 * count + 120;
+    found.height = Math.max(352, 110 * count + 120);
     found.xaxis = { ...axis(figure.x, false), anchor: "y" };
     figure.groups.forEach((name, k) => {
       const top = 1 - k / count;
