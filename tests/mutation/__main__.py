@@ -1,7 +1,7 @@
 """Mutation testing of checker and decision: `python -m tests.mutation --sample N --output DIR`.
 
-Every mutant has a quick trial; one that survives it has a slow one, with all tests and the package loaded anew.
-What survives both is listed in survivors.md in the folder. A run that was broken off goes on where it was.
+Mutants have a quick trial; where that cannot tell, a slow one, with all tests and the package loaded anew. What
+survives is listed in survivors.md in the folder. A run that was broken off goes on where it was.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from tests.mutation.children import answers
 from tests.mutation.mutants import Mutant, mutants, mutated
 from tests.mutation.record import Record
-from tests.mutation.trial import SURVIVED, anew, path_of, prepare
+from tests.mutation.trial import QUICK, SURVIVED, anew, path_of, prepare
 from tests.mutation.warm import Ready, run
 
 DECISION_TESTS = tuple(
@@ -32,7 +32,6 @@ TESTS: dict[str, tuple[str, ...]] = {
     "inverse_service.inverse_problem.involution": DECISION_TESTS,
     "inverse_service.inverse_problem.prolongation": DECISION_TESTS,
 }
-QUICK = "survived the quick trial"
 
 
 def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
@@ -68,7 +67,7 @@ def tried(module: str, asked: argparse.Namespace) -> list[str]:
     if first.exitcode:
         raise SystemExit(f"The tests of {module} fail or cannot be run.")
     said = recorded(module, asked).said
-    slowly(module, [one for one in wanted if said.get(one, QUICK) in (QUICK, *again)], asked)
+    slowly(module, [one for one in wanted if not one.function or said.get(one) == QUICK], asked)
     return report(module, sample, recorded(module, asked))
 
 
@@ -82,7 +81,7 @@ def quickly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) ->
     inside = [one for one in wanted if one.function and record.said.get(one) != QUICK]
     if inside:
         ready = Ready(module, inside, asked.limit, asked.processes)
-        run(ready, TESTS[module], lambda mutant, said: add(record, mutant, QUICK if said == SURVIVED else said))
+        run(ready, TESTS[module], lambda mutant, said: add(record, mutant, said))
 
 
 def slowly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
-import sys
+import warnings
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
@@ -15,13 +15,18 @@ MEMORY = 8 << 30  # bytes of addresses; a mutant may ask for any amount
 
 
 def answers(jobs: Iterator[tuple[Name, Job, float]], processes: int) -> Iterator[tuple[Name, str]]:
-    """The answer of each (name, job, seconds) as it comes, STOPPED beyond the limit; so many at a time."""
+    """The answer of each (name, job, seconds) as it comes, STOPPED beyond the limit; so many at a time.
+
+    RuntimeError where a job itself fails: that is no answer.
+    """
     running: dict[int, tuple[Name, int]] = {}
     for name, job, seconds in jobs:
         if len(running) >= processes:
             yield _ended(running)
         reading, writing = os.pipe()
-        child = os.fork()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # newer Pythons warn of threads; libraries have some
+            child = os.fork()
         if not child:
             os.close(reading)
             _answer(job, seconds, writing)
@@ -36,7 +41,9 @@ def _ended(running: dict[int, tuple[Name, int]]) -> tuple[Name, str]:
     name, reading = running.pop(child)
     with os.fdopen(reading) as stream:
         said = stream.read()
-    return name, said if os.WIFEXITED(status) and os.WEXITSTATUS(status) == 0 else STOPPED
+    if os.WIFEXITED(status) and os.WEXITSTATUS(status):
+        raise RuntimeError(f"a child failed: {said}")
+    return name, STOPPED if os.WIFSIGNALED(status) else said
 
 
 def _answer(job: Job, seconds: float, writing: int) -> None:
@@ -51,7 +58,7 @@ def _answer(job: Job, seconds: float, writing: int) -> None:
             os.dup2(quiet, stream)
         os.write(writing, job()[:4000].encode())
         code = 0
-    except BaseException:
-        sys.excepthook(*sys.exc_info())
+    except BaseException as error:
+        os.write(writing, repr(error)[:4000].encode())
     finally:
         os._exit(code)

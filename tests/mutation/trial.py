@@ -15,7 +15,7 @@ from types import ModuleType
 ROOT = Path(__file__).parent.parent.parent
 # Loaded once, before the processes part.
 LIBRARIES = ("flint", "hypothesis", "llvmlite", "mpmath", "numba", "numpy", "pytest", "sympy")
-SURVIVED, KILLED = "survived", "killed"
+SURVIVED, KILLED, QUICK = "survived", "killed", "survived the quick trial"
 OPTIONS = ("-x", "-q", "-s", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestWarning")
 
 

@@ -1,22 +1,26 @@
 """Quick trials: tests are collected once; for each mutant a child changes one function and runs what runs its lines.
 
-Which test runs which lines is measured first. A mutant outside of functions has no quick trial.
+Which test runs which lines is measured first, in a child too, so that no result is kept in a cache. A mutant outside of
+functions has no quick trial, and what survives where a line was run before any test was has to be tried anew.
 """
 
 from __future__ import annotations
 
 import ast
 import importlib
+import json
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import CodeType, FunctionType
+from typing import TextIO
 
 import coverage
 import pytest
 
 from tests.mutation.children import Job, answers
 from tests.mutation.mutants import Mutant, mutated
-from tests.mutation.trial import KILLED, OPTIONS, SURVIVED, FirstFailure, path_of
+from tests.mutation.trial import KILLED, OPTIONS, QUICK, SURVIVED, FirstFailure, path_of
 
 Found = Callable[[Mutant, str], object]
 Lines = Mapping[str, frozenset[int]]
@@ -28,31 +32,45 @@ class Ready:
     def __init__(self, module: str, wanted: Sequence[Mutant], limit: int, processes: int) -> None:
         self.module, self.wanted, self.limit, self.processes = module, wanted, limit, processes
         self.found: Found = print
-        self.failure = FirstFailure()
+        self.failure, self.tracer = FirstFailure(), tracer_of(module)
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         self.items = {item.nodeid: item for item in session.items}
-        self.session = session
         session.config.pluginmanager.register(self.failure)
+        self.tracer.stop()
+        self.early = lines_met(self.tracer, self.module).get("", frozenset())
         self.lines, self.seconds = self.measured()
         for mutant, said in answers(self.jobs(), self.processes):
-            self.found(mutant, said)
+            early = said == SURVIVED and not self.early.isdisjoint(self.statement(mutant))
+            self.found(mutant, QUICK if early else said)
         return True
 
+    @staticmethod
+    def statement(mutant: Mutant) -> range:
+        return range(mutant.lines[0], mutant.lines[1] + 1)
+
     def measured(self) -> tuple[Lines, Mapping[str, float]]:
-        """The lines of the module that each test runs, and its seconds; in this process, for all that follow."""
-        path, seconds = str(path_of(self.module)), {}
-        tracer = coverage.Coverage(data_file=None, include=[path], config_file=False)
+        """The lines of the module that each test runs, and its seconds."""
+        with tempfile.TemporaryFile("w+") as stream:
+            for _, said in answers(iter([("", lambda: self.measure(stream), 3600)]), 1):
+                if said != SURVIVED:
+                    raise pytest.UsageError(f"{said} without any mutant.")
+            stream.seek(0)
+            lines, seconds = json.load(stream)
+        return {name: frozenset(met) for name, met in lines.items()}, seconds
+
+    def measure(self, stream: TextIO) -> str:
+        seconds, tracer = {}, tracer_of(self.module)
         with tracer.collect():
             for name, item in self.items.items():
                 began = time.process_time()
                 tracer.switch_context(name)
                 self.run([item])
                 seconds[name] = time.process_time() - began
-        if self.failure.name:
-            raise pytest.UsageError(f"{self.failure.name} fails without any mutant.")
-        contexts = tracer.get_data().contexts_by_lineno(path)
-        return {name: frozenset(line for line in contexts if name in contexts[line]) for name in self.items}, seconds
+        lines = lines_met(tracer, self.module)
+        json.dump([{name: list(lines.get(name, ())) for name in self.items}, seconds], stream)
+        stream.flush()
+        return f"{KILLED} {self.failure.name}" if self.failure.name else SURVIVED
 
     def run(self, items: Sequence[pytest.Item]) -> None:
         for item, following in zip(items, [*items[1:], None], strict=True):
@@ -63,8 +81,7 @@ class Ready:
     def jobs(self) -> Iterator[tuple[Mutant, Job, float]]:
         source = path_of(self.module).read_text(encoding="utf-8")
         for mutant in self.wanted:
-            first, last = mutant.lines
-            statement = range(first, last + 1)
+            statement = self.statement(mutant)
             chosen = [name for name, met in self.lines.items() if not met.isdisjoint(statement)]
             chosen.sort(key=self.seconds.__getitem__)
             limit = min(self.limit, 3 + 2 * sum(map(self.seconds.__getitem__, chosen)))
@@ -72,11 +89,25 @@ class Ready:
 
     def job(self, source: ast.Module, function: str, chosen: Sequence[str]) -> Job:
         def work() -> str:
-            put(self.module, source, function)
+            try:
+                put(self.module, source, function)
+            except (KeyError, StopIteration, TypeError, ValueError):
+                return QUICK
             self.run([self.items[name] for name in chosen])
             return f"{KILLED} {self.failure.name}" if self.failure.name else SURVIVED
 
         return work
+
+
+def tracer_of(module: str) -> coverage.Coverage:
+    return coverage.Coverage(data_file=None, include=[str(path_of(module))], config_file=False)
+
+
+def lines_met(tracer: coverage.Coverage, module: str) -> Lines:
+    """The lines that were run in each context."""
+    contexts = tracer.get_data().contexts_by_lineno(str(path_of(module)))
+    names = {name for named in contexts.values() for name in named}
+    return {name: frozenset(line for line, named in contexts.items() if name in named) for name in names}
 
 
 def put(module: str, source: ast.Module, function: str) -> None:
@@ -107,6 +138,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 def run(ready: Ready, tests: Sequence[str], found: Found) -> None:
     """Hand (mutant, SURVIVED, STOPPED or KILLED and the test that noticed) to `found`, as they come."""
     ready.found = found
+    ready.tracer.start()
     code = pytest.main([*OPTIONS, *tests], plugins=[ready])
     if code not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
         raise SystemExit(int(code))
