@@ -60,7 +60,8 @@ def conclusion(measured: Precision) -> str:
     methods = {setting.requested.label: setting.requested.method for setting in measured.settings}
     firsts: dict[str, list[str]] = {}
     lost, won = [], []
-    for target, times in times_to_errors(measured).items():
+    for key, times in times_to_errors(measured).items():
+        target = key.replace("e-0", "e-")
         known = {label: seconds for label, seconds in times.items() if seconds is not None}
         if not known:
             continue

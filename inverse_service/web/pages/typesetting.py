@@ -28,6 +28,7 @@ MAX_CHARACTERS = 4_000
 # Symbols of an explanation; where a system has such a name of its own, that one is meant.
 SYMBOLS = ("g", "T", "L", "H", "N", "p", "v", "Phi", "nablaPhi", "R")
 ARTICLES = frozenset(("a", "A", "I"))
+OPERATORS = frozenset(("+", "-", "="))
 UNBROKEN = 48
 SIGNS = {"-": "\u2212", "!=": "≠", ">=": "≥", "<=": "≤"}
 RELATIONS = {"!=": "≠", ">": ">", "<": "<", ">=": "≥", "<=": "≤", "=": "="}
@@ -224,7 +225,7 @@ def _words(text: str, names: Names) -> tuple[Markup, bool]:
             run.clear()
 
     for word in re.split(r"(?<=\S) ", text):
-        if _is_mathematical(word, names):
+        if _is_mathematical(word, names) or _goes_on(run, word, names):
             run.append(word)
             if word.endswith((",", ".", ":", ";")):
                 close_run()
@@ -233,6 +234,11 @@ def _words(text: str, names: Names) -> tuple[Markup, bool]:
             html.append(_single(word, names))
     close_run()
     return Markup(" ").join(html), has_equation
+
+
+def _goes_on(run: list[str], word: str, names: Names) -> bool:
+    """Whether a name that is also an article, such as a, stands behind an operator."""
+    return bool(run) and run[-1] in OPERATORS and names.role(word.strip(".,:;()")) is not None
 
 
 def _is_mathematical(word: str, names: Names) -> bool:

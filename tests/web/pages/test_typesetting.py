@@ -92,3 +92,11 @@ def test_only_brackets_around_tall_things_stretch() -> None:
     low = low_fences("<mo>(</mo><mi>x</mi><mo>)</mo><mo>(</mo><mfrac></mfrac><mo>)</mo>")
     assert low.count('stretchy="false"') == 2
     assert low.endswith("<mo>(</mo><mfrac></mfrac><mo>)</mo>")
+
+
+def test_a_name_that_is_an_article_belongs_to_the_formula_behind_an_operator() -> None:
+    names = Names(("x",), ("a", "c"))
+    shown, _ = typesetting.sentence("As c - a and c + a are not zero, a Lagrangian exists.", names)
+    assert shown.count("<mi>a</mi>") == 2
+    assert "- a" not in shown
+    assert ", a Lagrangian" in shown
