@@ -46,7 +46,8 @@ class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
     def exec_module(self, module: ModuleType) -> None:
         module.__file__ = str(path_of(self.module))
-        exec(compile(self.source, module.__file__, "exec", dont_inherit=True), module.__dict__)
+        # Under a name that is no file, so that numba neither finds nor leaves machine code of the plain source.
+        exec(compile(self.source, f"<mutant of {self.module}>", "exec", dont_inherit=True), module.__dict__)
 
 
 def path_of(module: str) -> Path:
