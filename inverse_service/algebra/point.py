@@ -145,10 +145,10 @@ class Expansion:
     variables: Sequence[Variable]
     order: int
     known: dict[Expression, Series] = field(default_factory=dict)
+    ring: SeriesRing = field(init=False)
 
-    @property
-    def ring(self) -> SeriesRing:
-        return SeriesRing(self.point.prime, len(self.variables), self.order)
+    def __post_init__(self) -> None:
+        self.ring = SeriesRing(self.point.prime, len(self.variables), self.order)
 
     def expand(self, expression: Expression) -> Series:
         """The series of an expression in kernels (see `kernels.to_kernels`)."""

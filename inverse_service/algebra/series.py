@@ -80,7 +80,18 @@ def scale(series: Series, factor: int) -> Series:
 
 def multiply(left: Series, right: Series) -> Series:
     """The product, truncated."""
-    return tuple(_convolve(left, right, degree) for degree in range(len(left)))
+    size, zero = len(left), left[0] * 0
+    factors = [(k, y) for k, y in enumerate(right) if y]
+    result: list[nmod_mpoly | None] = [None] * size
+    for j, x in enumerate(left):
+        if not x:
+            continue
+        for k, y in factors:
+            if j + k >= size:
+                break
+            before = result[j + k]
+            result[j + k] = x * y if before is None else before + x * y
+    return tuple(zero if part is None else part for part in result)
 
 
 def _convolve(left: Series, right: Series, degree: int, first: int = 0) -> nmod_mpoly:

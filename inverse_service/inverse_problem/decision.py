@@ -33,7 +33,8 @@ from inverse_service.inverse_problem.prolongation import (
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_FIRST_ORDER = 2
+# Most negative verdicts fall at order 1, most positive ones at order 3: f is expanded for these first.
+_FIRST_ORDER, _SECOND_ORDER = 1, 3
 _POINTS = 4
 _MOST_UNKNOWNS = 60_000
 
@@ -172,7 +173,7 @@ def _prolong(run: _Run, seed: int) -> Decision:
         if stop:
             return Decision("undetermined", run.with_time, prolongation.order, stop, history=tuple(run.history))
         if order > known:
-            known = order
+            known = max(order, _SECOND_ORDER)
             prolongation.local = _expand(run, seed, known)
             prolongation.equations = equations(prolongation.local)
         run.progress(f"prolongation to order {order}")

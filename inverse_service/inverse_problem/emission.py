@@ -50,8 +50,8 @@ class TermTable:
     terms: Integers
 
 
-def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity: int) -> TermTable:
-    """The terms over `size` displacements, those of the velocities from `first_velocity` on."""
+def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity: int, most: int) -> TermTable:
+    """The terms over `size` displacements, those of the velocities from `first_velocity` on, to degree `most`."""
     place_of = known_places(size)
     n = size - first_velocity
     places: list[int] = []
@@ -62,7 +62,7 @@ def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity:
     for term in terms:
         if id(term.series) not in numbers:
             numbers[id(term.series)] = len(numbers)
-            for degree, component in enumerate(term.series):
+            for degree, component in enumerate(term.series[: most + 1]):
                 if component:
                     table = component.to_dict()
                     places += [place_of[exponents] for exponents in table]

@@ -100,8 +100,9 @@ def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series
     order = ring.order - 1
     by_velocity = [[ps.derivative(f, offset + n + j) for j in range(n)] for f in forces]
     by_position = [[ps.derivative(f, offset + j) for j in range(n)] for f in forces]
-    square = matrix_product(by_velocity, by_velocity)
     lower = [truncate(x, order - 1) for x in field_]
+    shorter = [[truncate(entry, order - 1) for entry in row] for row in by_velocity]
+    square = matrix_product(shorter, shorter)
     zero = truncate(ring.constant(0), order - 1)
     endomorphism = []
     for i in range(n):
@@ -109,7 +110,7 @@ def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series
         for j in range(n):
             entry = along(lower, by_velocity[i][j]) or zero
             entry = _less(entry, truncate(by_position[i][j], order - 1), 2)
-            row.append(_less(entry, truncate(square[i][j], order - 1), half))
+            row.append(_less(entry, square[i][j], half))
         endomorphism.append(tuple(row))
     connection = tuple(
         tuple(ps.scale(entry, ring.prime - half) if any(entry) else entry for entry in row) for row in by_velocity
@@ -118,18 +119,22 @@ def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series
 
 
 def equations(local: LocalSystem) -> tuple[Equations, ...]:
-    """H2 for i <= j, then H3 for i < j."""
+    """H2 for i <= j, then H3 for i < j, with what prolongation to the order of Phi needs of the series."""
     size = range(local.dimension)
     along, straight = [(a, x) for a, x in enumerate(local.field) if any(x)], local.endomorphism
     second, third = [(i, j) for i in size for j in size if i <= j], [(i, j) for i in size for j in size if i < j]
     terms = [Term(e, i, j, a, x) for e, (i, j) in enumerate(second) for a, x in along]
     terms += [x for e, (i, j) in enumerate(second) for x in _products(e, i, j, local.connection, True, True)]
     skew = [x for e, (i, j) in enumerate(third) for x in _products(e, i, j, straight, False, True)]
-    return (_equations(local, "H2", second, terms), _equations(local, "H3", third, skew))
+    order = local.ring.order - 2
+    return (_equations(local, "H2", second, terms, order - 1), _equations(local, "H3", third, skew, order))
 
 
-def _equations(local: LocalSystem, kind: str, pairs: list[tuple[int, int]], terms: list[Term]) -> Equations:
-    table = term_table(terms, len(pairs), local.ring.size, local.offset + local.dimension)
+def _equations(
+    local: LocalSystem, kind: str, pairs: list[tuple[int, int]], terms: list[Term], degree: int
+) -> Equations:
+    """The rows of this kind are wanted up to this degree."""
+    table = term_table(terms, len(pairs), local.ring.size, local.offset + local.dimension, degree)
     return Equations(kind, tuple(pairs), table)
 
 

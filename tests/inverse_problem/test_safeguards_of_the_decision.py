@@ -62,7 +62,7 @@ def test_the_second_point_expands_to_the_order_at_which_the_first_ended(monkeypa
     expand = decision._expand
     monkeypatch.setattr(decision, "_expand", lambda run, seed, order: orders.append(order) or expand(run, seed, order))
     assert decide(OSCILLATORS, False).order == 3
-    assert orders == [2, 3, 3]
+    assert orders == [1, 3, 3]
 
 
 def test_what_the_first_point_leaves_open_is_not_asked_at_a_second() -> None:
@@ -90,7 +90,7 @@ def test_another_way_to_expand_takes_the_place_of_the_trees() -> None:
 
     # It stands for the oscillators, whatever the trees say.
     assert decide(ROTATION, False, expander=expander).verdict == "variational"
-    assert asked == [(False, 2, 2), (False, 2, 3), (False, 3, 3)]
+    assert asked == [(False, 2, 1), (False, 2, 3), (False, 3, 3)]
 
 
 def test_only_a_positive_verdict_has_a_degree_and_a_symbol() -> None:
