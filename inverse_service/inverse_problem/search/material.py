@@ -25,6 +25,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.search.motion import MotionTerms, has_velocity, split_velocities
+from inverse_service.inverse_problem.search.quadratic_letters import quadratic_antiderivatives
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
@@ -213,6 +214,7 @@ def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]
                 found[raised] = None
             if not any(p == letter for p, _ in raised):
                 found[times(raised, monomial(Apply("log", letter)))] = None
+    found.update(dict.fromkeys(quadratic_antiderivatives(key, variable)))
     found.pop(EMPTY, None)
     return tuple(found)
 

@@ -65,7 +65,7 @@ def test_potentials_go_with_own_kinetic_terms_given_or_not(own: list[str]) -> No
 
 
 def test_a_given_potential_that_is_no_antiderivative_of_a_term_is_used() -> None:
-    """1/(1+x^2) is half the derivative of (1+x)/(1+x^2)-like quotients: only the user names atan(x)."""
+    """The user's own terms are a family of their own; nothing else is tried before it."""
     outcome = searched({"x": "1/(1+x^2)"}, ["x'^2", "atan(x)"])
     assert outcome.found is not None
     assert outcome.found.family == NAME
