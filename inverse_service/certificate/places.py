@@ -21,7 +21,9 @@ from inverse_service.certificate.checker import (
     Question,
     Reader,
     Tools,
+    Undefined,
     judged,
+    read_tokens,
 )
 
 POINTS = 2
@@ -45,6 +47,21 @@ class Place:
         bound = {name: {0: self._fixed(value)} for name, value in velocities.items()}
         found = (Reader(self.ring, force, **bound).value for force in self.ring.question.forces)
         return tuple(self._real(series.get(0, 0)) for series in found)
+
+    def read(self, text: str, given: Mapping[str, Real]) -> Real | None:
+        """What the checker's reader makes of a formula, with further names ("x''"); None where it refuses it.
+
+        None too where the formula has no value at the point by the checker's rules, such as (-1)^(4/2).
+        """
+        bound = {name: {0: self._fixed(value)} for name, value in given.items()}
+        try:
+            return self._real(Reader(self.ring, read_tokens(text, "formula"), **bound).value.get(0, 0))
+        except Undefined:
+            return None
+        except Ended as end:
+            if end.args[0] == "incomplete":
+                raise
+            return None
 
     def function(self, name: str, orders: tuple[int, ...], arguments: Iterable[Real]) -> Real:
         """A derivative of a declared function: random, but the same wherever the arguments are."""

@@ -1,12 +1,13 @@
 """Whether the right sides of a certificate satisfy equations as they were given, unsolved.
 
 The given trees are evaluated, with q'' := f as the checker reads f, to 144 digits at random points.
-Nothing of the way from the given equations to f is used: no matrix inverted, no term collected.
+Nothing of the way from the given equations to f is used: no matrix inverted, no term collected. What the
+checker's reader understands too is read twice.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mpmath import mp
@@ -41,10 +42,27 @@ class Canonical:
     near: object = None
 
 
+@dataclass(frozen=True, slots=True)
+class GivenText:
+    """An equation as it was typed, left and right, and the texts of parameters that have values."""
+
+    left: str
+    right: str
+    values: Mapping[str, str]
+
+
 def equations_agree(
-    equations: Sequence[Expression], coordinates: Sequence[str], canonical: Canonical, time_limit: float = 60.0
+    equations: Sequence[Expression],
+    coordinates: Sequence[str],
+    canonical: Canonical,
+    time_limit: float = 60.0,
+    texts: Sequence[GivenText | None] = (),
 ) -> CheckResult:
-    """Whether E_k(t, q, q', f) = 0 for all k and dE/dq'' is regular there: then f is what E = 0 determines."""
+    """Whether E_k(t, q, q', f) = 0 for all k and dE/dq'' is regular there: then f is what E = 0 determines.
+
+    `texts`, one for each equation or none, are read by the checker's reader as well, where it accepts them: the
+    two have to agree about E_k.
+    """
     if len(equations) != len(coordinates):
         return CheckResult("invalid", ("The number of equations as given is not that of the coordinates.",))
     slopes = [[differentiate(equation, Acceleration(name)) for name in coordinates] for equation in equations]
@@ -55,6 +73,9 @@ def equations_agree(
             (value,), size = _row([equation], place, table)
             if not place.vanishes(value, size):
                 raise Ended("invalid", f"The accelerations do not satisfy equation {number} as given.")
+            second = _second_reading(texts[number - 1], place, table) if texts else None
+            if second is not None and not place.vanishes(second - value, size):
+                raise Ended("invalid", f"Two readers understand equation {number} as given differently.")
         if not _regular(slopes, place, table):
             raise Ended("invalid", "The equations as given do not determine the accelerations.")
         return "The accelerations satisfy the equations as given, which determine them."
@@ -126,6 +147,20 @@ def _on_constraints(given: NonholonomicSystem, slopes: list[list[Expression]], p
     for k, name in enumerate(given.coordinates):
         values[f"{name}'"] -= moved[k]
     return values
+
+
+def _second_reading(text: GivenText | None, place: Place, table: Table) -> Real | None:
+    """left - right by the checker's reader; None where one of the texts is not in its grammar."""
+    if text is None:
+        return None
+    given = {f"{node.coordinate}''": value for node, value in table.items() if isinstance(node, Acceleration)}
+    for name, written in text.values.items():
+        value = place.read(written, {})
+        if value is None:
+            return None
+        given[name] = value
+    left, right = (place.read(side, given) for side in (text.left, text.right))
+    return None if left is None or right is None else left - right
 
 
 def _defined(trial: Callable[[Place], str]) -> Callable[[Place], str]:

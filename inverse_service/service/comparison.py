@@ -6,10 +6,11 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
-from inverse_service.mechanics.agreement import Canonical, equations_agree, motion_agrees
+from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
 from inverse_service.mechanics.reading import read_given
 from inverse_service.service import translate
 from inverse_service.service.document_kinds import is_nonholonomic
@@ -33,8 +34,22 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
         given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions)
     except InputError as error:
         return CheckResult("invalid", (f"The document as given cannot be read: {error}",))
-    names, limit = given.names, end - time.monotonic()
-    return _named(names, canonical) or equations_agree(given.residuals, names.coordinates, canonical, limit)
+    names, texts = given.names, _texts(schema, given.names)
+    texts = texts if len(texts) == len(given.residuals) else []
+    limit = end - time.monotonic()
+    return _named(names, canonical) or equations_agree(given.residuals, names.coordinates, canonical, limit, texts)
+
+
+def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:
+    """The equations as texts for a second reader, in the order of their trees; None where that is not plain."""
+    valued = schema.parameters.items() if isinstance(schema.parameters, Mapping) else ()
+    values = {name: str(value) for name, value in valued if value is not None}
+    if isinstance(schema.equations, Mapping):
+        found = {key: GivenText(f"{key}''", str(text), values) for key, text in schema.equations.items()}
+        return [found.get(name) for name in names.coordinates]
+    texts = schema.equations.split(";") if isinstance(schema.equations, str) else schema.equations
+    sides = [str(text).split("=") for text in texts if str(text).strip()]
+    return [GivenText(pair[0], pair[1], values) if len(pair) == 2 else None for pair in sides]
 
 
 def _named(names: Names, canonical: Canonical) -> CheckResult | None:

@@ -9,6 +9,8 @@ import pytest
 
 from inverse_service import check, solve
 from inverse_service.errors import CertificateRefused
+from inverse_service.expressions import grammar
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import negate
 from inverse_service.mechanics import reading
 from inverse_service.mechanics.agreement import Canonical
@@ -146,6 +148,36 @@ def test_each_associated_system_of_a_result_is_compared() -> None:
     other = result["nonholonomic"]["associated"][0]["certificate"]["system"]["equations"]
     other["x"] = f"2*({other['x']})"
     assert check(result)["verdict"] == "invalid"
+
+
+@pytest.mark.parametrize(
+    ("equations", "is_read_twice"),
+    [("x'' = -x + y; y'' = -x^2^3/2*a*-y", True), ({"x": "t*sin(x)^2", "y": "sqrt(y)/2/3"}, True),
+     (["x'' - 2.50*y = -x^2", "y'' = a*-t"], True), ("x'' = -2x; y'' = y", False), ("x'' = -x, y'' = y", False),
+     (r"\ddot{x} = -y; y'' = x", False)],
+    ids=str,
+)  # fmt: skip
+def test_what_the_checker_can_read_is_read_twice(
+    equations: Any, is_read_twice: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fault of our reader is seen: here it reads every product of a formula as one of opposite sign."""
+    document = {"equations": equations, "parameters": {"a": "3/7"}}
+    result = solve(document)
+    assert check(result)["verdict"] == "valid"
+    right = grammar.product
+    monkeypatch.setattr(grammar, "product", lambda *given: negate(right(*given)))
+    canonical = Canonical(solve_nothing(document))
+    found = compared_with_document(document, canonical)
+    assert (found.verdict, "Two readers" in " ".join(found.reasons)) == (
+        ("invalid", True) if is_read_twice else ("valid", False)
+    )
+
+
+def solve_nothing(document: Any) -> dict[str, Any]:
+    """The canonical system as the reader in force understands the document."""
+    system = translate.to_system(translate.to_schema(document))
+    equations = {name: to_text(f) for name, f in zip(system.coordinates, system.accelerations, strict=True)}
+    return {"coordinates": list(system.coordinates), "equations": equations}
 
 
 @pytest.mark.parametrize("broken", ["solving", "printing"])
