@@ -97,10 +97,14 @@ def exponent_lists(
     """(starts, letter numbers, exponents in Montgomery form): the letters of each candidate in a row."""
     index = {letter: k for k, letter in enumerate(letters)}
     starts, places, exponents = [0], [], []
+    residues: dict[tuple[int, int], int] = {}
     for candidate in candidates:
         for letter, e in candidate:
             places.append(index[letter])
-            exponents.append(e.numerator * pow(e.denominator, -1, prime) % prime)
+            key = (e.numerator, e.denominator)
+            if key not in residues:
+                residues[key] = e.numerator * pow(e.denominator, -1, prime) % prime
+            exponents.append(residues[key])
         starts.append(len(places))
     numbers = to_montgomery(np.array(exponents, np.uint64), prime)
     return np.array(starts, np.int64), np.array(places, np.int64), numbers

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.terms import (
@@ -51,6 +52,7 @@ def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
     return total
 
 
+@lru_cache(maxsize=4096)
 def has_velocity(letter: Expression) -> bool:
     return any(isinstance(node, Velocity) for node in walk(letter))
 

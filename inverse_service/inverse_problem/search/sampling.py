@@ -178,6 +178,8 @@ def _logarithmic(
 
     `names` are the places among (t, q, v) of the variables that are displaced.
     """
+    if isinstance(kernel, Symbol | Velocity):
+        return _of_variable(expansion, kernel, names, drift, n)
     ring, size = expansion.ring, 2 * n + 1
     series = expansion.expand(kernel)
     gradient, second = [0] * size, [[0] * size for _ in range(size)]
@@ -199,6 +201,23 @@ def _logarithmic(
                     third[i][j] = (third[i][j] + value * drift[along]) % ring.prime
                     third[j][i] = third[i][j]
     return ps.value_at_point(series), gradient, second, third
+
+
+def _of_variable(
+    expansion: Expansion, variable: Symbol | Velocity, names: Sequence[int], drift: Sequence[int], n: int
+) -> tuple[int, list[int], list[list[int]], list[list[int]]]:
+    """The same for a letter that is t, q, v or a parameter: 1/x, -1/x^2, and 2/x^3 times the drift."""
+    value, prime = expansion.point.variable(variable), expansion.ring.prime
+    if value == 0:
+        raise SingularPoint("a letter vanishes at the point")
+    size = 2 * n + 1
+    gradient, second, third = [0] * size, [[0] * size for _ in range(size)], [[0] * n for _ in range(n)]
+    slope = pow(value, -1, prime)
+    for place in names:
+        gradient[place], second[place][place] = slope, -slope * slope % prime
+        if place > n and expansion.order > 2:
+            third[place - 1 - n][place - 1 - n] = 2 * slope * slope * slope * drift[place] % prime
+    return value, gradient, second, third
 
 
 def monomial_values(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:

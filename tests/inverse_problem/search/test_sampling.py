@@ -1,0 +1,39 @@
+"""The logarithmic derivatives of a letter that is a variable are those that its series gives."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+
+from inverse_service.algebra.point import Expansion, Point
+from inverse_service.algebra.primes import safe_prime
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.expressions.tree import TIME, Number, Power, Symbol, Velocity
+from inverse_service.inverse_problem.search.sampling import _logarithmic
+
+P = safe_prime(3)
+NAMES = [TIME, Symbol("x"), Symbol("y"), Velocity("x"), Velocity("y")]
+DRIFT = [1, 5, 7, 11, 13]
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("place", range(6))
+def test_a_variable_has_the_derivatives_of_its_series(place: int, order: int) -> None:
+    """A power with exponent one goes the way of the series; a parameter is displaced by nothing."""
+    letter = [*NAMES, Symbol("c")][place]
+    places = (place,) if place < len(NAMES) else ()
+
+    def expansion() -> Expansion:
+        return Expansion(Point(P, 4), [NAMES[k] for k in places], order)
+
+    plain = _logarithmic(expansion(), places, Power(letter, Number(Fraction(1))), DRIFT, 2)
+    assert _logarithmic(expansion(), places, letter, DRIFT, 2) == plain
+    assert any(plain[1]) == bool(places)
+
+
+def test_a_variable_that_vanishes_is_no_letter_at_that_point() -> None:
+    point = Point(P, 4)
+    point.variables[Symbol("x")] = 0
+    with pytest.raises(SingularPoint):
+        _logarithmic(Expansion(point, [Symbol("x")], 2), (1,), Symbol("x"), DRIFT, 2)
