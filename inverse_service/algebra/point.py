@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
@@ -43,9 +43,12 @@ class Point:
     variables: dict[Variable, int] = field(default_factory=dict)
     atoms: dict[Expression, int] = field(default_factory=dict)
 
-    def draw(self, key: object) -> int:
+    def draw(self, key: Hashable) -> int:
         """A random nonzero residue that depends on the seed and the key alone."""
-        return random.Random(f"{self.seed}|{key!r}").randrange(2, self.prime - 1)
+        return self._drawn(_text(key))
+
+    def _drawn(self, text: str) -> int:
+        return random.Random(f"{self.seed}|{text}").randrange(2, self.prime - 1)
 
     def draw_free(self, atom: Expression) -> int:
         """A random nonzero residue for a free generator; the salts of its variables change it too."""
@@ -69,7 +72,14 @@ class Point:
 
     def jet(self, name: str, arguments: tuple[int, ...], orders: tuple[int, ...]) -> int:
         """A partial derivative of an arbitrary function at a place: equal places, equal values."""
-        return self.draw((name, arguments, orders))
+        # No place is met twice in a process, so its text is not kept.
+        return self._drawn(repr((name, arguments, orders)))
+
+
+@lru_cache(maxsize=4096)
+def _text(key: Hashable) -> str:
+    """What distinguishes a key of `Point.draw`; the text of a tree takes longer than all else there."""
+    return repr(key)
 
 
 @lru_cache(maxsize=1024)

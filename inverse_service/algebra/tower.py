@@ -114,8 +114,9 @@ def _meet(
     point = _replayed(tower, prime, seed, salts)
     for names, requirements in groups:
         for salt in range(64 << min(len(requirements), 6)):
-            salts.update(dict.fromkeys(names, salt))
-            point = _replayed(tower, prime, seed, salts)
+            if salt:
+                salts.update(dict.fromkeys(names, salt))
+                point = _replayed(tower, prime, seed, salts)
             if point is not None and all(_holds(p, sign, point) for p, sign in requirements):
                 break
             if not names:
