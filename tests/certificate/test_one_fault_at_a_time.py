@@ -185,6 +185,13 @@ def test_a_degree_above_the_order_is_refused_as_such() -> None:
     assert "degree has to be at most order" in reason(document)
 
 
+@pytest.mark.parametrize(("order", "degree"), [(20, 20), (20, 1), (21, 1), (20, 21)])
+def test_order_and_degree_are_twenty_at_most(order: int, degree: int) -> None:
+    """One free particle has D_k = k + 1 at every order."""
+    found = verdict(existence("free", order, list(range(1, degree + 2)), [1, 1, 1]))
+    assert found == ("valid" if max(order, degree) == 20 else "invalid")
+
+
 @pytest.mark.parametrize(
     ("equations", "dimensions", "symbol", "question"),
     [
