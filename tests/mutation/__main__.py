@@ -23,7 +23,14 @@ from tests.mutation.warm import Ready, run
 
 DECISION_TESTS = tuple(
     f"tests/inverse_problem/test_{name}.py"
-    for name in ("safeguards_of_the_decision", "involution", "prolongation", "decision", "certify")
+    for name in (
+        "safeguards_of_the_decision",
+        "points_of_the_decision",
+        "involution",
+        "prolongation",
+        "decision",
+        "certify",
+    )
 )
 # Which tests answer for a module.
 TESTS: dict[str, tuple[str, ...]] = {

@@ -1,0 +1,78 @@
+"""The points of a decision: other ones after a singular one, other ones for each seed; and how far it goes at them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.inverse_problem import decision
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision import Limits, decide
+from inverse_service.inverse_problem.prolongation import LocalSystem
+from inverse_service.mechanics.reading import read_system
+
+OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
+
+
+def run_of(seed: int, **parts: Any) -> decision._Run:
+    return decision._Run(analyse(OSCILLATORS), False, seed, Limits(), lambda _: None, **parts)
+
+
+def test_after_singular_points_others_are_taken_and_nothing_of_them_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    seeds: list[int] = []
+    plain = decision._prolong
+
+    def singular(run: decision._Run, seed: int) -> decision.Decision:
+        seeds.append(seed)
+        run.history.append((99,))
+        raise SingularPoint
+
+    run = run_of(6)
+    monkeypatch.setattr(decision, "_prolong", singular)
+    with pytest.raises(decision.IrreducibleAtoms, match="identically zero"):
+        decision._decide_once(run)
+    assert seeds[0] == 6
+    assert len(set(seeds)) == len(seeds) == 4
+    monkeypatch.setattr(decision, "_prolong", plain)
+    assert decision._decide_once(run).history == decision._decide_once(run_of(6)).history
+
+
+def test_two_seeds_have_no_point_in_common() -> None:
+    run, asked = run_of(2), list[int]()
+
+    def expander(with_time: bool, seed: int, order: int) -> LocalSystem:
+        asked.append(seed)
+        return decision._expand(run, seed, order)
+
+    used = []
+    for seed in range(1, 5):
+        asked.clear()
+        found = decide(OSCILLATORS, False, seed=seed, expander=expander)
+        assert {point["seed"] for point in found.points} == set(asked)
+        assert len({point["prime"] for point in found.points}) == len(found.points) == 2
+        used += list(set(asked))
+    assert len(set(used)) == len(used) == 8
+
+
+@pytest.mark.parametrize(("size", "highest"), [(16, 5), (15, 13), (17, 5)])
+def test_no_order_is_begun_whose_monomials_have_no_keys(
+    size: int, highest: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An exponent has floor(63/size) bits, and an unknown of degree r in g has the total degree r + 2."""
+    monkeypatch.setattr(decision, "unknown_block", lambda *_: np.zeros((0, size), np.int8))
+    prolongation: Any = SimpleNamespace(size=size, width=lambda _: 0)
+    run = decision._Run(analyse(OSCILLATORS), False, 2, Limits(order=highest + 1), lambda _: None)
+    assert decision._limit_reached(run, prolongation, highest) == ""
+    assert "unknowns" in decision._limit_reached(run, prolongation, highest + 1)
+
+
+def test_a_limit_of_order_lets_that_order_be_done() -> None:
+    for most in (1, 2, 3):
+        told: list[str] = []
+        found = decide(OSCILLATORS, False, limits=Limits(order=most), progress=told.append)
+        assert told[: most + 1] == [f"prolongation to order {order}" for order in range(most + 1)]
+        assert (found.verdict == "variational") == (most == 3)
