@@ -9,6 +9,7 @@ from fractions import Fraction
 from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.inverse_problem.search import shapes
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
+from inverse_service.inverse_problem.search.darboux.terms import of_darboux_polynomials
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
 from inverse_service.inverse_problem.search.material import Material, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity
@@ -27,7 +28,8 @@ class Family:
     With depth > 0 the seeds are closed that often under what cancels their residuals, up to `bound`
     terms; with depth 0 potentials and linear terms are read off f, at most `bound` of each.
     `companions` are terms without a Hessian that go with every choice of the others. `quadratic` says
-    that no multiplier of the family depends on the velocities.
+    that no multiplier of the family depends on the velocities, `by_residuals` that potentials are read
+    off the exact residuals of what has a multiplier.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Family:
     bound: int = 400
     companions: tuple[Monomial, ...] = ()
     quadratic: bool = False
+    by_residuals: bool = False
 
 
 def _constant(material: Material, factors: Factors) -> list[Monomial]:
@@ -131,6 +134,7 @@ FAMILIES = (
     Family("functions of one velocity with fitted factors", 6, _separate, depth=0, bound=200),
     Family("quadratic in the velocities", 7, _metric, bound=500, quadratic=True),
     Family("Laurent monomials v_i v_j / v_k", 8, _laurent, bound=400),
+    Family("Darboux polynomials and first integrals", 8.5, of_darboux_polynomials, by_residuals=True),
     Family("logarithms and roots of velocities", 9, _logarithms),
     Family("Laurent monomials v_i v_j v_k / v_l^2", 10, _laurent_double, depth=2, bound=500),
 )

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import Apply, Expression
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.search.choice import as_tree
 from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until, within
@@ -20,6 +20,7 @@ from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.members import best_members, needed_combinations
 from inverse_service.inverse_problem.search.multiplier_ansatz import solve_multiplier
 from inverse_service.inverse_problem.search.own_terms import own_family
+from inverse_service.inverse_problem.search.residuals import answers
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
 from inverse_service.inverse_problem.search.specialists import SPECIALISTS, Specialist
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms
@@ -132,8 +133,10 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
     try:
         space = solve_multiplier(_sampler(material, terms), terms, seed)
         members = needed_combinations(space, seed)
-        chosen = dict.fromkeys(key for k in members for key in space.combinations[k])
-        return _with_potentials(material, family, list(chosen), seed) if chosen else None
+        chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
+        residuals = [answers(material, space.combinations[k]) for k in members] if family.by_residuals else []
+        further = dict.fromkeys(key for group in residuals for key in group)
+        return _with_potentials(material, family, chosen, list(further), seed) if chosen else None
     except _NO_POINTS:
         return None
 
@@ -142,11 +145,29 @@ def _sampler(material: Material, terms: Sequence[Monomial]) -> Sampler:
     return make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
 
 
-def _with_potentials(material: Material, family: Family, chosen: Sequence[Monomial], seed: int) -> Found | None:
-    terms = all_terms(material, family, chosen)
-    space = solve_ansatz(_sampler(material, terms), terms, seed)
+def _with_potentials(
+    material: Material, family: Family, chosen: Sequence[Monomial], further: Sequence[Monomial], seed: int
+) -> Found | None:
+    """Letters that only antiderivatives bring in may have no value where f has one: then without them."""
+    terms = all_terms(material, family, [*chosen, *further])
+    try:
+        space = solve_ansatz(_sampler(material, terms), terms, seed)
+    except OutOfTime:
+        raise
+    except _NO_POINTS:
+        terms = _in_known_letters(material, terms, chosen)
+        space = solve_ansatz(_sampler(material, terms), terms, seed)
     members = best_members(space, seed)
     if not members:
         return None
     trees = dict.fromkeys(as_tree(member.terms) for member in members)
     return Found(tuple(trees), family.name, tuple(map(as_tree, members[0].parts)))
+
+
+def _in_known_letters(material: Material, terms: Sequence[Monomial], chosen: Sequence[Monomial]) -> list[Monomial]:
+    """The terms in letters of f and of the chosen terms, and in logarithms of these."""
+    motion = material.motion
+    known = {*motion.coordinates, *motion.velocities, *material.position_letters, *material.velocity_letters}
+    known |= {letter for key in (*chosen, *material.parameter_monomials) for letter, _ in key}
+    known |= {Apply("log", letter) for letter in material.position_letters}
+    return [key for key in terms if all(letter in known for letter, _ in key)]

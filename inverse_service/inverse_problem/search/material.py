@@ -63,7 +63,7 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     system = analysis.system
     trees = _factored(analysis)
     pairs = zip(trees, system.accelerations, strict=True)
-    forces = tuple(_oriented(_shorter(*pair), analysis.real_point) for pair in pairs)
+    forces = tuple(oriented(_shorter(*pair), analysis.real_point) for pair in pairs)
     motion = MotionTerms(
         tuple(Symbol(name) for name in system.coordinates),
         tuple(Velocity(name) for name in system.coordinates),
@@ -113,7 +113,7 @@ def simplified(material: Material, terms: Terms) -> Terms:
     return other if len(other) < len(terms) else terms
 
 
-def _oriented(terms: Terms, table: RealTable | None) -> Terms:
+def oriented(terms: Terms, table: RealTable | None) -> Terms:
     """Sums that are negative at the real point replaced by their opposites, so that roots of letters exist."""
     result: Terms = {}
     for key, value in terms.items():

@@ -16,6 +16,7 @@ from inverse_service.inverse_problem.search.choice import (
     as_tree,
     complexity,
     gauge_of,
+    hessians,
     reduced,
     regular_members,
     scaled,
@@ -27,6 +28,8 @@ from inverse_service.inverse_problem.search.definite import MOST_PARTS, Matrix, 
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace
 from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial_tree, times
 from inverse_service.mechanics.euler_lagrange import hessian
+
+_SEED = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +121,10 @@ def _sum_of(space: LagrangianSpace, gauge: Sequence[Combination], chosen: Sequen
 
 def _definite_sums(space: LagrangianSpace, gauge: Sequence[Combination]) -> list[Member]:
     """Sums with a positive definite Hessian at the real point, from the simplest combinations."""
-    simplest = sorted(space.combinations, key=complexity)[:MOST_PARTS]
+    _, matrices = hessians(space, _SEED)
+    # A combination that vanishes as a function has small numbers for a Hessian at a real point.
+    moving = [c for c, matrix in zip(space.combinations, matrices, strict=True) if any(map(any, matrix))]
+    simplest = sorted(moving, key=complexity)[:MOST_PARTS]
     with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
     found = []
     for weights in definite_weights([matrix for _, matrix in with_hessian]):

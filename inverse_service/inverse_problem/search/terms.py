@@ -29,6 +29,7 @@ from inverse_service.expressions.tree import (
     multiply,
     number,
     power,
+    walk,
 )
 
 Monomial = frozenset[tuple[Expression, Fraction]]
@@ -50,6 +51,7 @@ class TooManyTerms(ArithmeticError):
     """An expansion passed its bound; the caller does without it."""
 
 
+@lru_cache(maxsize=4096)
 def monomial(*letters: Expression) -> Monomial:
     """The product of letters."""
     product = EMPTY
@@ -60,10 +62,17 @@ def monomial(*letters: Expression) -> Monomial:
 
 def times(left: Monomial, right: Monomial, exponent: Fraction | int = 1) -> Monomial:
     """left * right^exponent."""
+    # Most calls are of small monomials, and fractions are slow: nothing is computed that is known.
     table = dict(left)
     for letter, e in right:
-        table[letter] = table.get(letter, Fraction(0)) + e * exponent
-    return frozenset((letter, e) for letter, e in table.items() if e)
+        more = e if exponent == 1 else -e if exponent == -1 else e * exponent
+        before = table.get(letter)
+        total = more if before is None else before + more
+        if total:
+            table[letter] = total
+        else:
+            table.pop(letter, None)
+    return frozenset(table.items())
 
 
 def multiply_terms(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]) -> Terms:
@@ -80,8 +89,14 @@ def multiply_terms(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, F
 def add_terms(left: Terms, right: Mapping[Monomial, Fraction], factor: Fraction | int = 1) -> Terms:
     result = dict(left)
     for key, value in right.items():
-        result[key] = result.get(key, Fraction(0)) + factor * value
-    return {key: value for key, value in result.items() if value}
+        more = value if factor == 1 else factor * value
+        before = result.get(key)
+        total = more if before is None else before + more
+        if total:
+            result[key] = total
+        else:
+            result.pop(key, None)
+    return result
 
 
 def _bounded(terms: Terms) -> Terms:
@@ -234,9 +249,13 @@ def _letter_rank(item: tuple[Expression, Fraction]) -> tuple[int, str]:
     return (4 if isinstance(letter, Velocity) else kind, repr(letter))
 
 
+@lru_cache(maxsize=16384)
 def rank(key: Monomial) -> tuple[Fraction, int, str]:
-    """Simple monomials first: small exponents, few letters, then by name."""
-    weight = sum((abs(e) * _letter_weight(letter) for letter, e in key), Fraction(0))
+    """Simple monomials first: small exponents, few letters, then by name.
+
+    Logarithms, roots and inverses of a polynomial in the velocities come after its square.
+    """
+    weight = sum((_exponent_weight(letter, e) * _letter_weight(letter) for letter, e in key), Fraction(0))
     penalty = sum(1 for _, e in key if e < 0 or e.denominator > 1)
     return (weight + penalty, len(key), repr(sorted((repr(letter), e) for letter, e in key)))
 
@@ -244,7 +263,20 @@ def rank(key: Monomial) -> tuple[Fraction, int, str]:
 def _letter_weight(letter: Expression) -> int:
     if isinstance(letter, Symbol | Velocity | Number):
         return 1
+    if isinstance(letter, Apply) and _is_moving_sum(letter.argument):
+        return 3 + 2 * _letter_weight(letter.argument)
     return 1 + len(letter.terms) if isinstance(letter, Sum) else 2
+
+
+def _exponent_weight(letter: Expression, exponent: Fraction) -> Fraction:
+    if not _is_moving_sum(letter):
+        return abs(exponent)
+    return abs(exponent) + (2 if exponent.denominator > 1 else 1 if exponent < 0 else 0)
+
+
+@lru_cache(maxsize=4096)
+def _is_moving_sum(tree: Expression) -> bool:
+    return isinstance(tree, Sum) and any(isinstance(node, Velocity) for node in walk(tree))
 
 
 def derivative(key: Monomial, variable: Expression) -> Terms:
