@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 from collections.abc import Callable
@@ -63,8 +64,11 @@ def _listen(host: str, port: int) -> socket.socket:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         listener = socket.create_server((host, port), family=family)
     except (OSError, UnicodeError) as error:
-        reason = getattr(error, "strerror", None) or "not an address"
-        raise InputError(f"Port {port} of this host cannot be listened on: {reason}; choose another --port.") from None
+        code = getattr(error, "errno", None)
+        reason = os.strerror(code).lower() if code is not None and code > 0 else "there is no such address"
+        raise InputError(
+            f"Port {port} of {host} cannot be listened on: {reason}; choose another --port or --host."
+        ) from None
     # Connections inherit it. Without it each answer waits 40 ms for an acknowledgement (Nagle): asyncio only sets it
     # on sockets that were made with the protocol named.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
