@@ -50,6 +50,7 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--limit", type=int, default=60, help="processor seconds for the tests of one mutant")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--again", action="store_true", help="try survivors of an earlier run once more")
+    parser.add_argument("--tests", nargs="+", help="these tests only, such as new ones for --again")
     parser.add_argument("--output", type=Path, default=Path("build/mutation"))
     return parser.parse_args(arguments)
 
@@ -88,12 +89,13 @@ def quickly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) ->
     inside = [one for one in wanted if one.function and record.said.get(one) != QUICK]
     if inside:
         ready = Ready(module, inside, asked.limit, asked.processes)
-        run(ready, TESTS[module], lambda mutant, said: add(record, mutant, said))
+        run(ready, asked.tests or TESTS[module], lambda mutant, said: add(record, mutant, said))
 
 
 def slowly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) -> None:
     record, source = recorded(module, asked), path_of(module).read_text(encoding="utf-8")
-    jobs = ((one, lambda one=one: anew(module, mutated(source, one), TESTS[module]), asked.limit) for one in wanted)
+    tests = asked.tests or TESTS[module]
+    jobs = ((one, lambda one=one: anew(module, mutated(source, one), tests), asked.limit) for one in wanted)
     for mutant, said in answers(jobs, asked.processes):
         add(record, mutant, said)
 

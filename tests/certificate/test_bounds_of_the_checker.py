@@ -1,0 +1,68 @@
+"""The bounds that FORMAT.md names: what reaches them is read, what is one beyond them is refused, and as such."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service.certificate.checker import CheckResult, check_certificate
+from tests.certificate.documents import Document, changed, lagrangian, nonexistence
+
+
+def checked(document: Document) -> CheckResult:
+    return check_certificate(document, seed=1)
+
+
+def free(names: list[str], **parts: Any) -> Document:
+    """A certificate of free motion with its kinetic energy."""
+    document = lagrangian("free", "+".join(f"{name}'^2" for name in names))
+    document["system"] = {"coordinates": names, "equations": dict.fromkeys(names, "0"), **parts}
+    return document
+
+
+def numbered(stem: str, count: int) -> list[str]:
+    return [f"{stem}{k}" for k in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        (free(numbered("q", 16)), free(numbered("q", 17)), "at most 16"),
+        (free(["x"], parameters=numbered("a", 200)), free(["x"], parameters=numbered("a", 201)), "at most 200"),
+        (
+            free(["x"], functions=dict.fromkeys(numbered("A", 200), ["x"])),
+            free(["x"], functions=dict.fromkeys(numbered("A", 201), ["x"])),
+            "at most 200",
+        ),
+        (free(["x" * 100]), free(["x" * 101]), "a text of the form"),
+        (
+            changed(free(["x"]), "lagrangian", "x'^2" + " " * 59_996),
+            changed(free(["x"]), "lagrangian", "x'^2" + " " * 59_997),
+            "a text of the form",
+        ),
+        (
+            changed(free(["x"]), "system.equations.x", "0" + " " * 59_999),
+            changed(free(["x"]), "system.equations.x", "0" + " " * 60_000),
+            "a text of the form",
+        ),
+    ],
+    ids=["coordinates", "parameters", "functions", "name", "lagrangian", "equation"],
+)
+def test_a_bound_is_kept_to_the_last(right: Document, wrong: Document, words: str) -> None:
+    assert checked(right).verdict == "valid"
+    found = checked(wrong)
+    assert found.verdict == "invalid"
+    assert words in found.reasons[0]
+
+
+def test_two_hundred_thousand_rows_are_the_most() -> None:
+    found = checked(nonexistence("douglas-IIIb", 2, rows=[None] * 200_001))
+    assert "at most 200000" in found.reasons[0]
+    assert "an item of" in checked(nonexistence("douglas-IIIb", 2, rows=[None] * 200_000)).reasons[0]
+
+
+@pytest.mark.parametrize("kind", ["lagrangian", "existence", "nonexistence"])
+def test_a_kind_claims_one_verdict_only(kind: str) -> None:
+    document = free(["x"]) | {"kind": kind, "claim": "variational" if kind == "nonexistence" else "not_variational"}
+    assert f"of kind {kind} has to claim" in checked(document).reasons[0]
