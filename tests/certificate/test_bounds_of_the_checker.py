@@ -31,8 +31,8 @@ def numbered(stem: str, count: int) -> list[str]:
         (free(numbered("q", 16)), free(numbered("q", 17)), "at most 16"),
         (free(["x"], parameters=numbered("a", 200)), free(["x"], parameters=numbered("a", 201)), "at most 200"),
         (
-            free(["x"], functions=dict.fromkeys(numbered("A", 200), ["x"])),
-            free(["x"], functions=dict.fromkeys(numbered("A", 201), ["x"])),
+            free(["x"], functions={name: ["x"] for name in numbered("A", 200)}),
+            free(["x"], functions={name: ["x"] for name in numbered("A", 201)}),
             "at most 200",
         ),
         (free(["x" * 100]), free(["x" * 101]), "a text of the form"),
