@@ -45,10 +45,7 @@ class Point:
 
     def draw(self, key: Hashable) -> int:
         """A random nonzero residue that depends on the seed and the key alone."""
-        return self._drawn(_text(key))
-
-    def _drawn(self, text: str) -> int:
-        return random.Random(f"{self.seed}|{text}").randrange(2, self.prime - 1)
+        return random.Random(f"{self.seed}|{_text(key)}").randrange(2, self.prime - 1)
 
     def draw_free(self, atom: Expression) -> int:
         """A random nonzero residue for a free generator; the salts of its variables change it too."""
@@ -72,8 +69,7 @@ class Point:
 
     def jet(self, name: str, arguments: tuple[int, ...], orders: tuple[int, ...]) -> int:
         """A partial derivative of an arbitrary function at a place: equal places, equal values."""
-        # No place is met twice in a process, so its text is not kept.
-        return self._drawn(repr((name, arguments, orders)))
+        return self.draw((name, arguments, orders))
 
 
 @lru_cache(maxsize=4096)

@@ -108,3 +108,16 @@ def test_kernels_are_six_and_have_the_real_values_of_what_they_replace(function:
     table = {X: mpf("1.3") if function == "acosh" else mpf("0.3")}
     with mp.workdps(30):
         assert abs(real(kernels, table) - real(Apply(function, X), table)) < mpf(10) ** -25
+
+
+def test_who_draws_differently_draws_derivatives_of_functions_too() -> None:
+    """Points of small numbers need small derivatives as well."""
+
+    prime = safe_prime(2)
+
+    class Ones(Point):
+        def draw(self, key: object) -> int:
+            return 1
+
+    assert Ones(prime, 1).jet("A", (5,), (2,)) == Ones(prime, 1).variable(Symbol("x")) == 1
+    assert Point(prime, 1).jet("A", (5,), (2,)) == Point(prime, 1).jet("A", (5,), (2,)) != Point(prime, 1).jet("A", (5,), (1,))
