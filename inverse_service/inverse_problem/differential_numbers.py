@@ -26,7 +26,9 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.differentiated_equations import (
     DerivativeOfEntry,
-    leave_singular_only,
+    Row,
+    cancelling,
+    consequence,
     rank_of_derivatives,
     row_names,
     rows_at,
@@ -44,9 +46,11 @@ from inverse_service.inverse_problem.rational_points import (
     placed,
 )
 
-# More equations than this nobody follows; the sums are sought among those of the lowest order that suffices.
-MOST_ROWS, HIGHEST_ORDER = 150, 3
-_ATTEMPTS, _ENOUGH = 200, 30
+# The sums are sought among the equations of the lowest order that suffices, if they are not more than this.
+MOST_ROWS, HIGHEST_ORDER = 500, 3
+# So many equations are gone through for those that can be left out.
+PRUNED = 60
+_ATTEMPTS, _ENOUGH = 200, 40
 
 FractionRow = Mapping[DerivativeOfEntry, Fraction]
 
@@ -93,7 +97,7 @@ def differential_numbers(
     for order in range(1, HIGHEST_ORDER + 1):
         chosen = sufficient_rows(analysis, with_time, order, seed, deadline)
         for attempt in range(_ATTEMPTS if chosen is not None else 0):
-            if chosen is None or time.monotonic() > deadline or len(found) == _ENOUGH:
+            if chosen is None or time.monotonic() > deadline or len(found) == chosen.points_wanted:
                 break
             numbers = _at_point(analysis, chosen, attempt)
             found += [] if numbers is None else [numbers]
@@ -111,6 +115,11 @@ class SufficientRows:
     names: tuple[RowName, ...]
     rank: int
 
+    @property
+    def points_wanted(self) -> int:
+        """Among how many points the shortest argument is chosen: where each takes long, few."""
+        return _ENOUGH if len(self.names) <= PRUNED else 3
+
 
 def sufficient_rows(
     analysis: Analysis, with_time: bool, order: int, seed: int, deadline: float = float("inf")
@@ -121,16 +130,33 @@ def sufficient_rows(
         return None
     point = draw_point(analysis.tower, seed)
     try:
-        kept = {name: row for name, row in rows_at(analysis, with_time, order, point).items() if row}
+        rows = {name: row for name, row in rows_at(analysis, with_time, order, point).items() if row}
     except SingularPoint:
         return None
-    if not leave_singular_only(kept, n, point.prime):
+    kept = _needed(rows, n, point.prime)
+    if kept is None:
         return None
-    for name in reversed(list(kept)):
+    for name in reversed(list(kept)) if len(kept) <= PRUNED else ():
         rest = {other: row for other, row in kept.items() if other != name}
-        if time.monotonic() < deadline and leave_singular_only(rest, n, point.prime):
+        if time.monotonic() < deadline and _needed(rest, n, point.prime) is not None:
             kept = rest
     return SufficientRows(with_time, order, tuple(kept), rank_of_derivatives(kept, point.prime))
+
+
+def _needed(rows: Mapping[RowName, Row], n: int, prime: int) -> dict[RowName, Row] | None:
+    """The rows in sums without derivatives that leave only singular g; None where all of them leave a regular one."""
+    used: dict[RowName, Row] = {}
+    results: list[tuple[int, ...]] = []
+    left = kernel(results, len(unknowns(n)), prime)
+    for factors in cancelling(rows, prime):
+        narrowed = kernel([*results, result := consequence(rows, factors, n, prime)], len(unknowns(n)), prime)
+        if len(narrowed) == len(left):
+            continue
+        results, left = [*results, result], narrowed
+        used |= {name: rows[name] for name in factors}
+        if all_singular(left, n, prime):
+            return {name: row for name, row in rows.items() if name in used}
+    return None
 
 
 def _at_point(analysis: Analysis, chosen: SufficientRows, attempt: int) -> DifferentialNumbers | None:
@@ -173,7 +199,7 @@ def _residues(analysis: Analysis, chosen: SufficientRows, attempt: int, prime: i
     if not placed(analysis, point):
         return None
     try:
-        rows = rows_at(analysis, chosen.with_time, chosen.order, point)
+        rows = rows_at(analysis, chosen.with_time, chosen.order, point, chosen.names)
         found: dict[_Key, int] = {atom: evaluate(atom, point) for atom in atoms_and_jets(analysis, chosen.order + 1)}
     except (SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
         return None
@@ -194,8 +220,9 @@ def _sums(rows: Mapping[RowName, FractionRow], n: int) -> tuple[tuple[Sum, ...],
         for line, pivot in enumerate(pivots):
             if reduced[line, free]:
                 factors[names[pivot]] = -_fraction(reduced[line, free])
-        if not _excludes(sums, n):
-            sums.append(_whole(rows, {name: factors[name] for name in names if name in factors}, n))
+        more = [*sums, _whole(rows, {name: factors[name] for name in names if name in factors}, n)]
+        if not _excludes(sums, n) and len(_left(more, n)) < len(_left(sums, n)):
+            sums = more
     return tuple(sums), rank
 
 
@@ -214,9 +241,14 @@ def _whole(rows: Mapping[RowName, FractionRow], factors: Mapping[RowName, Fracti
 
 def _excludes(sums: Sequence[Sum], n: int) -> bool:
     """Whether every symmetric matrix that fulfils the sums is singular."""
+    return all_singular(_left(sums, n), n, safe_prime(7_003))
+
+
+def _left(sums: Sequence[Sum], n: int) -> list[tuple[int, ...]]:
+    """A basis of the symmetric matrices that fulfil the sums, modulo a prime."""
     prime = safe_prime(7_003)
     rows = [tuple(number_value(entry, prime) for entry in each.result) for each in sums]
-    return all_singular(kernel(rows, len(unknowns(n)), prime), n, prime)
+    return kernel(rows, len(unknowns(n)), prime)
 
 
 def _primitive(row: FractionRow) -> FractionRow:

@@ -10,7 +10,7 @@ the point too. By (H1) the derivatives of g_ij by velocities are symmetric: each
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
@@ -20,7 +20,7 @@ from inverse_service.algebra.point import Expansion, Point, Variable
 from inverse_service.algebra.series import Series
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.analysis import Analysis
-from inverse_service.inverse_problem.hierarchy import all_singular, kernel, unknowns
+from inverse_service.inverse_problem.hierarchy import unknowns
 from inverse_service.inverse_problem.prolongation import LocalSystem, RowName, local_system
 
 Exponents = tuple[int, ...]
@@ -64,8 +64,13 @@ def _multi_indices(size: int, degree: int) -> list[Exponents]:
     return [tuple(places.count(k) for k in range(size)) for places in chosen]
 
 
-def rows_at(analysis: Analysis, with_time: bool, order: int, point: Point) -> dict[RowName, Row]:
-    """All rows of the order at a point with its atoms, modulo its prime; SingularPoint where f has no series."""
+def rows_at(
+    analysis: Analysis, with_time: bool, order: int, point: Point, names: Iterable[RowName] | None = None
+) -> dict[RowName, Row]:
+    """The named rows, or all of the order, at a point with its atoms, modulo its prime.
+
+    SingularPoint where f has no series.
+    """
     variables = variables_of_question(analysis, with_time)
     n = len(analysis.system.coordinates)
     expansion = Expansion(point, variables, order + 3)
@@ -73,7 +78,8 @@ def rows_at(analysis: Analysis, with_time: bool, order: int, point: Point) -> di
     velocities = [expansion.expand(v) for v in variables[-n:]]
     local = local_system(expansion.ring, velocities, forces, len(variables) > 2 * n)
     table = _Table(local)
-    return {name: table.row(name) for name in row_names(n, len(variables), order)}
+    wanted = row_names(n, len(variables), order) if names is None else names
+    return {name: table.row(name) for name in wanted}
 
 
 class _Table:
@@ -124,27 +130,31 @@ def _coefficients(series: Series) -> Coefficients:
 
 def rank_of_derivatives(rows: Mapping[RowName, Row], prime: int) -> int:
     """The rank of the part of the rows that belongs to derivatives of g."""
-    columns = sorted({unknown for row in rows.values() for unknown in row if unknown.degree})
-    flat = [row.get(unknown, 0) for row in rows.values() for unknown in columns]
-    return nmod_mat(len(rows), len(columns), flat, prime).rank() if columns else 0
+    return _cancelling_matrix(rows, prime).rank()
 
 
-def leave_singular_only(rows: Mapping[RowName, Row], n: int, prime: int) -> bool:
-    """Whether every g at the point that the rows allow, whatever its derivatives are, is singular."""
-    found = {unknown for row in rows.values() for unknown in row}
-    columns = sorted(found, key=lambda unknown: (-unknown.degree, unknown))
-    above = sum(1 for unknown in columns if unknown.degree)
-    flat = [row.get(unknown, 0) for row in rows.values() for unknown in columns]
-    if not flat:
-        return False
-    reduced, rank = nmod_mat(len(rows), len(columns), flat, prime).rref()
-    place = {pair: k for k, pair in enumerate(unknowns(n))}
-    consequences = []
-    for line in range(rank):
-        if any(int(reduced[line, k]) for k in range(above)):
-            continue
-        values = [0] * len(place)
-        for k in range(above, len(columns)):
-            values[place[columns[k].i, columns[k].j]] = int(reduced[line, k])
-        consequences.append(tuple(values))
-    return all_singular(kernel(consequences, len(place), prime), n, prime)
+def cancelling(rows: Mapping[RowName, Row], prime: int) -> Iterator[Mapping[RowName, int]]:
+    """A basis of the factors with which rows add up to one without derivatives of g, those of few rows first."""
+    names = list(rows)
+    reduced, rank = _cancelling_matrix(rows, prime).rref()
+    pivots = [next(k for k in range(len(names)) if int(reduced[line, k])) for line in range(rank)]
+    for free in (k for k in range(len(names)) if k not in set(pivots)):
+        column = [(pivot, -int(reduced[line, free]) % prime) for line, pivot in enumerate(pivots)]
+        yield {names[pivot]: value for pivot, value in [*column, (free, 1)] if value}
+
+
+def _cancelling_matrix(rows: Mapping[RowName, Row], prime: int) -> nmod_mat:
+    """One line for each derivative of g, one column for each row."""
+    derivatives = sorted({unknown for row in rows.values() for unknown in row if unknown.degree})
+    flat = [row.get(unknown, 0) for unknown in derivatives for row in rows.values()]
+    return nmod_mat(len(derivatives), len(rows), flat, prime)
+
+
+def consequence(rows: Mapping[RowName, Row], factors: Mapping[RowName, int], n: int, prime: int) -> tuple[int, ...]:
+    """The coefficients over `unknowns` of the rows times these factors."""
+    total = dict.fromkeys(unknowns(n), 0)
+    for name, factor in factors.items():
+        for unknown, value in rows[name].items():
+            if not unknown.degree:
+                total[unknown.i, unknown.j] += factor * value
+    return tuple(value % prime for value in total.values())

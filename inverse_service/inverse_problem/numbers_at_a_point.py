@@ -27,6 +27,7 @@ from inverse_service.inverse_problem.hierarchy import (
 )
 from inverse_service.inverse_problem.pointwise import LocalScalar, motion_of_series
 from inverse_service.inverse_problem.rational_points import (
+    PlainPoint,
     SmallPoint,
     atoms_and_jets,
     bare_variables,
@@ -103,7 +104,8 @@ def _collected(
 
 def _residues(analysis: Analysis, chosen: SufficientSet, attempt: int, prime: int) -> dict[object, int] | None:
     """Everything at the point number `attempt`, modulo the prime; None where it is singular."""
-    point = SmallPoint(prime, attempt, dict(analysis.tower.real_signs))
+    kind = PlainPoint if attempt % 2 else SmallPoint
+    point = kind(prime, attempt // 2, dict(analysis.tower.real_signs))
     if not placed(analysis, point):
         return None
     try:

@@ -17,7 +17,7 @@ from typing import TypeVar
 
 from flint import fmpq, fmpq_mat
 
-from inverse_service.algebra.point import Point, Variable, evaluate, variables_in
+from inverse_service.algebra.point import Point, Variable, evaluate, number_value, variables_in
 from inverse_service.algebra.primes import is_positive, reconstruct, safe_prime
 from inverse_service.algebra.rules import AngleRule, ExponentialRule, replay
 from inverse_service.algebra.series import SingularPoint
@@ -41,8 +41,10 @@ from inverse_service.inverse_problem.analysis import Analysis
 
 # Small numbers first; larger ones, where roots have to come out, later.
 _SMALL, _LARGER, _PATIENCE = 5, 12, 20
+_PLAIN = tuple(tuple(map(Fraction, values.split())) for values in ("0 0 1 2", "0 0 1 2", "0 0 1 -1", "0 0 1 2"))
+_SPEEDS = tuple(map(Fraction, ("0", "3/5", "4/5", "-3/5")))
 # Numerators and denominators beyond this are no longer numbers for a person.
-_BOUND = 10**7
+_BOUND = 10**8
 
 Key = TypeVar("Key")
 
@@ -58,12 +60,17 @@ class SmallPoint(Point):
 
 @dataclass(slots=True)
 class PlainPoint(Point):
-    """A small point where variables and tangents of half angles are 0 as often as not: fewer terms remain."""
+    """A point where variables and tangents of half angles are 0 as often as not: fewer terms remain.
+
+    Every fourth has velocities such as 3/5, at which roots like (1 - v^2)^(1/2) come out.
+    """
 
     def draw(self, key: object) -> int:
         source = random.Random(f"{self.seed}|{key!r}")
-        may_vanish = isinstance(key, tuple) and isinstance(key[0], Symbol | Velocity | Sum | Product)
-        return source.choice((0, 0, 1, 2)[: 3 if self.seed < _PATIENCE else 4]) if may_vanish else source.randint(1, 2)
+        if not (isinstance(key, tuple) and isinstance(key[0], Symbol | Velocity | Sum | Product)):
+            return source.randint(1, 2)
+        fractions = isinstance(key[0], Velocity) and self.seed % 4 == 3
+        return number_value(source.choice(_SPEEDS if fractions else _PLAIN[self.seed % 4]), self.prime)
 
 
 def has_points(analysis: Analysis) -> bool:

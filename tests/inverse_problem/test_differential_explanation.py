@@ -38,6 +38,20 @@ def combination(text: str) -> Counter[str]:
     return found
 
 
+# Four coordinates: hundreds of equations, of which a few are needed.
+FOUR = {"r": "(r + s)/4 - r'", "a": "(-8*a^3 + b)/5 - a'", "s": "(-r + s)/4 - s'", "b": "(32*a^3 + b)/10 - b'"}
+
+
+def test_four_coordinates_are_argued_too() -> None:
+    analysis = analysis_of(FOUR)
+    chosen = sufficient_rows(analysis, False, 2, seed=1)
+    assert chosen is not None
+    assert len(chosen.names) < 200
+    explanation = explain_negative(analysis, None)
+    assert explanation.complete
+    assert "det g is zero" in explanation.steps[-1].text
+
+
 @pytest.mark.parametrize("equations", [PENDULUM, {**PENDULUM, "a": PENDULUM["a"] + " - a"}], ids=["real", "formal"])
 def test_in_every_sum_the_derivatives_cancel_and_what_is_left_is_singular(equations: dict[str, str]) -> None:
     explanation = explain_negative(analysis_of(equations), None)

@@ -91,6 +91,14 @@ def test_numbers_need_no_real_point_where_functions_are_independent() -> None:
     assert steps[-1].startswith("So g = 0")
 
 
+def test_velocities_are_chosen_so_that_roots_come_out() -> None:
+    f = "(1 - {0}'^2)^(3/2)*({1}) - {0}'"
+    forces = {"u": "v - 2*w", "v": "u", "w": "w^2 - 2*u"}
+    system = read_system(list(forces), {name: f.format(name, force) for name, force in forces.items()})
+    found = explain_negative(analyse(system), smallest_sufficient_set(analyse(system)))
+    assert found.complete
+
+
 @pytest.mark.parametrize("equations", [{"x": "x*y'", "y": "pi*x"}, {"x": "x*y'", "y": "sin(1)*x"}])
 def test_numbers_such_as_pi_get_no_value(equations: dict[str, str]) -> None:
     assert not has_points(analyse(read_system(["x", "y"], equations)))
