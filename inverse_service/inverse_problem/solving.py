@@ -53,6 +53,7 @@ class _Work:
     points: list[Mapping[str, int]] = field(default_factory=list)
     outcome: SearchOutcome | None = None
     autonomous: Decision | None = None
+    reasons: tuple[Step, ...] = ()
 
     def add_seconds(self, stage: str, began: float) -> None:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.monotonic() - began
@@ -166,12 +167,22 @@ def _negative(work: _Work, decision: Decision) -> Answer:
     began = time.monotonic()
     work.progress("explanation")
     try:
-        chosen = smallest_sufficient_set(work.analysis, work.options.seed)
-        steps = explain_negative(work.analysis, chosen, decision.with_time, work.options.seed).steps
+        steps = _reasons(work, decision.with_time)
     except IrreducibleAtoms as problem:
         steps = (Step(f"The conditions could not be written out: {problem.detail}."),)
     work.add_seconds("explanation", began)
     return Answer("not_variational", certificate=certify.of_decision(work.analysis, decision), explanation=steps)
+
+
+def _reasons(work: _Work, with_time: bool) -> tuple[Step, ...]:
+    """Why there is no Lagrangian; algebraic conditions exclude it with t as without, and are argued once."""
+    if work.reasons:
+        return work.reasons
+    chosen = smallest_sufficient_set(work.analysis, work.options.seed)
+    steps = explain_negative(work.analysis, chosen, with_time, work.options.seed).steps
+    if chosen is not None:
+        work.reasons = steps
+    return steps
 
 
 def _by_existence(work: _Work, decision: Decision) -> Answer:

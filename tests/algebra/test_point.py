@@ -120,4 +120,5 @@ def test_who_draws_differently_draws_derivatives_of_functions_too() -> None:
             return 1
 
     assert Ones(prime, 1).jet("A", (5,), (2,)) == Ones(prime, 1).variable(Symbol("x")) == 1
-    assert Point(prime, 1).jet("A", (5,), (2,)) == Point(prime, 1).jet("A", (5,), (2,)) != Point(prime, 1).jet("A", (5,), (1,))
+    plain = Point(prime, 1)
+    assert plain.jet("A", (5,), (2,)) == Point(prime, 1).jet("A", (5,), (2,)) != plain.jet("A", (5,), (1,))

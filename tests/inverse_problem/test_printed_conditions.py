@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from inverse_service.inverse_problem import solving
 from inverse_service.inverse_problem.nonholonomic_study import associated_systems, motion_report, study
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.printed_conditions import with_conditions
@@ -42,3 +43,30 @@ def test_of_associated_systems_only_the_main_one_has_its_conditions(wanted: bool
     assert [s is not main and s.conditions is None for s in solutions].count(True) == 2
     if wanted:
         assert main.conditions == with_conditions(main).conditions
+
+
+def test_conditions_that_exclude_a_lagrangian_are_argued_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They exclude L(t, q, q') with L(q, q'): both answers have the same steps, and each a certificate of its own."""
+    asked: list[object] = []
+    explain = solving.explain_negative
+    monkeypatch.setattr(solving, "explain_negative", lambda *given: asked.append(given[1]) or explain(*given))
+    found = solve(read_system(["x", "y"], {"x": "x*y'", "y": "y*x'^2"}), SolveOptions(conditions=False))
+    assert found.autonomous is not None
+    assert found.with_time is not None
+    assert found.autonomous.verdict == found.with_time.verdict == "not_variational"
+    assert len(asked) == 1
+    assert found.autonomous.explanation == found.with_time.explanation != ()
+    questions = [answer.certificate["question"] for answer in (found.autonomous, found.with_time) if answer.certificate]
+    assert questions == ["autonomous", "time_dependent"]
+
+
+def test_a_differential_consequence_is_argued_for_each_question(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+    explain = solving.explain_negative
+    monkeypatch.setattr(solving, "explain_negative", lambda *given: asked.append(given[1]) or explain(*given))
+    # every algebraic condition lets it through
+    system = read_system(["x", "y"], {"x": "x'^2*y'", "y": "2*y' + 2*x'^2*y'"})
+    found = solve(system, SolveOptions(conditions=False))
+    assert found.with_time is not None
+    assert found.with_time.verdict == "not_variational"
+    assert asked == [None, None]
