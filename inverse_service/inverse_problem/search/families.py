@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.expressions.tree import Symbol, Velocity
+from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.search import shapes
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.darboux.terms import of_darboux_polynomials
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
 from inverse_service.inverse_problem.search.material import Material, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity
-from inverse_service.inverse_problem.search.terms import Monomial, times
+from inverse_service.inverse_problem.search.terms import Monomial, monomial, times
 
 _MOST_SEEDS = 900
 _MOST_PRODUCTS = 360
@@ -97,7 +97,21 @@ def _velocity_functions(material: Material, factors: Factors) -> list[Monomial]:
     polynomial = [m for degree in (2, 3, 4) for m in shapes.powers(material, degree)]
     alone = [m for v in material.motion.velocities for _, m in shapes.single(v)]
     every = [*polynomial, *alone, *shapes.of_letters(material)]
-    return products(factors.in_time, every[:_MOST_SEEDS])
+    # Where f holds no position, first integrals can be linear in t: x'' = x'^2 keeps 1/x' + t.
+    linear = material.motion.with_time and not material.position_letters
+    times_t = products([monomial(TIME)], shapes.of_letters(material)) if linear else []
+    return [*products(factors.in_time, every[:_MOST_SEEDS]), *times_t[:_MOST_SEEDS]]
+
+
+def _times_roots(material: Material, factors: Factors) -> list[Monomial]:
+    """phi v_i v_j and phi v_i sqrt(p) with p quadratic in the velocities and phi a function of position."""
+    rooted = shapes.velocities_times_roots(material)
+    if not rooted:
+        return []
+    every = [*shapes.pairs(material), *rooted]
+    room = _MOST_SEEDS // len(every)
+    degree = next((d for d in (4, 3) if len(position_monomials(material, d)) <= room), 2)
+    return products(position_monomials(material, degree)[:room], every)
 
 
 def _roots_of_constants(material: Material, factors: Factors) -> list[Monomial]:
@@ -134,6 +148,7 @@ FAMILIES = (
     Family("functions of one velocity with fitted factors", 6, _separate, depth=0, bound=200),
     Family("quadratic in the velocities", 7, _metric, bound=500, quadratic=True),
     Family("Laurent monomials v_i v_j / v_k", 8, _laurent, bound=400),
+    Family("velocities times a root of f, with functions of position", 8.2, _times_roots, bound=400),
     Family("Darboux polynomials and first integrals", 8.5, of_darboux_polynomials, by_residuals=True),
     Family("logarithms and roots of velocities", 9, _logarithms),
     Family("Laurent monomials v_i v_j v_k / v_l^2", 10, _laurent_double, depth=2, bound=500),

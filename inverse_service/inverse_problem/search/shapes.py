@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from fractions import Fraction
 
-from inverse_service.expressions.tree import Apply, Expression, Sum
+from inverse_service.expressions.tree import Apply, Expression, Sum, Velocity
 from inverse_service.inverse_problem.search.factors import HALF
 from inverse_service.inverse_problem.search.material import Material, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity
@@ -89,6 +89,31 @@ def of_letters(material: Material) -> list[Monomial]:
             shapes.append(monomial(Apply("log", letter)))
     plain = [EMPTY, *(monomial(v) for v in material.motion.velocities)]
     return distinct([times(a, b) for a in shapes for b in plain])
+
+
+def velocities_times_roots(material: Material) -> list[Monomial]:
+    """v_i sqrt(p) for the letters p of degree 2 in the velocities whose roots stand in f, as in F^2 of a spray."""
+    rooted = {letter for terms in material.motion.forces for key in terms for letter, e in key if e.denominator == 2}
+    rooted |= {
+        letter
+        for outer in material.velocity_letters
+        for key in (terms_of(outer) if isinstance(outer, Sum) else ())
+        for letter, e in key
+        if e.denominator == 2
+    }
+    letters = [p for p in material.velocity_letters if p in rooted and velocity_degrees(p) == {2}]
+    return [times(monomial(v), frozenset([(p, HALF)])) for p in letters for v in material.motion.velocities]
+
+
+def velocity_degrees(letter: Expression) -> set[Fraction]:
+    """The degrees in the velocities of the terms of a sum; none where something else holds velocities."""
+    try:
+        keys = [[(p, e) for p, e in key if has_velocity(p)] for key in terms_of(letter)]
+    except TooManyTerms:
+        return set()
+    if not all(isinstance(p, Velocity) for key in keys for p, _ in key):
+        return set()
+    return {sum((e for _, e in key), Fraction(0)) for key in keys}
 
 
 def exponentials(material: Material) -> list[Monomial]:
