@@ -91,6 +91,8 @@ def is_real(analysis: Analysis) -> bool:
     bare = {name for f in analysis.accelerations for name in bare_variables(f)}
     arguments: list[Mapping[Variable, Fraction]] = []
     for rule in analysis.tower.rules:
+        if isinstance(rule, ExponentialRule) and rule.constant:
+            return False  # e has a value of its own
         if not rule.free:
             continue
         found = _combination(rule.angle if isinstance(rule, AngleRule) else rule.atom.argument)
