@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -17,6 +18,8 @@ from inverse_service.inverse_problem.search.terms import Monomial, monomial, tim
 
 _MOST_SEEDS = 900
 _MOST_PRODUCTS = 360
+# What can cancel the residuals of v_i v_j, whose coefficients need not be products of few letters.
+_MOST_ANSWERS = 200
 # Plain functions of position that are offered as potentials beside what the residuals ask for.
 _MOST_FUNCTIONS = 60
 
@@ -61,7 +64,14 @@ def _metric(material: Material, factors: Factors) -> list[Monomial]:
     room = _MOST_SEEDS // (len(quadratic) * len(factors.in_time))
     degree = next((d for d in (4, 3) if len(position_monomials(material, d)) <= room), 2)
     functions = distinct([*position_monomials(material, degree), *factors.plain])
-    return products(factors.in_time, products(functions, quadratic))
+    answers = closed(material, shapes.pairs(material), 2, _MOST_ANSWERS)
+    return products(factors.in_time, [*products(functions, quadratic), *answers])
+
+
+def _fitting(material: Material, room: int) -> list[Monomial]:
+    """Products of up to three letters where there is room for all of them, else of two."""
+    units = len(position_monomials(material, 1)) - 1
+    return position_monomials(material, 3 if math.comb(units + 3, 3) <= room else 2)
 
 
 def _laurent_plain(material: Material, factors: Factors) -> list[Monomial]:
@@ -81,8 +91,8 @@ def _laurent(material: Material, factors: Factors) -> list[Monomial]:
     """phi v_i v_j / v_k with phi an integrating factor, a product of letters, or both; and v_i v_j."""
     quotients = shapes.quotients(material)
     simple = position_monomials(material, 1)
-    every = distinct([*products(simple, factors.plain), *position_monomials(material, 2)])
     room = max(4, _MOST_SEEDS // max(1, len(quotients)))
+    every = distinct([*products(simple, factors.plain), *_fitting(material, room)])
     chosen = list(dict.fromkeys([*simple[: room // 3], *factors.plain[: room // 3], *every]))[:room]
     return products(factors.in_time[:2], shapes.pairs(material) + products(chosen, quotients))
 
@@ -167,7 +177,7 @@ def all_terms(material: Material, family: Family, chosen: Sequence[Monomial]) ->
     """Chosen kinetic terms with the potentials and linear terms that can go with them."""
     depth = max(1, family.depth) if is_polynomial(material) else 1
     every = [*closed(material, chosen, depth, family.bound), *family.companions]
-    every += position_monomials(material, 2)[1:_MOST_FUNCTIONS]
+    every += _fitting(material, _MOST_FUNCTIONS)[1:_MOST_FUNCTIONS]
     if not family.depth:
         every += potentials(material, chosen, family.bound)
     return [key for key in distinct(every) if is_admissible(material, key)]

@@ -14,7 +14,7 @@ from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.terms import Monomial, terms_of
 from inverse_service.mechanics.reading import read_system
 
-NAMES = Names(("x", "y", "z"), ("a", "b", "c"), {"A": ("x",)})
+NAMES = Names(("w", "x", "y", "z"), ("a", "b", "c"), {"A": ("x",)})
 
 
 def tree(text: str) -> Expression:

@@ -137,3 +137,18 @@ def test_a_family_whose_lagrangians_do_not_hold_is_passed_over() -> None:
     assert outcome.found is not None
     assert outcome.found.lagrangians[0] == refused[1]
     assert search(analysis, False, 1, time.monotonic() + 20, lambda _: None, (), lambda _: False).found is None
+
+
+def test_a_metric_given_by_a_frame_has_entries_of_many_letters() -> None:
+    """L = w'^2/2 + x'^2/2 + z'^2/2 + (w^2 + 1) (y' + y z')^2/2 - V: g_zz holds w^2 y^2 beside other letters."""
+    force = "2*w - 6*z^2 - 3*x*y + 3*y^3 - (w^2+1)*(y' + y*z')^2"
+    equations = {
+        "w": "w*(y' + y*z')^2 + 2*z",
+        "x": "3*y",
+        "y": f"y'*z' + y*z'^2 - 2*w*w'*(y' + y*z')/(w^2+1) - y'*z' + (3*x - 3*y^2)/(w^2+1) - y*({force})",
+        "z": force,
+    }
+    outcome = searched(equations)
+    assert outcome.found is not None
+    expected = "w'^2/2 + x'^2/2 + z'^2/2 + (w^2+1)*(y' + y*z')^2/2 + 2*w*z - 2*z^3 - y^3 + 3*x*y"
+    assert same_value(outcome.found.lagrangians[0], tree(expected))
