@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.inverse_problem import decision
 from inverse_service.inverse_problem.analysis import analyse
@@ -76,3 +78,33 @@ def test_a_limit_of_order_lets_that_order_be_done() -> None:
         found = decide(OSCILLATORS, False, limits=Limits(order=most), progress=told.append)
         assert told[: most + 1] == [f"prolongation to order {order}" for order in range(most + 1)]
         assert (found.verdict == "variational") == (most == 3)
+
+
+@pytest.mark.parametrize(
+    "equations", [{"x": "y'", "y": "x*y'"}, {"x": "x*y", "y": "x"}, {"x": "y^2+x'*y'", "y": "y*x'+x^2"}]
+)
+def test_of_three_consequences_that_leave_nothing_two_are_traced(
+    equations: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of g(p) is zero at last; two equations leave one g(p) of rank one, and that is enough."""
+    traced: list[Mapping[int, int]] = []
+    trace = Echelon.trace
+
+    def noted(echelon: Echelon, weights: Mapping[int, int]) -> list[int]:
+        traced.append(weights)
+        return trace(echelon, weights)
+
+    monkeypatch.setattr(Echelon, "trace", noted)
+    found = decide(read_system(["x", "y"], equations), False)
+    assert found.verdict == "not_variational"
+    assert found.history[-1][0] == 0
+    assert len(traced) == 2 * 2  # two at each point
+
+
+def test_the_space_of_a_positive_verdict_is_that_of_an_involutive_system() -> None:
+    found = decide(OSCILLATORS, False)
+    assert found.space is not None
+    assert found.symbol is not None
+    assert found.space.involutive
+    assert (found.space.order, found.space.dimensions) == (found.order, found.history[-1])
+    assert found.space.characters == found.symbol.characters
