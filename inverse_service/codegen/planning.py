@@ -13,6 +13,7 @@ import symengine
 
 from inverse_service.codegen.algebra import STEP, ZERO, Formula, contains, free_names, symbol
 from inverse_service.codegen.program import Assign, Solve, Statement
+from inverse_service.errors import InputError
 
 _LARGEST_GUARDED = 4
 _PARAMETER = re.compile(r"h|c\d+")
@@ -121,7 +122,7 @@ def _matching(present: Sequence[frozenset[str]], unknowns: Sequence[str]) -> dic
 
     for name in unknowns:
         if not assign(name, set()):
-            raise ArithmeticError("structurally singular")
+            raise InputError("The equations of a step do not determine it: the Lagrangian is degenerate.")
     return {name: row for row, name in owner.items()}
 
 

@@ -91,7 +91,10 @@ def _given(
     values = dict(scene.values) | own
     accelerations = scene.accelerations
     if accelerations is None and scene.lagrangian is not None:
-        accelerations = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints)
+        try:
+            accelerations = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints)
+        except InputError as error:
+            return Unavailable(error.detail[:1].upper() + error.detail[1:])
     if accelerations is not None and keeps_motion(scene, tree, accelerations, values) is False:
         detail = "the motion of this scene is no solution of this Lagrangian"
         if pointer == "/system":

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
@@ -98,7 +99,10 @@ def _accelerations(scene: Scene) -> tuple[Expression, ...] | Unavailable:
         return scene.accelerations
     if scene.lagrangian is None:
         return Unavailable("The scene has neither a Lagrangian nor equations of motion.")
-    found = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints)
+    try:
+        found = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints)
+    except InputError as error:
+        return Unavailable(error.detail[:1].upper() + error.detail[1:])
     if found is not None:
         return found
     system = NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))

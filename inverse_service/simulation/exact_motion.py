@@ -81,6 +81,8 @@ def exact_motion(
     mass = _mass(lagrangian, inertia, names, values)
     if mass is None:
         return NoExactMotion("The kinetic energy has coefficients that are not constant, or there is a potential.")
+    if np.linalg.matrix_rank(mass) < len(names):
+        return NoExactMotion("The kinetic energy is degenerate.")
     rows = [_coefficients(constraint, names) for constraint in constraints]
     linear = [row for row in rows if row is not None]
     if len(linear) < len(rows):

@@ -59,7 +59,9 @@ def run_heyoka(
     passed = time.perf_counter() - compiled
     size = len(problem.coordinates)
     rows = np.asarray(rows)
-    good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 1
+    good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
+    if not good:
+        return _not_begun(start, _outcome(str(code), 0, steps, times), compiled - begin)
     positions, velocities = rows[:good, :size], rows[:good, size:]
     table = table_of(problem.coordinates, positions, velocities, dict(values), times[:good])
     series = {item.name: array_value(item.expression, table) for item in observation.observables}
@@ -76,6 +78,11 @@ def run_heyoka(
         series=series,
         maxima={name: float(np.abs(column).max()) for name, column in series.items()},
     )
+
+
+def _not_begun(start: Start, outcome: Outcome, seconds: float) -> Trajectory:
+    place, speed = np.array([list(start.positions)]), np.array([list(start.velocities or ())])
+    return Trajectory(np.zeros(1), place, None, speed, outcome, 0, 0, seconds, 0.0)
 
 
 def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:

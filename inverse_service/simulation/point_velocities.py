@@ -25,9 +25,18 @@ Array = NDArray[np.float64]
 def point_velocities(
     scene: Scene, problem: Problem, method: str, trajectory: Trajectory, values: dict[str, float]
 ) -> Array | None:
-    """(m, n), or None where the method has no momenta or their velocities have no formula."""
+    """(m, n), or None where the method has no momenta or their velocities have no formula or no value."""
     if trajectory.momenta is None:
         return None
+    try:
+        return _velocities(scene, problem, method, trajectory, values)
+    except np.linalg.LinAlgError:  # the kinetic energy is degenerate at a point
+        return None
+
+
+def _velocities(
+    scene: Scene, problem: Problem, method: str, trajectory: Trajectory, values: dict[str, float]
+) -> Array | None:
     if method == "variational" and problem.free_hamiltonian is not None:
         return _from_hamiltonian(scene, problem.free_hamiltonian, trajectory, values)
     if method == "nonholonomic" and scene.lagrangian is not None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
@@ -32,6 +33,10 @@ from inverse_service.mechanics.euler_lagrange import hessian, momenta
 Matrix = tuple[tuple[Expression, ...], ...]
 # Beyond this size the expansion of a full determinant would fill pages.
 MOST_FULL_ROWS = 5
+DEGENERATE = (
+    "the matrix of the velocities is singular (d2L/dv_i dv_j, or constraints that depend on one another), so no "
+    "accelerations follow: give every coordinate its kinetic energy, with the effects that the scene names."
+)
 
 
 def regular_accelerations(
@@ -56,7 +61,10 @@ def regular_accelerations(
 
 
 def inverse(matrix: Matrix) -> Matrix | None:
-    """The inverse of a symmetric matrix, block by block; None where a block is larger than MOST_FULL_ROWS."""
+    """The inverse of a symmetric matrix, block by block; None where a block is larger than MOST_FULL_ROWS.
+
+    InputError where it is singular everywhere.
+    """
     size = len(matrix)
     found: list[list[Expression]] = [[ZERO] * size for _ in range(size)]
     for block in blocks(matrix):
@@ -64,6 +72,8 @@ def inverse(matrix: Matrix) -> Matrix | None:
             return None
         inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
         whole = determinant(inner)
+        if whole == ZERO:
+            raise InputError(DEGENERATE)
         for a, i in enumerate(block):
             for b, j in enumerate(block):
                 found[i][j] = divide(_cofactor(inner, b, a), whole)

@@ -119,6 +119,8 @@ def _integrated(
     problem, observation = observed_problem(scene, problem)
     if ENERGY_START in problem.parameters:
         values[ENERGY_START] = start_energy(scene) or 0.0
+        if not np.isfinite(values[ENERGY_START]):
+            return Unavailable("The energy has no finite value at the start: start somewhere else.")
     try:
         start = start_of(scene, requested, free, values)
         return run(problem, requested.choice, start, scene.grid, values, observation, stop)

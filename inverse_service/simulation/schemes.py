@@ -246,8 +246,8 @@ def _point_program(
     f: Formulas, observation: Observation, statements: tuple[Statement, ...], changes: list[Formula], forces: int
 ) -> Program:
     carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
-    state, updates = _with_clock(f, carried, changes)
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation.observables)
+    state, updates = _with_clock(f, carried, changes, observed)
     needed = [*updates, *(formula for _, formula in observed)]
     return Program(
         state=state, arguments=("h", "a", *f.parameters), statements=used_only(statements, needed),
@@ -268,11 +268,11 @@ def _program(
     known = _assigned(statements)
     places = range(f.size) if momenta is None else momenta
     state = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
-    state, changes = _with_clock(f, state, changes)
-    updates = tuple(None if number(0) in (change, known.get(change)) else change for change in changes)
     q, d = f.symbols("q"), f.symbols("d")
-    displacement = tuple(d) if observation.velocities else ()
     observed = tuple(_observed(f, item, choice, q, d) for item in observation.observables)
+    state, changes = _with_clock(f, state, changes, observed)
+    updates = tuple(None if number(0) in (change, known.get(change)) else change for change in changes)
+    displacement = tuple(d) if observation.velocities else ()
     needed = [*(u for u in updates if u is not None), *displacement]
     needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return Program(
@@ -288,10 +288,12 @@ def _program(
 
 
 def _with_clock(
-    f: Formulas, state: tuple[str, ...], changes: Sequence[Formula]
+    f: Formulas, state: tuple[str, ...], changes: Sequence[Formula], observed: Sequence[tuple[str, Formula]]
 ) -> tuple[tuple[str, ...], Sequence[Formula]]:
-    """With t as a state variable that grows by h, where the problem depends on it."""
-    return ((*state, str(MOMENT)), [*changes, STEP]) if f.depends_on_time else (state, changes)
+    """With t as a state variable that grows by h, where the problem or what is observed depends on it."""
+    if f.depends_on_time or any(contains(formula, MOMENT) for _, formula in observed):
+        return (*state, str(MOMENT)), [*changes, STEP]
+    return state, changes
 
 
 def _assigned(statements: Sequence[Statement]) -> dict[Formula, Formula]:

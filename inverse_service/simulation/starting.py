@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from inverse_service.codegen.algebra import ZERO, Formula, real_value
@@ -39,7 +39,8 @@ def initial(
     if choice.method in ("runge_kutta", "reference"):
         if start.velocities is None:
             raise InputError("Runge-Kutta methods start from velocities: give velocities instead of momenta.")
-        return Initial({**q, **_named("v", start.velocities)})
+        table = {**parameters, **q, **_named("v", start.velocities)}
+        return Initial({**q, **_named("v", start.velocities)}, missing=_undefined(f, lambda: f.accelerations, table))
     discrete = start.convention == "discrete_constraint"
     if start.momenta is not None and choice.method != "modified" and not discrete:
         guess = _named("d", start.velocities) if start.velocities is not None else None
@@ -114,13 +115,27 @@ def _checked(
     table: Mapping[str, float],
 ) -> Initial:  # fmt: skip
     kept = [k for k in range(f.size) if choice.method != "modified" or k not in f.dependent]
+    whole = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
+    undefined = _undefined(f, lambda: [whole.diff(place) for place in f.symbols("q")], table)
     state = {**q, **{f"p{k}": momenta[k] for k in kept}}
     rates = {f"d{k}": velocity for k, velocity in enumerate(velocities)}
     if all(math.isfinite(momenta[k]) for k in kept):
-        return Initial(state, rates)
+        return Initial(state, rates, undefined)
     quantity, value = vanishing(f, table)
     remedy = "start where it is not 0, from momenta, or with another associated system or method"
     return Initial(state, rates, Outcome("off_domain", 0, 0.0, quantity, value, remedy))
+
+
+def _undefined(f: Formulas, make: Callable[[], list[Formula]], table: Mapping[str, float]) -> Outcome | None:
+    """The outcome where a force of a system with t has no value at t = 0, through which no step would notice it."""
+    if not f.depends_on_time:
+        return None
+    for name, formula in zip(f.problem.coordinates, make(), strict=True):
+        value = real_value(formula, table)
+        if not math.isfinite(value):
+            remedy = "begin later: write t + 1 in the place of t to start at t = 1"
+            return Outcome("off_domain", 0, 0.0, f"the force on {name} at t = 0, which has no value", None, remedy)
+    return None
 
 
 def vanishing(f: Formulas, table: Mapping[str, float]) -> tuple[str, float]:

@@ -300,3 +300,28 @@ def test_the_time_as_a_coordinate_is_the_time() -> None:
     given["initial"] = {"positions": {"x": 0}, "velocities": {"x": 0}}
     columns = simulate(given)["methods"][0]["points"]["columns"]
     np.testing.assert_allclose(columns["x"], times - np.sin(times), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("lagrangian", ["0", "x'", "x", "t", "x'*y' - x'^2/2 - y'^2/2", "x'^2/2"])
+def test_no_method_completes_with_a_degenerate_lagrangian(lagrangian: str) -> None:
+    scene = {
+        "system": {"coordinates": ["x", "y"], "lagrangian": lagrangian},
+        "initial": {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0.5, "y": 1}}, "step": 0.1, "steps": 5,
+        "methods": ["variational", {"method": "variational", "form": "raw"}, "nonholonomic", "runge-kutta", "reference",
+                    "exact"],
+        "observe": ["energy", "error", "momenta", "cost"],
+    }  # fmt: skip
+    for method in simulate(scene)["methods"]:
+        assert method["outcome"] in ("unavailable", "singular"), method["label"]
+
+
+def test_a_kinetic_energy_that_is_degenerate_at_the_start_alone_is_observed() -> None:
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "t*x'^2"},
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "step": 0.1, "steps": 5,
+        "methods": ["nonholonomic"], "observe": ["energy", "momenta"],
+    }  # fmt: skip
+    method = simulate(scene)["methods"][0]
+    assert method["outcome"] == "completed"
+    assert method["max_momentum_drift"] == 0
+    assert len(method["points"]["columns"]["energy"]) == 6

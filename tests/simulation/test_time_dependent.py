@@ -123,3 +123,31 @@ def test_what_is_not_done_says_so() -> None:
     method = simulate(FORCED | {"step": 0.1, "steps": 5, "methods": [symmetrised]})["methods"][0]
     assert method["outcome"] == "unavailable"
     assert "systems without t" in method["reason"]
+
+
+FORCES = ["log(t)", "1/t", "sqrt(t - 1)"]
+
+
+@pytest.mark.parametrize("force", FORCES)
+def test_a_force_without_a_value_at_the_start_is_no_completed_run(force: str) -> None:
+    """The midpoint and the collocation points would step over it without noticing."""
+    system = {"coordinates": ["x"], "lagrangian": f"x'^2/2 + x*{force}"}
+    methods = ["variational", {"method": "variational", "form": "raw"}, "nonholonomic", "runge-kutta", "reference"]
+    scene = {"system": system, "initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "step": 0.1, "steps": 10}
+    for method in simulate(scene | {"methods": methods})["methods"]:
+        assert method["outcome"] == "off_domain"
+        assert "t = 0" in method["stopped"]["quantity"]
+
+
+def test_heyoka_at_such_a_start_is_not_finite() -> None:
+    pytest.importorskip("heyoka")
+    scene = FORCED | {"system": {"coordinates": ["x"], "equations": {"x": "log(t)"}}, "parameters": {}}
+    scene |= {"step": 0.1, "steps": 10, "methods": ["heyoka"], "observe": ["energy", "velocities"]}
+    assert simulate(scene)["methods"][0]["outcome"] == "not_finite"
+
+
+def test_an_energy_with_t_is_observed_where_the_motion_has_none() -> None:
+    scene = FORCED | {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + 1/(t + 1)"}, "parameters": {}}
+    scene |= {"step": 0.1, "steps": 10, "methods": ["runge-kutta"], "observe": ["energy"]}
+    energies = simulate(scene)["methods"][0]["points"]["columns"]["energy"]
+    assert energies[-1] == pytest.approx(0.5 - 1 / 2, abs=0.06)
