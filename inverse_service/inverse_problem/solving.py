@@ -33,6 +33,7 @@ from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.divergence import is_free_of_divergence
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.ladder import search
+from inverse_service.inverse_problem.shared_letters import with_shared_letters
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
@@ -80,7 +81,7 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
         return _unreduced(system, options, printed, problem.detail)
     seconds["analysis"] = time.monotonic() - began - seconds["conditions"]
     work = _Work(analysis, options, report, began + options.time_limit, seconds)
-    autonomous, with_time = _answers(work)
+    autonomous, with_time = _explained(_answers(work), system)
     provenance = {
         "seed": options.seed,
         "time_limit": options.time_limit,
@@ -111,6 +112,14 @@ def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
         same = _without_time(work, with_time) if with_time is not autonomous else None
         return (same, same) if same is not None else (autonomous, with_time)
     return autonomous, _answer(work, with_time=True)
+
+
+def _explained(
+    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem
+) -> tuple[Answer | None, Answer | None]:
+    """Both with a word on letters that have two meanings; one answer to both questions stays one."""
+    autonomous, with_time = (answer and with_shared_letters(answer, system) for answer in answers)
+    return autonomous, autonomous if answers[0] is answers[1] else with_time
 
 
 def _is_complete(answer: Answer) -> bool:

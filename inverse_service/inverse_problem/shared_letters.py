@@ -1,0 +1,43 @@
+"""Letters of the theory that a system has for names of its own: said once, before anything is explained."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from inverse_service.inverse_problem.outcome import Answer, Step
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_MEANING = {
+    "g": "the multiplier, the Hessian of L in the velocities",
+    "L": "the Lagrangian",
+    "H": "the Hamiltonian",
+    "N": "the matrix -1/2 df/dv",
+    "Phi": "the matrix of the first conditions",
+    "R": "the curvature in the conditions",
+    "Gamma": "the derivative along the motion",
+    "f": "the right-hand sides",
+    "p": "the momenta",
+    "v": "the velocities",
+    "u": "the exponent in g = e^u G",
+    "G": "the matrix in g = e^u G",
+    "T": "any of the matrices of the conditions",
+    "L_0": "the Lagrangian without damping",
+}
+
+
+def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
+    """The answer, its explanation begun with what each letter that has two meanings is in the sentences."""
+    names = {*system.coordinates, *system.parameters, *(function.name for function in system.functions)}
+    said = " ".join(step.text for step in answer.explanation)
+    shared = [name for name in _MEANING if name in names and _is_said(name, said)]
+    if not shared:
+        return answer
+    meanings = ", ".join(f"{name} is {_MEANING[name]}" for name in shared)
+    also = "these names may also be those" if len(shared) > 1 else f"the name {shared[0]} may also be that"
+    step = Step(f"In the sentences below, {meanings}; inside their formulas {also} of the system.")
+    return replace(answer, explanation=(step, *answer.explanation))
+
+
+def _is_said(name: str, text: str) -> bool:
+    return re.search(rf"(?<![\w']){re.escape(name)}(?![\w'])", text) is not None

@@ -1,0 +1,44 @@
+"""A system may have a g or an L of its own; the explanation says which is which."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Solution
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.mechanics.reading import read_system
+
+
+def solved(equations: dict[str, str], parameters: tuple[str, ...] = ()) -> Solution:
+    return solve(read_system(list(equations), equations, parameters), SolveOptions(time_limit=30.0))
+
+
+def first_sentence(solution: Solution) -> str:
+    assert solution.with_time is not None
+    return solution.with_time.explanation[0].text
+
+
+def test_the_g_of_gravity_is_told_from_the_multiplier() -> None:
+    text = first_sentence(solved({"x": "-g*sin(x)/l"}, ("g", "l")))
+    assert text.startswith("In the sentences below, g is the multiplier, the Hessian of L in the velocities; ")
+    assert text.endswith("the name g may also be that of the system.")
+
+
+def test_a_coordinate_and_a_parameter_share_letters_in_one_sentence() -> None:
+    text = first_sentence(solved({"L": "-N*L*y", "y": "-L^2*y^2"}, ("N",)))
+    assert text == (
+        "In the sentences below, L is the Lagrangian, N is the matrix -1/2 df/dv; inside their formulas these names may "
+        "also be those of the system."
+    )
+
+
+@pytest.mark.parametrize("parameters", [(), ("k",), ("gravity",)])
+def test_nothing_is_said_where_no_letter_has_two_meanings(parameters: tuple[str, ...]) -> None:
+    factor = parameters[0] if parameters else "2"
+    assert not first_sentence(solved({"x": f"-{factor}*sin(x)"}, parameters)).startswith("In the sentences below")
+
+
+def test_one_answer_to_both_questions_stays_one() -> None:
+    solution = solved({"x": "-g*x"}, ("g",))
+    assert solution.autonomous is solution.with_time
