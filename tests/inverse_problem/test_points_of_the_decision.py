@@ -108,3 +108,28 @@ def test_the_space_of_a_positive_verdict_is_that_of_an_involutive_system() -> No
     assert found.space.involutive
     assert (found.space.order, found.space.dimensions) == (found.order, found.history[-1])
     assert found.space.characters == found.symbol.characters
+
+
+@pytest.mark.parametrize(
+    ("equations", "values"),
+    [
+        ({"x": "x^2+y^2", "y": "0"}, [2, 1]),
+        ({"x": "x*y", "y": "x"}, [2, 1, 0]),
+        ({"x": "-x-2*x*y-x'", "y": "-y-x^2+y^2-y'"}, [2, 1, 0]),
+        # at order 2 nothing new is found: the obstruction is differential
+        ({"x": "2*x'/y'+2*x'", "y": "2*x'^2/y'+x'/y'"}, [2, 1, 1, 0]),
+    ],
+)
+def test_no_multiplier_is_seen_at_the_first_order_that_leaves_none(
+    equations: dict[str, str], values: list[int]
+) -> None:
+    """`values` are the dimensions of what is left of g(p), order by order, at both points."""
+    found = decide(read_system(["x", "y"], equations), False)
+    assert (found.verdict, found.order) == ("not_variational", len(values) - 1)
+    assert [dimensions[0] for dimensions in found.history] == values
+
+
+def test_a_system_without_a_point_is_undetermined_at_order_zero() -> None:
+    found = decide(read_system(["x"], {"x": "sqrt(-1-x^2)"}), False)
+    assert (found.verdict, found.order, found.history, found.points) == ("undetermined", 0, (), ())
+    assert found.reason
