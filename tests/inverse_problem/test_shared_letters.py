@@ -28,8 +28,8 @@ def test_the_g_of_gravity_is_told_from_the_multiplier() -> None:
 def test_a_coordinate_and_a_parameter_share_letters_in_one_sentence() -> None:
     text = first_sentence(solved({"L": "-N*L*y", "y": "-L^2*y^2"}, ("N",)))
     assert text == (
-        "In the sentences below, L is the Lagrangian, N is the matrix -1/2 df/dv; inside their formulas these names may "
-        "also be those of the system."
+        "In the sentences below, L is the Lagrangian, N is the matrix -1/2 df/dv; inside their formulas these names "
+        "may also be those of the system."
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import Expression, Symbol, walk
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.choice import (
     as_tree,
     complexity,
@@ -26,6 +26,7 @@ from inverse_service.inverse_problem.search.choice import (
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.definite import MOST_PARTS, Matrix, definite_weights
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace
+from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial_tree, times
 from inverse_service.mechanics.euler_lagrange import hessian
 
@@ -121,6 +122,8 @@ def _sum_of(space: LagrangianSpace, gauge: Sequence[Combination], chosen: Sequen
 
 def _definite_sums(space: LagrangianSpace, gauge: Sequence[Combination]) -> list[Member]:
     """Sums with a positive definite Hessian at the real point, from the simplest combinations."""
+    if not all(map(_is_quadratic, space.combinations)):
+        return []  # a Hessian that holds velocities is definite at some places only
     _, matrices = hessians(space, _SEED)
     # A combination that vanishes as a function has small numbers for a Hessian at a real point.
     moving = [c for c, matrix in zip(space.combinations, matrices, strict=True) if any(map(any, matrix))]
@@ -134,6 +137,15 @@ def _definite_sums(space: LagrangianSpace, gauge: Sequence[Combination]) -> list
         parts = tuple(c for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight)
         found.append(Member(_scaled_up(reduced(total, gauge)), parts, definite=True))
     return found
+
+
+def _is_quadratic(combination: Combination) -> bool:
+    """Whether its terms are v_i v_j, v_i or 1 times functions of position."""
+    moving = [[(letter, e) for letter, e in key if has_velocity(letter)] for key in combination]
+    plain = all(isinstance(letter, Velocity) for part in moving for letter, _ in part)
+    return plain and all(
+        sum(e for _, e in part) in (0, 1, 2) and min((e for _, e in part), default=1) > 0 for part in moving
+    )
 
 
 def _scaled_up(combination: Combination) -> Combination:

@@ -59,3 +59,10 @@ def test_kinetic_energies_are_positive_and_without_needless_parameters(equations
     assert best.definite
     kinetic = {key: value for key, value in best.terms.items() if velocity_degree(key) > 1}
     assert kinetic == terms_of(tree("x'^2/2 + y'^2/2"))
+
+
+def test_no_terms_are_added_to_a_hessian_that_holds_velocities() -> None:
+    """It could be made definite near one velocity only, at the price of a longer Lagrangian."""
+    terms = ["x'*log(x')", "y'*log(y')", "x*y'", "y*x'", "x'^2", "x'*y'", "y'^2"]
+    found = best_members(lagrangians({"x": "x'*y'", "y": "x'*y'"}, terms), 1)
+    assert [len(member.terms) for member in found] == [3]
