@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -176,31 +177,36 @@ def _logarithmic(
 ) -> tuple[int, list[int], list[list[int]], list[list[int]]]:
     """(p, d_a log p, d_a d_b log p, sum_c drift_c d_c d_i d_j log p for velocities i, j) at the point.
 
-    `names` are the places among (t, q, v) of the variables that are displaced.
+    With u_a = p_a/p, w_ab = p_ab/p the second derivatives are w_ab - u_a u_b, the third p_abc/p - w_ab u_c
+    - w_ac u_b - w_bc u_a + 2 u_a u_b u_c. `names` are the places among (t, q, v) of the variables that are displaced.
     """
     if isinstance(kernel, Symbol | Velocity):
         return _of_variable(expansion, kernel, names, drift, n)
-    ring, size = expansion.ring, 2 * n + 1
+    prime, size, span = expansion.ring.prime, 2 * n + 1, range(len(names))
     series = expansion.expand(kernel)
-    gradient, second = [0] * size, [[0] * size for _ in range(size)]
-    third = [[0] * n for _ in range(n)]
-    for exponents, coefficient in ps.terms(ps.logarithm(ring, series, 0)).items():
-        places = [names[k] for k, e in enumerate(exponents) for _ in range(e)]
-        # A Taylor coefficient times the factorials of its exponents is the derivative.
-        value = coefficient * math.prod(math.factorial(e) for e in exponents) % ring.prime
-        if len(places) == 1:
-            gradient[places[0]] = value
-        elif len(places) == 2:
-            second[places[0]][places[1]] = second[places[1]][places[0]] = value
-        elif len(places) == 3:
-            for along in set(places):
-                rest = list(places)
-                rest.remove(along)
-                i, j = (place - 1 - n for place in rest)
-                if i >= 0 and j >= 0:
-                    third[i][j] = (third[i][j] + value * drift[along]) % ring.prime
-                    third[j][i] = third[i][j]
-    return ps.value_at_point(series), gradient, second, third
+    value, coefficients = ps.value_at_point(series), ps.terms(series)
+    unit = expansion.ring.invert_number(value)
+
+    def slope(*places: int) -> int:
+        """A derivative of p, over p: the Taylor coefficient times the factorials of its exponents."""
+        exponents = tuple(places.count(k) for k in span)
+        return coefficients.get(exponents, 0) * math.prod(map(math.factorial, exponents)) * unit % prime
+
+    gradient, second, third = [0] * size, [[0] * size for _ in range(size)], [[0] * n for _ in range(n)]
+    u = [slope(a) for a in span]
+    w = [[slope(a, b) for b in span] for a in span]
+    for a in span:
+        gradient[names[a]] = u[a]
+        for b in span:
+            second[names[a]][names[b]] = (w[a][b] - u[a] * u[b]) % prime
+    moving = [a for a in span if names[a] > n] if expansion.order > 2 else []
+    for a, b in itertools.product(moving, repeat=2):
+        third[names[a] - 1 - n][names[b] - 1 - n] = sum(
+            drift[names[c]]
+            * (slope(a, b, c) - w[a][b] * u[c] - w[a][c] * u[b] - w[b][c] * u[a] + 2 * u[a] * u[b] * u[c])
+            for c in span
+        ) % prime  # fmt: skip
+    return value, gradient, second, third
 
 
 def _of_variable(
