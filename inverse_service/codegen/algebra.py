@@ -38,6 +38,7 @@ def number(value: int | float) -> Formula:
 
 ZERO, ONE = number(0), number(1)
 HALF = symengine.Rational(1, 2)
+_INFINITE = (symengine.zoo, symengine.oo, -symengine.oo, symengine.nan)
 STEP, ALPHA = symbol("h"), symbol("a")
 
 
@@ -55,7 +56,8 @@ def names_of(coordinates: Sequence[str], parameters: Sequence[str]) -> dict[Expr
 
 
 def translate(tree: Expression, table: Mapping[Expression, Formula]) -> Formula:
-    """The tree in symengine; InputError for a name without a value, an arbitrary function, an acceleration."""
+    """The tree in symengine; InputError for a name without a value, an arbitrary function, an acceleration, and for
+    what is infinite whatever the values."""
     known = table.get(tree)
     if known is not None:
         return known
@@ -67,15 +69,22 @@ def translate(tree: Expression, table: Mapping[Expression, Formula]) -> Formula:
         case Product(factors):
             return symengine.Mul(*(translate(factor, table) for factor in factors))
         case Power(base, exponent):
-            return symengine.Pow(translate(base, table), translate(exponent, table))
+            return _finite(symengine.Pow(translate(base, table), translate(exponent, table)))
         case Apply(function, argument):
-            return _applied(function, translate(argument, table))
+            return _finite(_applied(function, translate(argument, table)))
         case Arbitrary(name, _, _):
             raise InputError(f"The function {name} has no formula: a simulation needs one, such as {name} = x^2.")
         case Symbol(name):
             raise InputError(f"{name} is neither a coordinate nor a parameter with a value of this simulation.")
         case _:
             raise InputError("A simulation takes formulas of positions and velocities, without accelerations.")
+
+
+def _finite(formula: Formula) -> Formula:
+    """The formula; InputError where it is infinite whatever the values, as 1/sin(0) and log(0) are."""
+    if formula in _INFINITE:
+        raise InputError("A formula of this system divides by 0 (or takes the logarithm of it) whatever the values.")
+    return formula
 
 
 def _applied(function: str, argument: Formula) -> Formula:

@@ -325,3 +325,17 @@ def test_a_kinetic_energy_that_is_degenerate_at_the_start_alone_is_observed() ->
     assert method["outcome"] == "completed"
     assert method["max_momentum_drift"] == 0
     assert len(method["points"]["columns"]["energy"]) == 6
+
+
+@pytest.mark.parametrize("term", ["1/sin(0)", "x'/(k*sin(0))", "log(sin(0))", "x/(1 - cos(0))"])
+def test_a_formula_without_a_value_anywhere_is_told(term: str) -> None:
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": f"x'^2/2 + {term}", "parameters": {"k": 1}},
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0.5}}, "step": 0.1, "steps": 5,
+        "methods": ["nonholonomic", "variational", "runge-kutta", "heyoka"], "observe": ["energy", "constraints"],
+    }  # fmt: skip
+    try:
+        found = simulate(scene)
+    except InputError:
+        return
+    assert {method["outcome"] for method in found["methods"]} <= {"unavailable", "off_domain", "not_finite"}
