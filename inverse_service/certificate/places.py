@@ -1,14 +1,17 @@
-"""Random real points at which the checker's own reader gives the right sides of a certificate's system.
+"""Random points at which the checker's own reader gives the right sides of a certificate's system.
 
-For a second program that compares these with something else, such as the equations that a user gave.
+For a second program that compares these with something else, such as the equations that a user gave. Where all
+formulas are rational in everything the numbers are residues modulo random primes, else reals of 144 and more digits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
+import mpmath
 from mpmath import mp
 
 from inverse_service.certificate.checker import (
@@ -28,8 +31,39 @@ from inverse_service.certificate.checker import (
 
 POINTS = 2
 _FEWEST_BITS = 60  # what is compared is never measured against less than 2^-60, so that rounding is no difference
+# Further points anywhere in (-4, 4): so many, if that many of those tried are in the domain.
+_FAR, _FAR_ATTEMPTS = 2, 12
 
-Real = Any  # mpmath has no types
+Value = Any  # an mpf (mpmath has no types) or a Residue
+
+
+@dataclass(frozen=True, slots=True)
+class Residue:
+    """A number modulo a prime, for formulas that know + * and integral powers."""
+
+    value: int
+    prime: int
+
+    def __add__(self, other: Residue) -> Residue:
+        return Residue((self.value + other.value) % self.prime, self.prime)
+
+    def __sub__(self, other: Residue) -> Residue:
+        return Residue((self.value - other.value) % self.prime, self.prime)
+
+    def __mul__(self, other: Residue) -> Residue:
+        return Residue(self.value * other.value % self.prime, self.prime)
+
+    def __truediv__(self, other: Residue) -> Residue:
+        return self * other**-1
+
+    def __pow__(self, exponent: int) -> Residue:
+        if exponent < 0 and not self.value:
+            raise Undefined
+        return Residue(pow(self.value, exponent, self.prime), self.prime)
+
+    def __abs__(self) -> int:
+        """1 for what is not zero: no residue is larger than another."""
+        return int(bool(self.value))
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,23 +73,31 @@ class Place:
     ring: Expansion
 
     @property
-    def values(self) -> dict[str, Real]:
-        return {name: self._real(series.get(0, 0)) for name, series in self.ring.names.items()}
+    def exact(self) -> bool:
+        """Whether the numbers are residues."""
+        return self.ring.arithmetic.prime > 0
 
-    def accelerations(self, velocities: Mapping[str, Real]) -> tuple[Real, ...]:
+    def number(self, value: Fraction) -> Value:
+        return self._number(self.ring.arithmetic.number(value))
+
+    @property
+    def values(self) -> dict[str, Value]:
+        return {name: self._number(series.get(0, 0)) for name, series in self.ring.names.items()}
+
+    def accelerations(self, velocities: Mapping[str, Value]) -> tuple[Value, ...]:
         """f, in the order of the coordinates; `velocities` ("x'") replace those of the point."""
-        bound = {name: {0: self._fixed(value)} for name, value in velocities.items()}
+        bound = {name: {0: self._raw(value)} for name, value in velocities.items()}
         found = (Reader(self.ring, force, **bound).value for force in self.ring.question.forces)
-        return tuple(self._real(series.get(0, 0)) for series in found)
+        return tuple(self._number(series.get(0, 0)) for series in found)
 
-    def read(self, text: str, given: Mapping[str, Real]) -> Real | None:
+    def read(self, text: str, given: Mapping[str, Value]) -> Value | None:
         """What the checker's reader makes of a formula, with further names ("x''"); None where it refuses it.
 
         None too where the formula has no value at the point by the checker's rules, such as (-1)^(4/2).
         """
-        bound = {name: {0: self._fixed(value)} for name, value in given.items()}
+        bound = {name: {0: self._raw(value)} for name, value in given.items()}
         try:
-            return self._real(Reader(self.ring, read_tokens(text, "formula"), **bound).value.get(0, 0))
+            return self._number(Reader(self.ring, read_tokens(text, "formula"), **bound).value.get(0, 0))
         except Undefined:
             return None
         except Ended as end:
@@ -63,54 +105,101 @@ class Place:
                 raise
             return None
 
-    def function(self, name: str, orders: tuple[int, ...], arguments: Iterable[Real]) -> Real:
+    def function(self, name: str, orders: tuple[int, ...], arguments: Iterable[Value]) -> Value:
         """A derivative of a declared function: random, but the same wherever the arguments are."""
-        series = self.ring.function(name, orders, [{0: self._fixed(value)} for value in arguments])
-        return self._real(series.get(0, 0))
+        series = self.ring.function(name, orders, [{0: self._raw(value)} for value in arguments])
+        return self._number(series.get(0, 0))
 
-    def vanishes(self, value: Real, size: Real) -> bool:
+    def vanishes(self, value: Value, size: Value) -> bool:
         """Whether it is zero beside numbers of this size; raises Ended("incomplete") where that is not clear."""
         arithmetic = self.ring.arithmetic
-        return arithmetic.vanishes(self._fixed(value), max(arithmetic.one >> _FEWEST_BITS, self._fixed(size)))
+        return arithmetic.vanishes(self._raw(value), max(arithmetic.one >> _FEWEST_BITS, self._raw(size)))
 
-    def rank(self, rows: Sequence[Sequence[Real]], sizes: Sequence[Real]) -> int:
+    def rank(self, rows: Sequence[Sequence[Value]], sizes: Sequence[Value]) -> int:
         """The rank of a matrix, each row measured against its size."""
         arithmetic = self.ring.arithmetic
         elimination = Elimination(arithmetic, 64)
         for row, size in zip(rows, sizes, strict=True):
-            least = max(arithmetic.one >> _FEWEST_BITS, self._fixed(size))
-            entries = {column: self._fixed(value) for column, value in enumerate(row)}
+            least = max(arithmetic.one >> _FEWEST_BITS, self._raw(size))
+            entries = {column: self._raw(value) for column, value in enumerate(row)}
             elimination.insert([arithmetic.row(entries, scale=least)])
         return len(elimination.rows)
 
-    def _real(self, value: int) -> Real:
-        return mp.ldexp(mp.mpf(value), -self.ring.arithmetic.bits)
+    def _number(self, value: int) -> Value:
+        arithmetic = self.ring.arithmetic
+        return Residue(value, arithmetic.prime) if self.exact else mp.ldexp(mp.mpf(value), -arithmetic.bits)
 
-    def _fixed(self, value: Real) -> int:
+    def _raw(self, value: Value) -> int:
+        if isinstance(value, Residue | int):
+            return value if isinstance(value, int) else value.value
         return int(mp.ldexp(value, self.ring.arithmetic.bits))
 
 
-def tried(
-    system: object, near: object, trial: Callable[[Place], str], time_limit: float = 60.0, seed: int | None = None
-) -> CheckResult:
-    """`trial` at random points near those named, with more digits where it does not come to an end; never raises.
+Trial = Callable[[Place], str]
 
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What is known of the formulas of a trial: rational ones want residues, roots bind to one domain."""
+
+    rational: bool
+    roots: bool
+
+
+def tried(
+    system: object, near: object, trial: Trial, kind: Kind, time_limit: float = 60.0, seed: int | None = None
+) -> CheckResult:
+    """`trial` at random points; never raises.
+
+    Residues where all formulas are rational. Else reals near the point named, with more digits where the trial does
+    not come to an end, and, where there are no roots with their branches, in the rest of the domain too.
     `trial` gives the sentence that says what was found, and raises `Ended` with what it found wrong, or
     `Undefined` where something has no value at the point: then another is drawn.
     """
 
     def work(tools: Tools) -> list[str]:
         question, found = Question(tools, system, True, near), list[str]()
-        for bits, cut, gap in PRECISIONS:
-            arithmetic = Arithmetic(question, 0, bits, cut, gap)
+
+        def note(ring: Expansion) -> None:
+            found.append(trial(Place(ring)))
+
+        if kind.rational and question.rational:
+            for _ in range(POINTS):
+                question.at_point(Arithmetic(question, _prime(question)), 0, note)
+            return found[-1:]
+        rooted = kind.roots or any({"^", "sqrt"} & {*force} for force in question.forces)
+        for precision in PRECISIONS:
             try:
-                with mp.workprec(bits + 64):
+                with mp.workprec(precision[0] + 64):
+                    arithmetic = Arithmetic(question, 0, *precision)
                     for _ in range(POINTS):
-                        question.at_point(arithmetic, 0, lambda ring: found.append(trial(Place(ring))))
+                        question.at_point(arithmetic, 0, note)
+                    _at_far_points(arithmetic, note, 0 if rooted else _FAR)
                 return found[-1:]
             except Ended as end:
-                if end.args[0] == "invalid" or bits == PRECISIONS[-1][0]:
+                if end.args[0] == "invalid" or precision == PRECISIONS[-1]:
                     raise
         return found
 
     return judged(work, time_limit, seed)
+
+
+def _prime(question: Question) -> int:
+    while not mpmath.libmp.isprime(prime := question.generator.randrange(1 << 60, 1 << 61)):
+        pass
+    return prime
+
+
+def _at_far_points(arithmetic: Arithmetic, note: Callable[[Expansion], None], wanted: int) -> None:
+    """The same anywhere: x^999 is as good as zero near 1/2."""
+    question = arithmetic.question
+    for _ in range(_FAR_ATTEMPTS if wanted else 0):
+        question.check_time()
+        values = {name: 4 * arithmetic.draw() for name in sorted(question.names)}
+        try:
+            note(Expansion(arithmetic, values | {"pi": arithmetic.real("pi")}, 0))
+        except Undefined:
+            continue
+        wanted -= 1
+        if not wanted:
+            return

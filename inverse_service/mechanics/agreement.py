@@ -1,6 +1,7 @@
 """Whether the right sides of a certificate satisfy equations as they were given, unsolved.
 
-The given trees are evaluated, with q'' := f as the checker reads f, to 144 digits at random points.
+The given trees are evaluated, with q'' := f as the checker reads f, at random points: modulo primes where all is
+rational, else to 144 digits.
 Nothing of the way from the given equations to f is used: no matrix inverted, no term collected. What the
 checker's reader understands too is read twice.
 """
@@ -9,15 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+from operator import add, mul
 
 from mpmath import mp
 
 from inverse_service.certificate.checker import CheckResult, Ended, Undefined
-from inverse_service.certificate.places import Place, Real, tried
+from inverse_service.certificate.places import Kind, Place, Value, tried
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.evaluation import NoRealValue, evaluate_once
 from inverse_service.expressions.tree import (
     Acceleration,
+    Apply,
     Arbitrary,
     Expression,
     Number,
@@ -31,7 +36,10 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 
-Table = dict[Expression, Real]
+Table = dict[Expression, Value]
+
+# Larger arguments of functions, and logarithms of powers, are not looked at: another point is drawn.
+_FARTHEST = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +88,7 @@ def equations_agree(
             raise Ended("invalid", "The equations as given do not determine the accelerations.")
         return "The accelerations satisfy the equations as given, which determine them."
 
-    return tried(canonical.system, canonical.near, _defined(trial), time_limit)
+    return tried(canonical.system, canonical.near, _defined(trial), _kind(equations), time_limit)
 
 
 def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
@@ -112,44 +120,54 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
             raise Ended("invalid", "The Lagrangian and the constraints as given do not determine the motion.")
         return "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
 
-    return tried(canonical.system, canonical.near, _defined(trial), time_limit)
+    formulas = (given.lagrangian, *given.constraints)
+    return tried(canonical.system, canonical.near, _defined(trial), _kind(formulas), time_limit)
 
 
-_Row = tuple[list[Real], Real]  # values, and the size that rounding is measured against
+_Row = tuple[list[Value], Value]  # values, and the size that rounding is measured against
 
 
-def _columns(rows: Sequence[_Row]) -> tuple[list[list[Real]], list[Real]]:
+def _columns(rows: Sequence[_Row]) -> tuple[list[list[Value]], list[Value]]:
     return [values for values, _ in rows], [size for _, size in rows]
 
 
 def _bordered(masses: list[list[Expression]], rows: list[_Row], place: Place, table: Table) -> list[_Row]:
-    """(M, W^T; W, 0), each half scaled to entries of size one."""
+    """(M, W^T; W, 0)."""
+    zero = place.number(Fraction(0))
     above = [_row(row, place, table) for row in masses]
-    columns = [[values[k] / size for values, size in rows] for k in range(len(above))]
-    largest = max(size for _, size in above)
-    top = [
-        ([value / largest for value in values] + column, mp.one)
-        for (values, _), column in zip(above, columns, strict=True)
-    ]
-    return top + [([value / size for value in values] + [mp.zero] * len(rows), mp.one) for values, size in rows]
+    columns = [[values[k] for values, _ in rows] for k in range(len(above))]
+    largest = max((size for _, size in rows), default=0)
+    top = [(values + column, max(size, largest)) for (values, size), column in zip(above, columns, strict=True)]
+    return top + [(values + [zero] * len(rows), size) for values, size in rows]
 
 
-def _on_constraints(given: NonholonomicSystem, slopes: list[list[Expression]], place: Place) -> dict[str, Real]:
-    """The point with the velocities moved, by the least amount, to where the constraints hold."""
+def _on_constraints(given: NonholonomicSystem, slopes: list[list[Expression]], place: Place) -> dict[str, Value]:
+    """The point with some velocities moved to where the constraints hold."""
     values = place.values
     table = _leaves(given.coordinates, values)
-    rows = mp.matrix([_row(row, place, table)[0] for row in slopes])
-    defects = mp.matrix([_row([each], place, table)[0] for each in given.constraints])
-    try:
-        moved = rows.T * mp.lu_solve(rows * rows.T, defects)
-    except ZeroDivisionError:
-        raise Undefined from None
-    for k, name in enumerate(given.coordinates):
-        values[f"{name}'"] -= moved[k]
+    rows = [_row(row, place, table)[0] + _row([each], place, table)[0] for row, each in
+            zip(slopes, given.constraints, strict=True)]  # fmt: skip
+    for k, step in _solution(rows).items():
+        values[f"{given.coordinates[k]}'"] -= step
     return values
 
 
-def _second_reading(text: GivenText | None, place: Place, table: Table) -> Real | None:
+def _solution(rows: list[list[Value]]) -> dict[int, Value]:
+    """One solution of the linear equations (coefficients, right side), the other unknowns being 0."""
+    pivots: list[int] = []
+    for number, row in enumerate(rows):
+        pivot = max(range(len(row) - 1), key=lambda k: abs(row[k]))
+        if not abs(row[pivot]):
+            raise Undefined
+        rows[number] = row = [entry / row[pivot] for entry in row]
+        for other, line in enumerate(rows):
+            if other != number:
+                rows[other] = [a - line[pivot] * b for a, b in zip(line, row, strict=True)]
+        pivots.append(pivot)
+    return {pivot: row[-1] for pivot, row in zip(pivots, rows, strict=True)}
+
+
+def _second_reading(text: GivenText | None, place: Place, table: Table) -> Value | None:
     """left - right by the checker's reader; None where one of the texts is not in its grammar."""
     if text is None:
         return None
@@ -161,6 +179,14 @@ def _second_reading(text: GivenText | None, place: Place, table: Table) -> Real 
         given[name] = value
     left, right = (place.read(side, given) for side in (text.left, text.right))
     return None if left is None or right is None else left - right
+
+
+def _kind(formulas: Iterable[Expression]) -> Kind:
+    """Whether they are rational in everything, and whether they have roots or other powers with a branch."""
+    nodes = [node for formula in formulas for node in walk(formula)]
+    whole = [isinstance(node.exponent, Number) and node.exponent.value.denominator == 1
+             for node in nodes if isinstance(node, Power)]  # fmt: skip
+    return Kind(all(whole) and not any(isinstance(node, Apply) for node in nodes), not all(whole))
 
 
 def _defined(trial: Callable[[Place], str]) -> Callable[[Place], str]:
@@ -175,12 +201,12 @@ def _defined(trial: Callable[[Place], str]) -> Callable[[Place], str]:
     return tried_there
 
 
-def _leaves(coordinates: Iterable[str], values: dict[str, Real]) -> Table:
+def _leaves(coordinates: Iterable[str], values: dict[str, Value]) -> Table:
     velocities = {f"{name}'": name for name in coordinates}
     return {Velocity(velocities[name]) if name in velocities else Symbol(name): value for name, value in values.items()}
 
 
-def _table(place: Place, coordinates: Sequence[str], values: dict[str, Real]) -> Table:
+def _table(place: Place, coordinates: Sequence[str], values: dict[str, Value]) -> Table:
     """Values of all leaves, q'' := f."""
     accelerations = place.accelerations({name: values[name] for name in values if name.endswith("'")})
     solved = {Acceleration(name): f for name, f in zip(coordinates, accelerations, strict=True)}
@@ -189,13 +215,40 @@ def _table(place: Place, coordinates: Sequence[str], values: dict[str, Real]) ->
 
 def _row(trees: Sequence[Expression], place: Place, table: Table) -> _Row:
     for tree in trees:
-        for node in reversed([node for node in walk(tree) if isinstance(node, Arbitrary)]):
-            arguments = [evaluate_once(argument, table) for argument in node.arguments]
-            table[node] = place.function(node.name, node.orders, arguments)
-    return [evaluate_once(tree, table) for tree in trees], max(_size(tree, table) for tree in trees)
+        for node in reversed(list(walk(tree))):  # parts before what they are parts of
+            if node not in table:
+                if not place.exact:
+                    _refuse_far_values(node, table)
+                _evaluate(node, place, table)
+    return [table[tree] for tree in trees], 0 if place.exact else max(_size(tree, table) for tree in trees)
 
 
-def _size(tree: Expression, table: Table) -> Real:
+def _evaluate(node: Expression, place: Place, table: Table) -> None:
+    match node:
+        case Arbitrary(name, arguments, orders):
+            table[node] = place.function(name, orders, [table[argument] for argument in arguments])
+        case Number(value):
+            table[node] = place.number(value)
+        case Sum(terms):
+            table[node] = reduce(add, [table[term] for term in terms])
+        case Product(factors):
+            table[node] = reduce(mul, [table[factor] for factor in factors])
+        case Power(base, Number(value)) if value.denominator == 1 and place.exact:
+            table[node] = table[base] ** value.numerator
+        case _:
+            evaluate_once(node, table)
+
+
+def _refuse_far_values(node: Expression, table: Table) -> None:
+    """NoRealValue where a function or a power would be far from 1: exp(exp(exp(9))) takes all memory there is."""
+    match node:
+        case Apply(_, argument) if abs(table[argument]) > _FARTHEST:
+            raise NoRealValue("an argument is too large to be compared")
+        case Power(base, exponent) if table[base] and abs(table[exponent] * mp.log(abs(table[base]))) > _FARTHEST:
+            raise NoRealValue("a power is too large to be compared")
+
+
+def _size(tree: Expression, table: Table) -> Value:
     """A bound for the terms that are added up in a tree."""
     match tree:
         case Sum(terms):

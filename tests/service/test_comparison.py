@@ -71,6 +71,8 @@ def test_the_same_system_in_another_form_is_the_system_given(document: Any, equa
         ({"equations": "x'' + sin(x) = 0"}, {"x": "sin(x)"}, {}),  # a sign
         ({"equations": "x'' + sin(x) = 0"}, {"x": "-sin(x)*(1 + 1/10^25)"}, {}),  # by very little
         ({"equations": "x'' + sin(x) = 0"}, {"x": "-sin(x) + 1/10^25"}, {}),
+        ({"equations": "x'' + x = 0"}, {"x": "-x + x^999/10^300"}, {}),  # by what is nothing near 0
+        ({"equations": "x'' + sin(x) = 0"}, {"x": "-sin(x) + x^999"}, {}),
         ({"equations": "x'' = a*x - b*x'", "parameters": ["a", "b"]}, {"x": "b*x - a*x'"}, {"parameters": ["a", "b"]}),
         ({"equations": "x'' = x; y'' = x'"}, {"y": "x'", "x": "x"}, {}),  # another order of coordinates
         ({"equations": "x'' = x; y'' = x'"}, {"x": "x'", "y": "x"}, {}),
@@ -103,6 +105,11 @@ def test_another_branch_of_a_root_is_another_system() -> None:
 
 def test_formulas_without_a_common_real_point_are_not_judged() -> None:
     assert compared({"equations": "x'' = log(-1 - x^2)"}, {"x": "0"}) == "incomplete"
+
+
+@pytest.mark.parametrize("f", ["exp(exp(exp(exp(x + 9))))", "(x + 3)^(x + 9)^(x + 9)^9", "tan(10^99*x + 10^99)"])
+def test_numbers_beyond_all_measure_are_not_judged(f: str) -> None:
+    assert compared({"equations": f"x'' = {f}"}, {"x": "0"}) == "incomplete"
 
 
 @pytest.mark.parametrize("document", [None, 3, {}, {"equations": "x'' ="}, {"lagrangian": 1}, {"equations": {"x": []}}])
