@@ -26,6 +26,9 @@ Exponents = tuple[tuple[int, int], ...]
 class TooLarge(ArithmeticError):
     """A computation passed its budget of terms or of time; its text is the reason for the reader."""
 
+# What a step costs beside its terms.
+_WORK_OF_A_STEP = 20
+
 
 @dataclass(frozen=True, slots=True)
 class Relation:
@@ -38,15 +41,23 @@ class Relation:
 
 @dataclass(slots=True)
 class Budget:
-    """How large one polynomial may become, and until when (time.monotonic) work may go on."""
+    """How large one polynomial may become, until when (time.monotonic) work may go on, and how much of it.
+
+    `work` counts the terms of all polynomials together, so it ends at the same place on every machine.
+    """
 
     terms: int = 20_000
     deadline: float = float("inf")
+    work: float = float("inf")
+    done: int = 0
 
     def charge(self, terms: int) -> None:
         """Raise TooLarge where a polynomial of about so many terms is beyond the budget."""
+        self.done += terms + _WORK_OF_A_STEP
         if terms > self.terms:
             raise TooLarge(f"an expression would have more than {self.terms} terms")
+        if self.done > self.work:
+            raise TooLarge("the work for exact expressions is used up")
         if time.monotonic() > self.deadline:
             raise TooLarge("the time for exact expressions is used up")
 

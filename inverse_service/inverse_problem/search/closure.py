@@ -11,6 +11,9 @@ from inverse_service.inverse_problem.search.material import Material, antideriva
 from inverse_service.inverse_problem.search.motion import euler_lagrange, split_velocities
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, rank, times
 
+# In units of the search (see `deadline`).
+_WORK_OF_RESIDUALS = 50
+
 
 def closed(material: Material, seeds: Sequence[Monomial], depth: int, bound: int) -> list[Monomial]:
     """The seeds, and terms whose Euler-Lagrange expressions can cancel those of the terms before.
@@ -36,7 +39,7 @@ def closed(material: Material, seeds: Sequence[Monomial], depth: int, bound: int
 
 def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> list[Monomial]:
     """Admissible terms that answer the residuals of one candidate."""
-    check()
+    check(_WORK_OF_RESIDUALS)
     try:
         residuals = euler_lagrange(material.motion, key)
     except TooManyTerms:

@@ -7,7 +7,6 @@ regular one among them (Frobenius). The closed form of e^(wT) is that of linear 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -31,6 +30,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
+from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
 from inverse_service.inverse_problem.search.linear_systems.choice import choose
 from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
@@ -40,7 +40,7 @@ from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import MotionTerms
 from inverse_service.inverse_problem.search.terms import Terms, monomial, tree_of
 
-_TERMS, _SECONDS = 3_000, 4.0
+_TERMS, _WORK = 3_000, 400_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ def propose(material: Material, seed: int) -> Sequence[Expression]:
 def _linear_system(parts: Carried) -> LinearSystem:
     """q'' = A q' in w instead of t."""
     trees = [[tree_of(entry) for entry in row] for row in parts.matrix]
-    budget = Budget(_TERMS, time.monotonic() + _SECONDS)
+    budget = Budget(_TERMS, end(), _WORK)
     ring = exact_ring([tree for row in trees for tree in row], (), 0, budget, further=(EIGENVALUE,))
     damping = tuple(tuple(ring.value(tree).scaled(-1) for tree in row) for row in trees)
     none = matrices.plus(damping, damping, -1)

@@ -11,7 +11,7 @@ from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_SECONDS_FOR_A_BLOCK = 10.0
+_WORK_FOR_A_BLOCK = 700_000
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
@@ -48,7 +48,7 @@ def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:
     """The sum of the Lagrangians that `ladder` finds for the blocks; nothing where one has none."""
     parts = []
     for block in decoupled_blocks(material.analysis.system):
-        found = ladder(analyse(block), material.motion.with_time, seed, _SECONDS_FOR_A_BLOCK)
+        found = ladder(analyse(block), material.motion.with_time, seed, _WORK_FOR_A_BLOCK)
         if found is None:
             return []
         parts.append(found.lagrangians[0])

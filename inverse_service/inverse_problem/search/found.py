@@ -26,5 +26,5 @@ class SearchOutcome:
     tried: tuple[tuple[str, int], ...]
 
 
-# (system, whether L may depend on t, seed, seconds of processor time) -> what a search of its own finds.
-Ladder = Callable[[Analysis, bool, int, float], Found | None]
+# (system, whether L may depend on t, seed, units of work) -> what a search of its own finds.
+Ladder = Callable[[Analysis, bool, int, int], Found | None]

@@ -52,7 +52,7 @@ from inverse_service.inverse_problem.search.shapes import pairs
 from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_SECONDS = 10.0
+_WORK = 700_000
 _LARGEST = 6
 _DIGITS = 40
 _TINY = mpmath.mpf(10) ** -25
@@ -82,7 +82,7 @@ def holomorphic_lagrangians(material: Material, seed: int, ladder: Ladder) -> Se
         reduced = _real_system(system, structure)
         if reduced is None or table is None or not _is_continuation(system, reduced, structure, table):
             continue
-        real = ladder(analyse(reduced), material.motion.with_time, seed, _SECONDS)
+        real = ladder(analyse(reduced), material.motion.with_time, seed, _WORK)
         trees = real.lagrangians if real is not None else ()
         parts = [part for tree in trees for part in _parts(tree, structure)]
         found = tuple(tree for tree in parts if _is_lagrangian(system, tree, seed))

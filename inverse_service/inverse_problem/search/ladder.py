@@ -106,9 +106,9 @@ def _climb(
             yield found
 
 
-def search_smaller(analysis: Analysis, with_time: bool, seed: int, seconds: float) -> Found | None:
-    """The ladder for a system that a method makes out of the given one, in so much processor time."""
-    with within(seconds):
+def search_smaller(analysis: Analysis, with_time: bool, seed: int, work: int) -> Found | None:
+    """The ladder for a system that a method makes out of the given one, with so much work (see `deadline`)."""
+    with within(work):
         return search(analysis, with_time, seed, math.inf, lambda _: None).found
 
 

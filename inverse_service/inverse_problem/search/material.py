@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -24,6 +23,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.motion import MotionTerms, has_velocity, split_velocities
 from inverse_service.inverse_problem.search.quadratic_letters import quadratic_antiderivatives
 from inverse_service.inverse_problem.search.terms import (
@@ -43,7 +43,7 @@ from inverse_service.inverse_problem.search.terms import (
 from inverse_service.mechanics.conditions import exact_motion
 
 _COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
-_TERMS, _SECONDS = 2_000, 1.0
+_TERMS, _WORK = 2_000, 150_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ def _factored(analysis: Analysis) -> list[Expression]:
     """f with numerators and denominators factored, known relations among atoms used."""
     system = analysis.system
     try:
-        exact = exact_motion(system, 0, Budget(_TERMS, time.monotonic() + _SECONDS))
+        exact = exact_motion(system, 0, Budget(_TERMS, end(), _WORK))
         return [quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
     except (TooLarge, ZeroDivisionError):
         return list(system.accelerations)
@@ -106,7 +106,7 @@ def simplified(material: Material, terms: Terms) -> Terms:
     tree = tree_of(terms)
     symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
     try:
-        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, time.monotonic() + _SECONDS))
+        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, end(), _WORK))
         other = terms_of(quotient_tree(ring, ring.value(tree)))
     except (TooLarge, ZeroDivisionError, TooManyTerms):
         return terms
@@ -167,7 +167,7 @@ def _linear_sums(trees: Iterable[Expression]) -> tuple[Expression, ...]:
                 except TooManyTerms:
                     continue
                 keys = [[(p, e) for p, e in key if not isinstance(p, Number)] for key in terms]
-                if all(len(k) == 1 and isinstance(k[0][0], Velocity) and k[0][1] == 1 for k in keys):
+                if keys and all(len(k) == 1 and isinstance(k[0][0], Velocity) and k[0][1] == 1 for k in keys):
                     found[split_content(terms)[2]] = None
     return tuple(found)
 

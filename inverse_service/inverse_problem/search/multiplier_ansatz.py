@@ -19,6 +19,7 @@ from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.prolongation import local_system
+from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.linear_ansatz import (
     LagrangianSpace,
     exponent_lists,
@@ -36,6 +37,8 @@ from inverse_service.inverse_problem.search.sampling import (
 from inverse_service.inverse_problem.search.terms import Monomial
 
 _SPARE_EQUATIONS = 10
+# In units of the search (see `deadline`).
+_WORK_OF_TENSORS = 150
 
 
 def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
@@ -82,6 +85,7 @@ def helmholtz_matrix(
 
 def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[list[list[int]], list[list[int]]]:
     """(N, Phi) at a point, each (n, n)."""
+    check(_WORK_OF_TENSORS)
     expansion = Expansion(point, sampler.variables, 2)
     velocities = [expansion.expand(v) for v in sampler.variables[1 + len(sampler.analysis.accelerations) :]]
     forces = [expansion.expand(f) for f in sampler.analysis.accelerations]

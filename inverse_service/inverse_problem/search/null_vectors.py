@@ -14,6 +14,7 @@ from flint import nmod_mat
 
 from inverse_service.algebra.echelon import Words
 from inverse_service.algebra.primes import reconstruct
+from inverse_service.inverse_problem.search.deadline import check
 
 _LARGEST_NUMBER = 10**7
 
@@ -51,8 +52,14 @@ def kernel(matrix: Words, prime: int) -> Kernel:
     return _kernel(_over_field(matrix, prime))
 
 
+def _check_work(rows: int, columns: int) -> None:
+    """What an elimination costs, in units of the search."""
+    check(1 + rows * columns // 100 + rows * columns * min(rows, columns) // 10_000)
+
+
 def _over_field(matrix: Words, prime: int) -> nmod_mat:
     rows, columns = matrix.shape
+    _check_work(rows, columns)
     return nmod_mat(int(rows), int(columns), matrix.ravel().tolist(), prime)
 
 

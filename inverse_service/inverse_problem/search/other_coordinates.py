@@ -6,7 +6,6 @@ shorter, the whole search is made for the system in the new coordinates.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -34,14 +33,14 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.analysis import analyse
 from inverse_service.inverse_problem.search.coordinate_changes import Change, suggested
-from inverse_service.inverse_problem.search.deadline import check
+from inverse_service.inverse_problem.search.deadline import check, end
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_SECONDS = 15.0
+_WORK = 1_000_000
 _MOST_CHANGES = 2
-_TERMS, _SECONDS_TO_SIMPLIFY = 500, 1.5
+_TERMS, _WORK_TO_SIMPLIFY = 500, 150_000
 
 
 def applies(material: Material) -> bool:
@@ -52,7 +51,7 @@ def applies(material: Material) -> bool:
 def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:
     """Lagrangians of the system in the shortest of the suggested coordinates, in the given ones again."""
     for change, system in _shorter(material)[:_MOST_CHANGES]:
-        found = ladder(analyse(system), material.motion.with_time, seed, _SECONDS)
+        found = ladder(analyse(system), material.motion.with_time, seed, _WORK)
         if found is not None:
             table = _table(change.new, system.coordinates)
             carried = [substitute(tree, table) for tree in found.lagrangians]
@@ -128,7 +127,7 @@ def _inside(tree: Expression, names: Sequence[str]) -> Expression:
 def _quotient(tree: Expression, names: Sequence[str]) -> Expression:
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
-        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, time.monotonic() + _SECONDS_TO_SIMPLIFY))
+        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, end(), _WORK_TO_SIMPLIFY))
         return quotient_tree(ring, ring.value(tree))
     except (TooLarge, ZeroDivisionError):
         return tree

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import itertools
 import random
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -33,6 +32,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.analysis import Analysis, analyse
 from inverse_service.inverse_problem.search.choice import inertia
+from inverse_service.inverse_problem.search.deadline import OutOfTime, within
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material
@@ -45,8 +45,8 @@ _HIGHEST_DEGREE = 3
 _MOST_PARAMETERS = 6
 _MOST_TERMS = 16
 _SPARE = 4
-# Seconds of processor time for the interpolation, and for the search with numbers.
-_SECONDS, _SECONDS_FOR_NUMBERS = 12.0, 12.0
+# For the interpolation, and for the search with numbers.
+_WORK, _WORK_FOR_NUMBERS = 800_000, 800_000
 _BOUND = 10_000
 
 Values = Mapping[str, int]
@@ -61,17 +61,16 @@ def applies(material: Material) -> bool:
 
 def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:
     """Lagrangians with symbolic coefficients from the parts of one without parameters."""
-    deadline = time.process_time() + _SECONDS
     generator = random.Random(f"parameters {seed}")
     special = _specialised(material.analysis, _draw(material, generator))
-    outcome = ladder(special, material.motion.with_time, seed, _SECONDS_FOR_NUMBERS)
-    found = []
-    for part in outcome.parts if outcome is not None else ():
-        tree = _generalised(material, part, generator, seed, deadline)
-        if tree is None:
-            return []
-        found.append(_turned(material, tree))
-    return [add(*found)] if found else []
+    outcome = ladder(special, material.motion.with_time, seed, _WORK_FOR_NUMBERS)
+    try:
+        with within(_WORK):
+            found = [_generalised(material, part, generator, seed) for part in outcome.parts] if outcome else []
+    except OutOfTime:
+        return []
+    trees = [_turned(material, tree) for tree in found if tree is not None]
+    return [add(*trees)] if trees and len(trees) == len(found) else []
 
 
 def _turned(material: Material, tree: Expression) -> Expression:
@@ -91,9 +90,7 @@ def _specialised(analysis: Analysis, values: Values) -> Analysis:
     return analyse(replace(system, accelerations=forces, parameters=()))
 
 
-def _generalised(
-    material: Material, part: Expression, generator: random.Random, seed: int, deadline: float
-) -> Expression | None:
+def _generalised(material: Material, part: Expression, generator: random.Random, seed: int) -> Expression | None:
     """The part with coefficients that are polynomials in the parameters, or None."""
     support = sorted(terms_of(part), key=rank)
     if len(support) > _MOST_TERMS:
@@ -104,7 +101,7 @@ def _generalised(
         while len(data) < 2 * len(monomials) + _SPARE:
             values = _draw(material, generator)
             coefficients = _coefficients(material, support, values, seed)
-            if coefficients is None or time.process_time() > deadline:
+            if coefficients is None:
                 return None
             data.append((values, coefficients))
         quotients = [_interpolated(material, monomials, data, k) for k in range(len(support))]
@@ -119,6 +116,8 @@ def _coefficients(material: Material, support: Sequence[Monomial], values: Value
         letters = dict.fromkeys(item for key in support for item in key)
         sampler = make_sampler(_specialised(material.analysis, values), letters)
         space = solve_ansatz(sampler, support, seed)
+    except OutOfTime:
+        raise
     except IrreducibleAtoms:
         return None
     if len(space.combinations) != 1 or len(space.combinations[0]) != len(support):

@@ -15,13 +15,13 @@ from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
-from inverse_service.inverse_problem.search.deadline import check
+from inverse_service.inverse_problem.search.deadline import check, end
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct, oriented
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, monomial, terms_of, times, tree_of
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 
-_TERMS = 4_000
+_TERMS, _WORK = 4_000, 150_000
 _MOST = 200
 
 
@@ -42,7 +42,7 @@ def _settled(material: Material, trees: Iterable[Expression]) -> list[Expression
     check()
     given = list(trees)
     symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
-    ring = exact_ring(given, symbols, 0, Budget(_TERMS))
+    ring = exact_ring(given, symbols, 0, Budget(_TERMS, end(), _WORK))
     return [quotient_tree(ring, ring.value(tree)) for tree in given]
 
 

@@ -30,6 +30,8 @@ from inverse_service.inverse_problem.search.terms import Monomial
 
 Words = npt.NDArray[np.uint64]
 _ATTEMPTS = 8
+# In units of the search (see `deadline`).
+_WORK_OF_A_POINT, _WORK_OF_A_LETTER = 60, 15
 
 
 @dataclass(slots=True)
@@ -97,7 +99,7 @@ def sample_points(sampler: Sampler, count: int, seed: int) -> list[Point]:
     prime = draw_point(sampler.tower, seed).prime
     points = []
     for k in range(count):
-        check()
+        check(_WORK_OF_A_POINT)
         points.append(draw_point(sampler.tower, seed + 1 + k, prime))
     return points
 
@@ -113,7 +115,7 @@ def letter_table(
     order = 3 if with_third else 2
     rows = sampler.known.setdefault((kernels, seed, order), _Rows(sampler.prime(seed)))
     while len(rows.kept) < count:
-        check()
+        check(_WORK_OF_A_POINT + _WORK_OF_A_LETTER * len(kernels))
         if rows.tried >= _ATTEMPTS * count:
             raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
         rows.tried += 1

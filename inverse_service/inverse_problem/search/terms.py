@@ -39,6 +39,7 @@ EMPTY: Monomial = frozenset()
 _LARGEST_EXPANSION = 400
 _LARGEST_POWER = 6
 _CIRCULAR, _HYPERBOLIC = ("sin", "cos"), ("sinh", "cosh")
+_PARITY = {"sin": -1, "cos": 1, "sinh": -1, "cosh": 1, "asin": -1, "atan": -1, "asinh": -1, "atanh": -1}
 # Each as powers of such a pair.
 _QUOTIENTS = {
     "tan": (_CIRCULAR, (1, -1)), "cot": (_CIRCULAR, (-1, 1)), "sec": (_CIRCULAR, (0, -1)), "csc": (_CIRCULAR, (-1, 0)),
@@ -129,9 +130,19 @@ def terms_of(expression: Expression) -> Terms:
             return _exponential(argument)
         case Apply(function, argument) if function in _QUOTIENTS:
             pairs = zip(*_QUOTIENTS[function], strict=True)
-            return {frozenset((Apply(name, argument), Fraction(e)) for name, e in pairs if e): Fraction(1)}
+            return terms_of(multiply(*(power(Apply(name, argument), e) for name, e in pairs if e)))
+        case Apply(function, Sum() as argument) if function in _PARITY:
+            return _with_leading_plus(function, terms_of(argument))
         case _:
             return {monomial(expression): Fraction(1)}
+
+
+def _with_leading_plus(function: str, argument: Terms) -> Terms:
+    """sin(y - x) = -sin(x - y), cos(y - x) = cos(x - y): one letter for both."""
+    negative = bool(argument) and argument[min(argument, key=rank)] < 0
+    turned = {key: -value for key, value in argument.items()} if negative else argument
+    sign = _PARITY[function] if negative else 1
+    return {monomial(Apply(function, tree_of(turned))): Fraction(sign)}
 
 
 def _power(base: Terms, exponent: Fraction) -> Terms:

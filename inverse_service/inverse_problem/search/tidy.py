@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from fractions import Fraction
 
@@ -24,6 +23,7 @@ from inverse_service.expressions.tree import (
     rebuild,
     walk,
 )
+from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
@@ -37,7 +37,7 @@ from inverse_service.inverse_problem.search.terms import (
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_TERMS, _SECONDS = 500, 0.5
+_TERMS, _WORK = 500, 75_000
 # Past so many nodes nothing gets short enough to read.
 _LARGEST = 4_000
 _BEFORE_A_BRACKET = 12
@@ -88,8 +88,8 @@ def _grouped(tree: Expression, system: SecondOrderSystem) -> Expression:
     for key, value in _without_squares(terms_of(tree), parameters).items():
         outer: Monomial = frozenset(item for item in key if has_velocity(item[0]) or item[0] in parameters)
         groups.setdefault(outer, {})[key - outer] = value
-    deadline = time.monotonic() + _SECONDS
-    return add(*(_part(outer, inner, system, deadline) for outer, inner in groups.items()))
+    budget = Budget(_TERMS, end(), _WORK)
+    return add(*(_part(outer, inner, system, budget) for outer, inner in groups.items()))
 
 
 def _without_squares(terms: Terms, parameters: frozenset[Symbol]) -> Terms:
@@ -100,7 +100,7 @@ def _without_squares(terms: Terms, parameters: frozenset[Symbol]) -> Terms:
 
 
 def _part(
-    outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrderSystem, deadline: float
+    outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrderSystem, budget: Budget
 ) -> Expression:
     plain = tree_of(inner)
     moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
@@ -111,7 +111,7 @@ def _part(
     names = system.coordinates
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
-        ring = exact_ring([plain], symbols, 0, Budget(_TERMS, deadline))
+        ring = exact_ring([plain], symbols, 0, budget)
         quotient = quotient_tree(ring, ring.value(plain))
     except (TooLarge, ZeroDivisionError):
         return whole

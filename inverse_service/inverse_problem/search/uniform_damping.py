@@ -7,7 +7,6 @@ without linear terms (Bateman 1931 for one coordinate).
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -16,6 +15,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import TIME, Apply, Expression, Velocity, add, children, multiply, walk
 from inverse_service.inverse_problem.analysis import analyse
 from inverse_service.inverse_problem.decision import Limits, decide
+from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.divergence import divergence_factor
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.integrating import integrating_factor
@@ -24,7 +24,7 @@ from inverse_service.inverse_problem.search.material import Material, coefficien
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_SECONDS = 15.0
+_WORK = 1_000_000
 
 
 def is_damped(material: Material) -> bool:
@@ -38,10 +38,10 @@ def damped_lagrangians(material: Material, seed: int, ladder: Ladder) -> Sequenc
     table = material.analysis.real_point
     for rate, factor in _rates(material, seed) if table is not None else ():
         analysis = analyse(_undamped(material, rate))
-        with_time, limits = analysis.system.depends_on_time, Limits(deadline=time.monotonic() + _SECONDS)
+        with_time, limits = analysis.system.depends_on_time, Limits(deadline=end())
         if decide(analysis.system, with_time, seed, limits, _ignore, analysis=analysis).verdict != "variational":
             continue
-        undamped = ladder(analysis, with_time, seed, _SECONDS)
+        undamped = ladder(analysis, with_time, seed, _WORK)
         trees = undamped.lagrangians if undamped is not None else ()
         damped = [multiply(factor, tree) for tree in trees]
         found = [tree for tree in damped if table and holds(material.analysis.system, tree, table, seed)]

@@ -35,10 +35,35 @@ def test_a_search_in_vain_ends_soon_after_its_deadline() -> None:
     assert time.monotonic() - began < 6.0
 
 
-def test_processor_time_ends_a_search_too() -> None:
-    with within(0.0):
-        burnt = sum(range(200_000))
+def test_work_ends_a_search_too_and_counts_for_the_blocks_around() -> None:
+    with within(10):
+        check(4)
+        with within(100):
+            check(6)
+            with pytest.raises(OutOfTime):
+                check()
         with pytest.raises(OutOfTime):
             check()
-    assert burnt
-    check()
+    check(1_000)
+
+
+def test_the_smaller_amount_of_work_ends_first() -> None:
+    with within(1_000):
+        with within(2), pytest.raises(OutOfTime):
+            check(3)
+        check()
+
+
+def test_the_same_work_gives_the_same_outcome() -> None:
+    """Ended in the middle, a search has tried the same families each time."""
+    equations = {"x": "-y'^3*x'", "y": "x'^2*sin(x*y)", "z": "x'*y'*exp(z)"}
+    analysis = analyse(read_system(list(equations), equations))
+    outcomes = []
+    for _ in range(2):
+        reports: list[str] = []
+        with within(30_000):
+            outcomes.append((search(analysis, False, 1, time.monotonic() + 60.0, reports.append), reports))
+    assert outcomes[0] == outcomes[1]
+    with within(150_000):
+        longer = search(analysis, False, 1, time.monotonic() + 60.0, lambda _: None)
+    assert len(longer.tried) > len(outcomes[0][0].tried)

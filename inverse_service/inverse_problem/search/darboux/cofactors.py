@@ -14,6 +14,7 @@ from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.expressions.tree import Expression, Sum, Velocity
+from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.linear_systems.factors import factors_of
 from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE
 from inverse_service.inverse_problem.search.material import Material, coefficient
@@ -35,7 +36,7 @@ from inverse_service.inverse_problem.search.terms import (
 _MOST = 30
 _MOST_OF_ONE_DEGREE = 12
 _MOST_SUMS = 2
-_TERMS = 400
+_TERMS, _WORK = 400, 75_000
 
 
 def cofactors(material: Material) -> list[Terms]:
@@ -82,7 +83,7 @@ def _eigenvalues(motion: MotionTerms) -> list[Terms]:
     ]
     try:
         trees = [tree for row in entries for tree in row]
-        ring = exact_ring(trees, names, 0, Budget(_TERMS), further=(EIGENVALUE,))
+        ring = exact_ring(trees, names, 0, Budget(_TERMS, end(), _WORK), further=(EIGENVALUE,))
         matrix = tuple(tuple(ring.value(tree) for tree in row) for row in entries)
         if all(entry.is_zero for row in matrix for entry in row):
             return []

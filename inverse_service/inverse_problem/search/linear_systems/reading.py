@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -10,6 +9,7 @@ from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Budget
 from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol, walk
+from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import MotionTerms
@@ -17,7 +17,7 @@ from inverse_service.inverse_problem.search.terms import Monomial, Terms, monomi
 
 # A name that no formula can hold: the variable of characteristic polynomials.
 EIGENVALUE = Symbol("an eigenvalue")
-_TERMS, _SECONDS = 3_000, 4.0
+_TERMS, _WORK = 3_000, 400_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def linear_system(material: Material) -> LinearSystem | None:
         return None
     parts = [terms.damping, *terms.stiffness.values()]
     trees = [tree_of(entry) for rows in parts for row in rows for entry in row]
-    budget = Budget(_TERMS, time.monotonic() + _SECONDS)
+    budget = Budget(_TERMS, end(), _WORK)
     ring = exact_ring(trees, (), 0, budget, further=(EIGENVALUE,))
     factors = [monomial_tree(phi) if phi else ONE for phi in terms.stiffness]
     exact = [_exact(ring, rows) for rows in parts]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -28,16 +27,17 @@ from inverse_service.expressions.tree import (
     square_root,
     walk,
 )
+from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 
-_BUDGET_TERMS, _BUDGET_SECONDS = 2_000, 0.5
+_TERMS, _WORK = 2_000, 75_000
 _LARGEST_SQUARE = 100
 
 
 def factored(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
     """The tree over its common denominator as a product of factors; TooManyTerms where that is large."""
     try:
-        ring = exact_ring([tree], [TIME, *variables], 0, Budget(_BUDGET_TERMS, time.monotonic() + _BUDGET_SECONDS))
+        ring = exact_ring([tree], [TIME, *variables], 0, Budget(_TERMS, end(), _WORK))
         return quotient_tree(ring, ring.value(tree))
     except (TooLarge, ZeroDivisionError, KeyError) as problem:
         raise TooManyTerms from problem

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 import mpmath
@@ -14,6 +13,7 @@ from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import Expression, Sum, add, negate
 from inverse_service.inverse_problem.analysis import variables_of
 from inverse_service.inverse_problem.search.choice import scaled
+from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.factors import find_factors
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.one_coordinate.algebra import negated, weight
@@ -24,7 +24,7 @@ from inverse_service.inverse_problem.search.terms import TooManyTerms, monomial_
 
 _MOST = 3
 _MOST_TERMS_OF_FORCE = 30
-_SECONDS = 3.0
+_MOST_TRIED = 16
 _DIGITS = 40
 _POINTS = 3
 _TINY = mpmath.mpf(10) ** -25
@@ -42,11 +42,9 @@ def propose(material: Material, seed: int) -> Sequence[Expression]:
 
     Each obeys its equation at random real points at 40 digits; none where no such multiplier is found.
     """
-    deadline = time.monotonic() + _SECONDS
     found: dict[Expression, None] = {}
-    for multiplier in last_multipliers(material, find_factors(material, seed), seed):
-        if time.monotonic() > deadline:
-            break
+    for multiplier in last_multipliers(material, find_factors(material, seed), seed)[:_MOST_TRIED]:
+        check()
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None and holds(material, lagrangian, seed):
             found[lagrangian] = None
