@@ -138,7 +138,8 @@ def _sum(parts: Iterable[Terms]) -> Terms:
     total: Terms = {}
     for part in parts:
         for monomial, value in part.items():
-            total[monomial] = total.get(monomial, Fraction(0)) + value
+            before = total.get(monomial)
+            total[monomial] = value if before is None else before + value
     if len(total) > MOST_TERMS:
         raise _TooLarge
     return {monomial: value for monomial, value in total.items() if value}
@@ -157,7 +158,8 @@ def _product(parts: Iterable[Terms]) -> Terms:
 def _joined(left: Monomial, right: Monomial, coefficient: Fraction) -> Terms:
     table = dict(left)
     for base, exponent in right:
-        table[base] = table.get(base, Fraction(0)) + exponent
+        before = table.get(base)
+        table[base] = exponent if before is None else before + exponent
     return _normal(table, coefficient)
 
 

@@ -48,6 +48,7 @@ class _Parts:
     denominators: list[Expression] = field(default_factory=list)
 
 
+@lru_cache(maxsize=4096)  # what is printed is often a part of what was printed before
 def ratio(expression: Expression) -> Ratio:
     """The expression, one term of a sum, as a fraction."""
     parts = _Parts()
