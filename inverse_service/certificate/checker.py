@@ -238,7 +238,7 @@ class Arithmetic:
 
     def real(self, name: str, argument: int = 0) -> int:
         """An elementary function, or pi, as mpmath computes it; refused unless real and of moderate size."""
-        if abs(argument) >> 10 > self.one:
+        if self.prime or abs(argument) >> 10 > self.one:
             raise Undefined
         try:
             content = getattr(self.context, name)

@@ -8,7 +8,7 @@ import mpmath
 import pytest
 
 from inverse_service.certificate import checker
-from inverse_service.certificate.checker import Arithmetic, Elimination, Ended, check_certificate
+from inverse_service.certificate.checker import Arithmetic, Elimination, Ended, Undefined, check_certificate
 from tests.certificate.documents import Document, changed, existence, lagrangian, nonexistence
 from tests.certificate.test_arithmetic_of_the_checker import reals
 
@@ -97,6 +97,15 @@ def test_an_error_that_few_digits_leave_open_is_settled_by_more(digits: int) -> 
 def test_numbers_beyond_the_bounds_make_incomplete(text: str, verdict: str) -> None:
     """Elementary functions of numbers above 1024 or with values above 2^64, integral powers above 1000."""
     assert check_certificate(lagrangian("free", f"x'^2/2 + 0*({text})"), seed=1).verdict == verdict
+
+
+@pytest.mark.parametrize("name", ["exp", "log", "sin", "cos", "atan", "pi"])
+def test_modulo_a_prime_no_elementary_function_has_a_value(name: str) -> None:
+    asking: Any = None
+    for argument in (0, 1, 4):
+        with pytest.raises(Undefined):
+            Arithmetic(asking, 2**61 - 1).real(name, argument)
+    assert reals().real(name, reals().one)
 
 
 def test_a_factor_too_close_to_zero_is_not_used_in_an_elimination() -> None:
