@@ -96,3 +96,23 @@ def test_simple_monomials_come_first() -> None:
     assert rank(EMPTY)[0] < min(ranks)
     assert ranks[0] < ranks[1] == ranks[2] < ranks[-1]
     assert ranks[0] < ranks[3]
+
+
+@pytest.mark.parametrize(
+    ("text", "other"),
+    [
+        ("sin(y-x)", "-sin(x-y)"),
+        ("cos(y-x)", "cos(x-y)"),
+        ("cot(z-x)", "-cos(x-z)/sin(x-z)"),
+        ("atan(-x+y)", "-atan(x-y)"),
+        ("sinh(2*y-x)^2", "sinh(x-2*y)^2"),
+        ("log(x-y)", "log(x-y)"),
+    ],
+)
+def test_functions_of_opposite_arguments_have_one_letter(text: str, other: str) -> None:
+    assert terms_of(tree(text)) == terms_of(tree(other))
+    assert same_value(tree_of(terms_of(tree(text))), tree(text))
+
+
+def test_logarithms_of_opposite_arguments_are_two_letters() -> None:
+    assert terms_of(tree("log(x-y)")) != terms_of(tree("log(y-x)"))
