@@ -49,10 +49,14 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
 
 def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
     """Which families were tried in vain."""
-    families = "; ".join(f"{name} ({terms(count)})" for name, count in outcome.tried if name not in REASONS)
-    methods = "; ".join(name for name, _ in outcome.tried if name in REASONS)
-    also = f" Methods tried: {methods}." if methods else ""
-    return (Step(f"No closed form was found. Families tried: {families or 'none fits f'}.{also}"),)
+    families = [(name, count) for name, count in outcome.tried if name not in REASONS]
+    tried = "; ".join(f"{name} ({terms(count)})" for name, count in families if count) or "none fits f"
+    others = {
+        "Families without a candidate": [name for name, count in families if not count],
+        "Methods tried": [name for name, _ in outcome.tried if name in REASONS],
+    }
+    also = "".join(f" {title}: {'; '.join(names)}." for title, names in others.items() if names)
+    return (Step(f"No closed form was found. Families tried: {tried}.{also}"),)
 
 
 def terms(count: int) -> str:

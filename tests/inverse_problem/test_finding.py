@@ -62,6 +62,8 @@ def test_families_and_methods_tried_are_told_apart() -> None:
     name = SPECIALISTS[0].name
     (step,) = not_found(SearchOutcome(None, (("one", 1), (name, 0), ("two", 5))))
     assert step.text == f"No closed form was found. Families tried: one (1 term); two (5 terms). Methods tried: {name}."
+    (step,) = not_found(SearchOutcome(None, (("one", 1), ("two", 0), ("three", 0))))
+    assert step.text.endswith("Families tried: one (1 term). Families without a candidate: two; three.")
     (step,) = not_found(SearchOutcome(None, ()))
     assert step.text == "No closed form was found. Families tried: none fits f."
 
