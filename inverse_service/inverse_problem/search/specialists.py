@@ -75,6 +75,14 @@ SPECIALISTS: tuple[Specialist, ...] = (
         "One velocity w' is constant and x'' = w' A x': then L = w'^2/2 + x'^T S(w) x'/(2 w') will do with S' = -S A.",
     ),
     Specialist(
+        "velocities carried by a constant one, functions of its coordinate",
+        2.6,
+        constant_velocity.applies_with_functions,
+        _alone(constant_velocity.propose),
+        "One velocity w' is constant and x'' = w' W'(w) A x' in blocks: then L = w'^2/2 + x'^T S(W) x'/(2 w') will do "
+        "with dS/dW = -S A.",
+    ),
+    Specialist(
         "real and imaginary parts of complex Lagrangians",
         3.6,
         is_even,
