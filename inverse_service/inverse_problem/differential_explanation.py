@@ -108,11 +108,16 @@ def _sum(each: Sum, numbering: Mapping[RowName, int], names: Sequence[Symbol]) -
 
 
 def _closing(left: str, numbers: DifferentialNumbers) -> Step:
-    """The kernel of a matrix whose rank is constant near a point depends on the point analytically."""
+    """The kernel of a matrix whose rank is constant near a point depends on the point analytically.
+
+    So does what the sums exclude; that det g vanishes on what they leave was found at the random point.
+    """
+    nothing = left == "So g = 0"
+    rest = "no g but 0" if nothing else "singular g only, as was computed there as well"
     text = (
         f"{left}. The same holds at every generic point: these equations are among {numbers.considered} of their kind, "
         f"in which the coefficients of the derivatives of g have the rank {numbers.rank} here and, as was computed at "
-        "a random point, generically too; so sums in which the derivatives cancel exist there as well, and they make "
-        "det g zero. There is no Lagrangian."
+        "a random point, generically too; so sums in which the derivatives cancel exist there as well, and they leave "
+        f"{rest}. There is no Lagrangian."
     )
     return Step(text, r"\det g = 0")

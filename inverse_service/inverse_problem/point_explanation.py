@@ -1,8 +1,9 @@
 """Why every admissible multiplier is singular, in numbers at one point: for conditions too long to write out.
 
-A minor that is not zero at one point is not zero on an open dense set (f is analytic), so what the
-numbers exclude at the point is excluded near every generic point. The same holds for values that no real point
-has but that fulfil all algebraic relations among the functions: the minor is not the zero element of their field.
+A minor that is not zero at one point is not zero on an open dense set (f is analytic), so g = 0 at the point is g = 0
+at every generic point. The same holds for values that no real point has but that fulfil all algebraic relations among
+the functions: the minor is not the zero element of their field. Where some g are left, all singular, the numbers show
+how; that it is so generically was found by `hierarchy` at random points.
 """
 
 from __future__ import annotations
@@ -111,13 +112,23 @@ def solution_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) 
 
 def left_free(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> str:
     """What the solution makes of g."""
-    free = [name.name for k, name in enumerate(names) if k not in {pivot for pivot, _ in solution}]
+    free = _free(solution, names)
     return f"With these values det g is zero whatever {', '.join(free)} may be" if free else "So g = 0"
 
 
+def _free(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> list[str]:
+    return [name.name for k, name in enumerate(names) if k not in {pivot for pivot, _ in solution}]
+
+
 def _closing_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
-    text = (
-        f"{left_free(solution, names)}. What is excluded here is excluded at every generic point, because a minor that "
-        "is not zero for these numbers vanishes at most on a set without interior. There is no Lagrangian."
+    """A rank is generic where it is full; that a determinant vanishes might be an accident of one point."""
+    minors = (
+        "What is excluded here is excluded at every generic point, because a minor that is not zero for these numbers "
+        "vanishes at most on a set without interior."
     )
-    return Step(text, r"\det g = 0")
+    random = (
+        "This is no accident of the point: at random points, modulo large primes, the same equations were found to "
+        "leave singular g only, so det g is zero at every generic point."
+    )
+    reason = random if _free(solution, names) else minors
+    return Step(f"{left_free(solution, names)}. {reason} There is no Lagrangian.", r"\det g = 0")

@@ -112,3 +112,24 @@ def test_numbers_such_as_pi_get_no_value(equations: dict[str, str]) -> None:
 )  # fmt: skip
 def test_a_point_is_real_where_the_arguments_can_be_chosen(f: str, real: bool) -> None:
     assert is_real(analyse(read_system(["x", "y"], {"x": f, "y": "0"}))) is real
+
+
+def closing(equations: dict[str, str]) -> str:
+    system = read_system(list(equations), equations)
+    analysis = analyse(system)
+    chosen = smallest_sufficient_set(analysis)
+    assert chosen is not None
+    numbers = numbers_at_a_point(analysis, chosen)
+    assert numbers is not None
+    return steps_in_numbers(system, chosen, entry_symbols(system), numbers)[-1].text
+
+
+def test_a_determinant_that_vanishes_at_a_point_is_not_said_to_vanish_because_of_a_minor() -> None:
+    """diag(1, e) is singular at the one point with e = 0; only g = 0 follows from minors of one point."""
+    ring = closing({"x": "sin(y-x)", "y": "sin(z-y)", "z": "sin(x-z)"})
+    assert "whatever" in ring
+    assert "at random points" in ring
+    assert "minor" not in ring
+    nothing = closing({"x": "y'-x'-x", "y": "-x'-y'-4*y"})
+    assert nothing.startswith("So g = 0. ")
+    assert "minor" in nothing
