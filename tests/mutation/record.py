@@ -29,13 +29,14 @@ class Record:
 
 
 def keys(source: str, every: Sequence[Mutant]) -> dict[Mutant, str]:
-    """A name for each mutant that does not change while the function around it stays as it is."""
-    texts = dict(_functions(ast.parse(source)))
+    """A name for each mutant that does not change while its function, or outside of them its statement, stays."""
+    texts, lines = dict(_functions(ast.parse(source))), source.splitlines()
     places: dict[str, int] = {}
     found = {}
     for mutant in every:
-        place = places[mutant.function] = places.get(mutant.function, -1) + 1
-        own = texts.get(mutant.function, source)
+        first, last = mutant.lines
+        own = texts.get(mutant.function) or "\n".join(lines[first - 1 : last])
+        place = places[own] = places.get(own, -1) + 1
         found[mutant] = hashlib.sha256(f"{own}\n{place}".encode()).hexdigest()
     return found
 
