@@ -15,6 +15,7 @@ from inverse_service.expressions.tree import PI, Arbitrary, Expression, Symbol, 
 
 DIGITS = 60
 AGREEING_DIGITS = 40
+_ROUGH_DIGITS, _MOST_DIGITS = 2, 300
 _MOST_POINTS = 20
 _MOST_POSITIVE = 6
 _FEWEST_POINTS = 3
@@ -94,7 +95,7 @@ def judge(claim: Claim, conditions: Sequence[Expression], points: Sequence[Point
     """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
     with mp.workdps(DIGITS):
         known = [_with_momenta(claim, point) for point in points]
-        holds = [point is not None and _holds(claim, point) for point in known]
+        holds = [point is not None and (_holds(claim, point) or _holds_closer(claim, point)) for point in known]
         signs = [[point is not None and _is_positive(c, point) for c in conditions] for point in known]
     needed = list(range(len(conditions)))
     if not _is_right(holds, signs, needed):
@@ -122,8 +123,19 @@ def _with_momenta(claim: Claim, point: Point) -> Point | None:
     return None if any(p is None for p in momenta.values()) else {**point, **momenta}
 
 
-def _holds(claim: Claim, point: Point) -> bool:
-    """v(q, p(q, v)) = v and H(q, p(q, v)) = p v - L at a point, to 40 digits."""
+def _holds_closer(claim: Claim, point: Point) -> bool:
+    """The same with more digits, where digits seem to have been lost in differences of large numbers."""
+    if not _holds(claim, point, _ROUGH_DIGITS):
+        return False
+    with mp.workdps(_MOST_DIGITS):
+        leaves = [leaf for leaf in point if isinstance(leaf, Symbol | Velocity | Arbitrary)]
+        fresh: Point = {leaf: point[leaf] for leaf in leaves}
+        closer = _with_momenta(claim, fresh)
+        return closer is not None and _holds(claim, closer)
+
+
+def _holds(claim: Claim, point: Point, digits: int = AGREEING_DIGITS) -> bool:
+    """v(q, p(q, v)) = v and H(q, p(q, v)) = p v - L at a point, to so many digits."""
     lagrangian = value(claim.lagrangian, point)
     if lagrangian is None:
         return False
@@ -133,7 +145,7 @@ def _holds(claim: Claim, point: Point) -> bool:
     found = [value(tree, point) for tree in (*claim.velocities, claim.hamiltonian)]
     scales = [abs(rate) for rate in rates] + [abs(lagrangian) + mp.fsum(map(abs, works))]
     return all(
-        a is not None and abs(a - b) <= mpf(10) ** -AGREEING_DIGITS * scale
+        a is not None and abs(a - b) <= mpf(10) ** -digits * scale
         for a, b, scale in zip(found, expected, scales, strict=True)
     )
 

@@ -53,7 +53,8 @@ class LegendreTransform:
 
     `symbols[i]` is the momentum of coordinate i, as a rule Symbol("p_x") for x; `momenta[i]` is
     p_i(t, q, v), `velocities[i]` is v_i(t, q, p). `note` is empty where p = dL/dv has one inverse.
-    `chained` are the velocities before those of a pivot were put in: its Velocity may occur.
+    `chained` are the velocities before those of a pivot were put in: its Velocity may occur. Where there
+    are several inverses, this one holds where every tree of `conditions`, over (t, q, v, p), is positive.
     """
 
     lagrangian: Expression
@@ -64,6 +65,7 @@ class LegendreTransform:
     implicit: bool
     note: str = ""
     chained: tuple[Expression, ...] = ()
+    conditions: tuple[Expression, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,10 +100,10 @@ def legendre(lagrangian: Expression, coordinates: Sequence[str], time_limit: flo
     closed = _closed(implicit, names, parts, branches)
     table = _shifts(implicit, names, parts)
     conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgement.conditions]
-    judgement = judge(_claim(closed, names), conditions, points)
-    if judgement is None:
+    if judge(_claim(closed, names), conditions, points) is None:
         return _noted(implicit, _no_closed_form(list(found)))
-    return _noted(closed, _branch_note(judgement.conditions, names))
+    # Each block needs its own; few points would not show that of one in the presence of another.
+    return on_branch(closed, tuple(dict.fromkeys(conditions)), names)
 
 
 def momentum_symbols(lagrangian: Expression, names: Sequence[str]) -> tuple[tuple[Symbol, ...], str]:
@@ -216,6 +218,13 @@ def _no_closed_form(groups: Sequence[Sequence[str]]) -> str:
         f"No closed form of the velocities was found that passes the check: p = dL/dv could not be solved for "
         f"the velocities of {named}. H is given in the velocities, with the momenta as functions of them."
     )
+
+
+def on_branch(
+    closed: LegendreTransform, conditions: tuple[Expression, ...], names: Sequence[str]
+) -> LegendreTransform:
+    """The transform with these conditions, and a note that says so."""
+    return _noted(replace(closed, conditions=conditions), _branch_note(conditions, names))
 
 
 def _branch_note(conditions: Sequence[Expression], names: Sequence[str]) -> str:

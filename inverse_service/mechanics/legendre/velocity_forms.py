@@ -32,7 +32,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.legendre.forms import simplified, size
 from inverse_service.mechanics.legendre.points import DIGITS, Claim, Point, judge, sample_points, value
-from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
+from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre, on_branch
 
 Row = list[Expression]
 _TIME_LIMIT = 2.0
@@ -58,18 +58,26 @@ def in_velocity_forms(lagrangian: Expression, implicit: LegendreTransform, names
         )
     except InputError:
         return implicit
-    closed = _carried_back(other, implicit, inverse) if not other.implicit and not other.note else None
-    return closed if closed is not None and judge(_claim(closed, names), [], points) is not None else implicit
+    if other.implicit:
+        return implicit
+    closed = _carried_back(other, implicit, inverse)
+    back = {**_momenta_table(other, implicit, inverse), **{rate: form for form, rate in forms.items()}}
+    conditions = [substitute(condition, back) for condition in other.conditions]
+    holds = judge(_claim(closed, names), conditions, points) is not None
+    return on_branch(closed, tuple(conditions), names) if holds else implicit
 
 
 def _forms(lagrangian: Expression, names: Sequence[str]) -> Iterator[tuple[Expression, Row]]:
-    """Sums of velocities in L, those that stand there most often first, then the velocities; each with its row."""
+    """Sums of velocities in L, those that stand there most often first, then velocities; each with its row.
+
+    Of the velocities those that stand in L outside these sums come first.
+    """
     counts = Counter(node for node in walk(lagrangian) if isinstance(node, Sum))
-    for form, _ in counts.most_common():
-        row = _row(form, names)
-        if row is not None:
-            yield form, row
-    for name in names:
+    rows = [(form, _row(form, names)) for form, _ in counts.most_common()]
+    found = {form: row for form, row in rows if row is not None}
+    yield from found.items()
+    outside = set(walk(substitute(lagrangian, dict.fromkeys(found, ONE))))
+    for name in sorted(names, key=lambda name: Velocity(name) not in outside):
         yield Velocity(name), [ONE if name == other else ZERO for other in names]
 
 
@@ -154,11 +162,7 @@ def _carried_back(
     other: LegendreTransform, implicit: LegendreTransform, inverse: Sequence[Row]
 ) -> LegendreTransform:
     """K and w(pi) with pi = A^-T p, v = A^-1 w."""
-    columns = [list(column) for column in zip(*inverse, strict=True)]
-    table: dict[Expression, Expression] = {
-        symbol: simplified(_combined(column, implicit.symbols))
-        for symbol, column in zip(other.symbols, columns, strict=True)
-    }
+    table = _momenta_table(other, implicit, inverse)
     rates = [substitute(rate, table) for rate in other.velocities or ()]
     velocities = tuple(_combined(row, rates) for row in inverse)
     return LegendreTransform(
@@ -170,6 +174,17 @@ def _carried_back(
         False,
         chained=velocities,
     )
+
+
+def _momenta_table(
+    other: LegendreTransform, implicit: LegendreTransform, inverse: Sequence[Row]
+) -> dict[Expression, Expression]:
+    """pi = A^-T p."""
+    columns = [list(column) for column in zip(*inverse, strict=True)]
+    return {
+        symbol: simplified(_combined(column, implicit.symbols))
+        for symbol, column in zip(other.symbols, columns, strict=True)
+    }
 
 
 def _claim(closed: LegendreTransform, names: Sequence[str]) -> Claim:
