@@ -26,7 +26,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     children,
-    walk,
+    distinct_nodes,
 )
 
 
@@ -61,14 +61,15 @@ def _build(
 ) -> ExactRing:
     ring = ExactRing(QuotientField.with_generators(size, budget), tuple(variables), size)
     add_symbols(ring, symbols)
+    names = _occurring(trees)
     for level in _levels(trees):
-        _adjoin_level(ring, level, orders, _occurring(trees))
+        _adjoin_level(ring, level, orders, names)
     return ring
 
 
 def _symbols(trees: Sequence[Expression], variables: Sequence[Symbol | Velocity]) -> list[Symbol | Velocity]:
     """Parameters and numbers such as pi last, so that they get the smallest place in the order."""
-    found = dict.fromkeys(node for tree in trees for node in walk(tree) if isinstance(node, Symbol | Velocity))
+    found = dict.fromkeys(node for node in distinct_nodes(trees) if isinstance(node, Symbol | Velocity))
     constants = [symbol for symbol in found if symbol not in variables]
     return constants + list(reversed(variables))
 
@@ -76,12 +77,11 @@ def _symbols(trees: Sequence[Expression], variables: Sequence[Symbol | Velocity]
 def _occurring(trees: Sequence[Expression]) -> frozenset[str]:
     """Names of the functions in the trees, and "power" for a power with a symbolic exponent."""
     names = set()
-    for tree in trees:
-        for node in walk(tree):
-            if isinstance(node, Apply):
-                names.add(node.function)
-            elif isinstance(node, Power) and not isinstance(node.exponent, Number):
-                names.add("power")
+    for node in distinct_nodes(trees):
+        if isinstance(node, Apply):
+            names.add(node.function)
+        elif isinstance(node, Power) and not isinstance(node.exponent, Number):
+            names.add("power")
     return frozenset(names)
 
 
@@ -91,7 +91,7 @@ def _is_function(node: Expression) -> bool:
 
 def _generators_needed(trees: Sequence[Expression], orders: int) -> int:
     """An upper bound; exact counting would need the arguments' relations."""
-    atoms = {node for tree in trees for node in walk(tree) if _is_function(node)}
+    atoms = {node for node in distinct_nodes(trees) if _is_function(node)}
     total = 0
     for node in atoms:
         total += 4

@@ -63,7 +63,7 @@ def _factored(ring: ExactRing, quotient: Quotient) -> Expression:
         _collect(ring, table, polynomial, exponent)
     for index, exponent in quotient.exponents:
         _collect(ring, table, ring.field.denominators[index], -exponent)
-    rank = {tree: _place(ring, index) for index, tree in ring.trees.items()}
+    rank = {tree: _place(ring, index) for index, tree in ring.trees.items() if tree in table}
     ordered = sorted(table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], Sum), rank.get(item[0], (3, 0))))
     return multiply(number(constant), *(generator_power(tree, exponent) for tree, exponent in ordered if exponent))
 
@@ -99,7 +99,8 @@ def _collect(ring: ExactRing, table: dict[Expression, Fraction], factor: fmpq_mp
 
 def polynomial_tree(ring: ExactRing, polynomial: fmpq_mpoly) -> Expression:
     """The polynomial as a sum of monomials."""
-    order = sorted(ring.trees, key=lambda index: _place(ring, index))
+    used = (index for index, degree in enumerate(polynomial.degrees()) if degree > 0 and index in ring.trees)
+    order = sorted(used, key=lambda index: _place(ring, index))
     powers: dict[tuple[int, int], Expression] = {}
     return add(*(_monomial_tree(ring, order, powers, e, as_fraction(c)) for e, c in polynomial.terms()))
 

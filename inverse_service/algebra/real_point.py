@@ -12,7 +12,7 @@ from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rules import RADIAN
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import Arbitrary, Expression, walk
+from inverse_service.expressions.tree import Arbitrary, Expression, distinct_nodes
 
 _DIGITS = 40
 _TRIES_PER_SCALE = 60
@@ -24,8 +24,8 @@ RealTable = dict[Expression, mpmath.mpf]
 
 def find_real_point(expressions: Sequence[Expression], variables: Sequence[Variable], seed: int) -> RealTable | None:
     """A random real point at which all expressions have values, or None after some hundred tries."""
-    names = [*variables, *{node for e in expressions for node in walk(e) if isinstance(node, Arbitrary)}]
-    names = list(dict.fromkeys(names))
+    functions = (node for node in distinct_nodes(expressions) if isinstance(node, Arbitrary))
+    names = list(dict.fromkeys([*variables, *functions]))
     generator = random.Random(f"real {seed}")
     with mpmath.workdps(_DIGITS):
         for scale in _SCALES:

@@ -11,7 +11,7 @@ from inverse_service.algebra.point import Variable
 from inverse_service.algebra.real_point import RealTable, real_sign, turns
 from inverse_service.algebra.relations import build_tower
 from inverse_service.algebra.tower import Tower
-from inverse_service.expressions.tree import Apply, Expression, walk
+from inverse_service.expressions.tree import Apply, Expression, distinct_nodes
 
 
 def reduce_atoms(expressions: Sequence[Expression], variables: Sequence[Variable], table: RealTable | None) -> Tower:
@@ -23,13 +23,13 @@ def reduce_atoms(expressions: Sequence[Expression], variables: Sequence[Variable
     signs = {} if table is None else {name: real_sign(name, table) for name in variables}
     tower = build_tower(expressions, variables, signs, partial(turns, table))
     fix_branches(tower, table)
-    if tower.signs and any(_has_root_inside(expression) for expression in expressions):
+    if tower.signs and _have_root_inside(expressions):
         tower = build_tower(expressions, variables, signs, partial(turns, table), known=tower)
         fix_branches(tower, table)
     return tower
 
 
-def _has_root_inside(expression: Expression) -> bool:
+def _have_root_inside(expressions: Sequence[Expression]) -> bool:
     """Whether a transcendental function has an even root in its argument."""
-    functions = (node for node in walk(expression) if isinstance(node, Apply))
-    return any(is_even_root(node) for function in functions for node in walk(function.argument))
+    arguments = (node.argument for node in distinct_nodes(expressions) if isinstance(node, Apply))
+    return any(is_even_root(node) for node in distinct_nodes(arguments))

@@ -27,7 +27,7 @@ from inverse_service.algebra.samples import Samples
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import ONE, PI, Apply, Expression, Number, Power, add, power, walk
+from inverse_service.expressions.tree import ONE, PI, Apply, Expression, Number, Power, add, distinct_nodes, power
 
 _CONSTANT_BOUND = 10**8
 # (atom, sum a_j u_j) -> (atom - sum)/pi at a real point: what an arctangent relation leaves open.
@@ -70,19 +70,18 @@ def build_tower(
 
 def _needs_pi(expressions: Sequence[Expression]) -> bool:
     """Whether pi occurs, or may: two arctangents often differ by a part of pi."""
-    nodes = (node for expression in expressions for node in walk(expression))
+    nodes = distinct_nodes(expressions)
     return any(node == PI or (isinstance(node, Apply) and node.function == "atan") for node in nodes)
 
 
 def _root_primes(expressions: Sequence[Expression]) -> frozenset[int]:
     """The primes that occur in numbers under even roots."""
     found: set[int] = set()
-    for expression in expressions:
-        for node in walk(expression):
-            if is_even_root(node) and isinstance(node, Power) and isinstance(node.base, Number):
-                value = node.base.value
-                if value > 0:
-                    found.update(ell for k in (value.numerator, value.denominator) for ell, _ in prime_factors(k))
+    for node in distinct_nodes(expressions):
+        if is_even_root(node) and isinstance(node, Power) and isinstance(node.base, Number):
+            value = node.base.value
+            if value > 0:
+                found.update(ell for k in (value.numerator, value.denominator) for ell, _ in prime_factors(k))
     return frozenset(ell for ell in found if ell > 13)
 
 

@@ -8,7 +8,7 @@ Names are plain data: what a `Symbol` stands for (coordinate, parameter, time `t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar
@@ -235,6 +235,19 @@ def walk(expression: Expression) -> Iterator[Expression]:
         node = stack.pop()
         yield node
         stack.extend(reversed(children(node)))
+
+
+def distinct_nodes(expressions: Iterable[Expression]) -> Iterator[Expression]:
+    """Every node of the trees once, in the order in which `walk` meets them; parts met before are not entered."""
+    met: set[Expression] = set()
+    for expression in expressions:
+        stack = [expression]
+        while stack:
+            node = stack.pop()
+            if node not in met:
+                met.add(node)
+                yield node
+                stack.extend(reversed(children(node)))
 
 
 def rebuild(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
