@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import itertools
 import json
 import tempfile
 import time
@@ -73,7 +74,7 @@ class Ready:
         return f"{KILLED} {self.failure.name}" if self.failure.name else SURVIVED
 
     def run(self, items: Sequence[pytest.Item]) -> None:
-        for item, following in zip(items, [*items[1:], None], strict=True):
+        for item, following in itertools.zip_longest(items, items[1:]):
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
             if self.failure.name:
                 return
