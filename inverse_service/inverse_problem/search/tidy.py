@@ -12,8 +12,10 @@ from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import (
     TIME,
+    Apply,
     Expression,
     Number,
+    Power,
     Product,
     Sum,
     Symbol,
@@ -41,15 +43,32 @@ _TERMS, _WORK = 500, 75_000
 # Past so many nodes nothing gets short enough to read.
 _LARGEST = 4_000
 _BEFORE_A_BRACKET = 12
-_MINUS = Number(Fraction(-1))
+_MINUS, _TWO = Number(Fraction(-1)), Number(Fraction(2))
 _FAILED = (TooLarge, TooManyTerms, ZeroDivisionError, IrreducibleAtoms, InputError, ValueError)
 
 
 def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
-    """A tree with fewer nodes, equal up to a constant factor, or the same one; to be verified like any other."""
+    """A tree with fewer nodes, equal up to a constant factor, or the same one; to be verified like any other.
+
+    Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
+    """
     if _size(tree) > _LARGEST:
         return tree
-    return min([tree, *_other_forms(tree, system)], key=_size)
+    kept = _velocity_sums(tree)
+    others = [form for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
+    return min([tree, *others], key=_size)
+
+
+def _velocity_sums(tree: Expression) -> int:
+    """How many different sums of velocities stand under powers other than squares, or in functions."""
+    found = set()
+    for node in walk(tree):
+        match node:
+            case Power(Sum() as base, exponent) if exponent != _TWO:
+                found.add(base)
+            case Apply(_, Sum() as argument):
+                found.add(argument)
+    return sum(1 for inner in found if any(isinstance(node, Velocity) for node in walk(inner)))
 
 
 def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:

@@ -54,7 +54,8 @@ class LegendreTransform:
     `symbols[i]` is the momentum of coordinate i, as a rule Symbol("p_x") for x; `momenta[i]` is
     p_i(t, q, v), `velocities[i]` is v_i(t, q, p). `note` is empty where p = dL/dv has one inverse.
     `chained` are the velocities before those of a pivot were put in: its Velocity may occur. Where there
-    are several inverses, this one holds where every tree of `conditions`, over (t, q, v, p), is positive.
+    are several inverses, this one holds where every tree of `conditions`, over (t, q, v, p), is positive,
+    those included that hold at all points it was checked at.
     """
 
     lagrangian: Expression
@@ -103,7 +104,8 @@ def legendre(lagrangian: Expression, coordinates: Sequence[str], time_limit: flo
     if judge(_claim(closed, names), conditions, points) is None:
         return _noted(implicit, _no_closed_form(list(found)))
     # Each block needs its own; few points would not show that of one in the presence of another.
-    return on_branch(closed, tuple(dict.fromkeys(conditions)), names)
+    every = [substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
+    return replace(on_branch(closed, tuple(dict.fromkeys(conditions)), names), conditions=tuple(every))
 
 
 def momentum_symbols(lagrangian: Expression, names: Sequence[str]) -> tuple[tuple[Symbol, ...], str]:

@@ -63,8 +63,16 @@ def in_velocity_forms(lagrangian: Expression, implicit: LegendreTransform, names
     closed = _carried_back(other, implicit, inverse)
     back = {**_momenta_table(other, implicit, inverse), **{rate: form for form, rate in forms.items()}}
     conditions = [substitute(condition, back) for condition in other.conditions]
-    holds = judge(_claim(closed, names), conditions, points) is not None
-    return on_branch(closed, tuple(conditions), names) if holds else implicit
+    if judge(_claim(closed, names), conditions, points) is None:
+        return implicit
+    return on_branch(closed, tuple(c for c in conditions if not _is_positive_at(c, points)), names)
+
+
+def _is_positive_at(condition: Expression, points: Sequence[Point]) -> bool:
+    """Whether the condition holds at all points, so that it tells nothing."""
+    with mp.workdps(DIGITS):
+        numbers = [value(condition, point) for point in points]
+    return all(number is not None and number > 0 for number in numbers)
 
 
 def _forms(lagrangian: Expression, names: Sequence[str]) -> Iterator[tuple[Expression, Row]]:

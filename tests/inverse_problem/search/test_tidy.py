@@ -37,3 +37,9 @@ def test_a_square_of_a_parameter_in_all_terms_is_left_out() -> None:
 @pytest.mark.parametrize("text", ["0", "1", "x'", "A(x)*x'^2", "sqrt(1-x'^2)", "x'*log(x')", "x'^2/y'"])
 def test_what_is_short_stays(text: str) -> None:
     assert tidied(tree(text), SYSTEM) == tree(text)
+
+
+def test_sums_of_velocities_in_which_the_momenta_are_solved_are_kept() -> None:
+    given = tree("(5*x'+12*y')^4 + (12*x'-5*y')^4 + (5*x'+12*y')^2 + (12*x'-5*y')^2")
+    assert tidied(given, SYSTEM) == given
+    assert tidied(tree("(x'+y')^2 - (x'-y')^2"), SYSTEM) == tree("4*x'*y'")
