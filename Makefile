@@ -52,10 +52,13 @@ bench: install
 soundness: install
 	.venv/bin/python -m tests.soundness --output build/soundness --report docs/soundness.md
 
-# Branch coverage of the heart, by the tests of its own rooms; methods are data, which simulation runs.
+# Branch coverage of the heart, by the tests of its own rooms, children included; methods are data, which simulation runs.
 HEART := algebra mechanics inverse_problem certificate integrators
 coverage: install
-	.venv/bin/python -m coverage run -m pytest $(addprefix tests/,$(HEART)) tests/simulation tests/service/test_nonholonomic.py tests/soundness
+	rm -f build/coverage build/coverage.*
+	.venv/bin/python -m coverage run -m pytest -n logical --dist loadfile --no-loadscope-reorder \
+	  $(addprefix tests/,$(HEART)) tests/simulation tests/service/test_nonholonomic.py tests/soundness
+	.venv/bin/python -m coverage combine --quiet
 	.venv/bin/python -m coverage report
 
 # Small changes to checker and decision, each of which a test has to notice.
