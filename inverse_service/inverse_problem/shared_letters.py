@@ -39,5 +39,11 @@ def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     return replace(answer, explanation=(step, *answer.explanation))
 
 
+# R stands in many formulas as the radius of the system; as the curvature only in these words.
+_CURVATURE = re.compile(r"\(R\)_|R\^[1-9j]|, R\)|the place of R\b|(?:nabla|components of|sums? of g) R\b|nabla\^\d R\b")
+
+
 def _is_said(name: str, text: str) -> bool:
+    if name == "R":
+        return _CURVATURE.search(text) is not None
     return re.search(rf"(?<![\w']){re.escape(name)}(?![\w'])", text) is not None

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.outcome import Solution
+from inverse_service.inverse_problem.outcome import Solution, Step
+from inverse_service.inverse_problem.shared_letters import with_shared_letters
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 
@@ -42,3 +45,14 @@ def test_nothing_is_said_where_no_letter_has_two_meanings(parameters: tuple[str,
 def test_one_answer_to_both_questions_stays_one() -> None:
     solution = solved({"x": "-g*x"}, ("g",))
     assert solution.autonomous is solution.with_time
+
+
+@pytest.mark.parametrize(
+    ("sentence", "is_said"),
+    [("(Phi)_12: R*g_11 = 0. As R is not zero identically, g_11 = 0.", False), ("(R)_123: R*g_11 = 0.", True),
+     ("and g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0", True), ("every condition (Phi, ..., R) holds", True)],
+)  # fmt: skip
+def test_a_radius_is_told_from_the_curvature_only_where_that_is_spoken_of(sentence: str, is_said: bool) -> None:
+    system = read_system(["x"], {"x": "-R*x"}, ["R"])
+    answer = replace(solve(system, SolveOptions(time_limit=30.0)).with_time, explanation=(Step(sentence, ""),))
+    assert (len(with_shared_letters(answer, system).explanation) == 2) is is_said
