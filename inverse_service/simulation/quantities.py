@@ -90,7 +90,7 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     """The discrete energy; for compositions, which it cannot measure, that at the points takes its place."""
     start = start_energy(run.scene)
     if start is None:
-        return {"max_energy_error": None, "energy_note": "The system has no Lagrangian, so no energy."}, {}
+        return {"max_energy_error": None, "energy_note": "The system is given by its equations and not by a Lagrangian, so there is no energy."}, {}
     numbers = energy_numbers(run.trajectory, start)
     series = run.trajectory.series["energy_error"] + start
     velocities = _point_velocities(run)

@@ -215,7 +215,7 @@ def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | 
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
         exports=exports.exports(found, address),
         timing=answers.timing(found["provenance"]),
-        can_simulate=can_simulate() and main.lagrangian is not None,
+        can_simulate=can_simulate() and system is not None,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from fastapi import APIRouter
@@ -33,6 +34,7 @@ from inverse_service.web.problems import Refusal
 router = APIRouter()
 CONSTRAINED = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
 FIRST_SYSTEM = "vertically-rolling-disk"
+WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
 UNNAMED = "the system that was solved"
 CALLS = {"simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
 
@@ -93,13 +95,14 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
         return form_of_system({"catalogue": system}), {"system": {"catalogue": system}}
     answer = await call(request, "GET", f"/v1/jobs/{job}") if IDENTIFIER.fullmatch(job) else None
     result = None if answer is None or answer.is_problem else answer.value.get("result")
-    if not result or not result.get("system") or not result.get("lagrangian"):
-        raise Refusal(404, "not-found", "There is no result with a Lagrangian at this address.")
+    if not result or not result.get("system"):
+        raise Refusal(404, "not-found", "There is no result with a system at this address.")
     given = result["system"]["given"]
     if result.get("nonholonomic"):
         system_of_it = {"document": {key: given[key] for key in CONSTRAINED if key in given}}
         # A Lagrangian with arbitrary functions is looked for again, with the functions that the scene gives.
-        found = {} if given.get("functions") else {"free_lagrangian": result["lagrangian"]["text"]}
+        known = result.get("lagrangian") and not given.get("functions")
+        found = {"free_lagrangian": result["lagrangian"]["text"]} if known else {}
         return form_of_system(system_of_it, job=job), {"system": system_of_it, **found}
     return form_of_system({"result": result}, job=job), {"system": {"result": result}}
 
@@ -112,7 +115,10 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
     if "result" in system:
         shown = system["result"]["system"]
         kept = ("coordinates", "parameters", "functions")
-        return scene_form({key: shown[key] for key in kept}, shown["name"] or UNNAMED, **address)
+        form = scene_form({key: shown[key] for key in kept}, shown["name"] or UNNAMED, **address)
+        answers = (system["result"], system["result"].get("with_time") or {})
+        # Without a Lagrangian there is nothing to discretise but the equations.
+        return form if any(a.get("lagrangian") for a in answers) else replace(form, methods=WITHOUT_LAGRANGIAN)
     document = system.get("document", system)
     return scene_form(document, document.get("name") or UNNAMED, **address)
 

@@ -55,7 +55,11 @@ function layout(figure) {
     yaxis: axis(figure.y, figure.log_y), height: 400,
   };
   if (figure.log_y && decades(figure) > 1.5) found.yaxis.dtick = Math.max(1, Math.ceil(decades(figure) / 8));
-  if (figure.equal) found.yaxis.scaleanchor = "x";
+  if (figure.equal) {
+    found.yaxis.scaleanchor = "x";
+    // Margins that grow with the labels change the scale, which changes the labels: plotly gives up with a warning.
+    found.xaxis.automargin = found.yaxis.automargin = false;
+  }
   if (figure.groups) {
     const count = figure.groups.length;
     found.height = Math.max(352, 110 * count + 120);

@@ -105,3 +105,11 @@ def test_all_effects_ticked_is_a_scene_that_names_none() -> None:
 
 def test_a_system_given_by_equations_has_no_effects() -> None:
     assert form_of_system({"coordinates": ["x"], "equations": {"x": "-x"}}).parts == ()
+
+
+def test_a_result_without_a_lagrangian_is_simulated_by_its_equations() -> None:
+    system = {"name": "", "coordinates": ["x"], "parameters": [], "functions": {}, "equations": {"x": "-x"}}
+    bare = form_of_system({"result": {"system": system, "lagrangian": None, "with_time": None}})
+    assert bare.methods == ("runge-kutta", "reference")
+    found = {"system": system, "lagrangian": None, "with_time": {"lagrangian": {"text": "x'^2/2 - x^2/2"}}}
+    assert "variational" in form_of_system({"result": found}).methods
