@@ -17,7 +17,7 @@ from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon import Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import Expression, walk
 from inverse_service.inverse_problem.prolongation import local_system
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.linear_ansatz import (
@@ -38,7 +38,7 @@ from inverse_service.inverse_problem.search.terms import Monomial
 
 _SPARE_EQUATIONS = 10
 # In units of the search (see `deadline`).
-_WORK_OF_TENSORS = 150
+_WORK_OF_TENSORS = 100
 
 
 def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
@@ -85,7 +85,7 @@ def helmholtz_matrix(
 
 def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[list[list[int]], list[list[int]]]:
     """(N, Phi) at a point, each (n, n)."""
-    check(_WORK_OF_TENSORS)
+    check(_WORK_OF_TENSORS + sum(1 for f in sampler.analysis.accelerations for _ in walk(f)))
     expansion = Expansion(point, sampler.variables, 2)
     velocities = [expansion.expand(v) for v in sampler.variables[1 + len(sampler.analysis.accelerations) :]]
     forces = [expansion.expand(f) for f in sampler.analysis.accelerations]

@@ -126,8 +126,11 @@ def _inside(tree: Expression, names: Sequence[str]) -> Expression:
 
 def _quotient(tree: Expression, names: Sequence[str]) -> Expression:
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    budget = Budget(_TERMS, end(), _WORK_TO_SIMPLIFY)
     try:
-        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, end(), _WORK_TO_SIMPLIFY))
+        ring = exact_ring([tree], symbols, 0, budget)
         return quotient_tree(ring, ring.value(tree))
     except (TooLarge, ZeroDivisionError):
         return tree
+    finally:
+        check(1 + budget.done)

@@ -23,7 +23,7 @@ from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, power
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, power, walk
 from inverse_service.inverse_problem.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.terms import Monomial
@@ -31,7 +31,7 @@ from inverse_service.inverse_problem.search.terms import Monomial
 Words = npt.NDArray[np.uint64]
 _ATTEMPTS = 8
 # In units of the search (see `deadline`).
-_WORK_OF_A_POINT, _WORK_OF_A_LETTER = 60, 15
+_WORK_OF_A_POINT, _WORK_OF_A_LETTER = 60, 10
 
 
 @dataclass(slots=True)
@@ -114,8 +114,9 @@ def letter_table(
     kernels = tuple(to_kernels(letter) for letter in letters)
     order = 3 if with_third else 2
     rows = sampler.known.setdefault((kernels, seed, order), _Rows(sampler.prime(seed)))
+    work = _WORK_OF_A_POINT + sum(_WORK_OF_A_LETTER + sum(1 for _ in walk(kernel)) for kernel in kernels)
     while len(rows.kept) < count:
-        check(_WORK_OF_A_POINT + _WORK_OF_A_LETTER * len(kernels))
+        check(work)
         if rows.tried >= _ATTEMPTS * count:
             raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
         rows.tried += 1
