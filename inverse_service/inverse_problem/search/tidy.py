@@ -25,6 +25,7 @@ from inverse_service.expressions.tree import (
     rebuild,
     walk,
 )
+from inverse_service.inverse_problem.search.arctangents import without_arctangents
 from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import (
@@ -50,8 +51,10 @@ _FAILED = (TooLarge, TooManyTerms, ZeroDivisionError, IrreducibleAtoms, InputErr
 def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
     """A tree with fewer nodes, equal up to a constant factor, or the same one; to be verified like any other.
 
+    Circular functions of arctangents are algebraic in it, even where that is longer.
     Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
     """
+    tree = without_arctangents(tree)
     if _size(tree) > _LARGEST:
         return tree
     kept = _velocity_sums(tree)

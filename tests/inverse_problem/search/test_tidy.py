@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import walk
+from inverse_service.expressions.tree import Apply, walk
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.mechanics.reading import read_system
 from tests.inverse_problem.search.forty_digits import same_value
@@ -43,3 +43,17 @@ def test_sums_of_velocities_in_which_the_momenta_are_solved_are_kept() -> None:
     given = tree("(5*x'+12*y')^4 + (12*x'-5*y')^4 + (5*x'+12*y')^2 + (12*x'-5*y')^2")
     assert tidied(given, SYSTEM) == given
     assert tidied(tree("(x'+y')^2 - (x'-y')^2"), SYSTEM) == tree("4*x'*y'")
+
+
+@pytest.mark.parametrize("function", ["sin", "cos"])
+@pytest.mark.parametrize("k", ["", "2*", "3*", "4*", "-2*", "-3*"])
+def test_circular_functions_of_arctangents_are_algebraic(function: str, k: str) -> None:
+    given = tree(f"x'^2/2 + {function}({k}atan(x*y))*y'^2")
+    found = tidied(given, SYSTEM)
+    assert same_value(found, given)
+    assert not any(isinstance(node, Apply) for node in walk(found)), to_text(found)
+
+
+@pytest.mark.parametrize("argument", ["5*atan(x)", "atan(x)/2", "a*atan(x)", "atan(x) + y"])
+def test_other_arguments_with_arctangents_stay(argument: str) -> None:
+    assert tidied(tree(f"cos({argument})*x'^2"), SYSTEM) == tree(f"cos({argument})*x'^2")
