@@ -227,9 +227,9 @@ def test_six_coordinates_take_less_than_three_seconds() -> None:
     parameters = [f"{letter}{k}" for letter in "ck" for k in range(6)]
     for equations, constants in ((chain, ()), (symbolic, tuple(parameters))):
         material = gather(analyse(read_system(names, equations, constants)), True)
-        began = time.monotonic()
+        began = time.process_time()
         assert linear_lagrangians(material, 1)
-        assert time.monotonic() - began < 3
+        assert time.process_time() - began < 3
 
 
 @pytest.mark.parametrize(
