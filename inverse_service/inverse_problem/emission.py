@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.algebra import montgomery
-from inverse_service.algebra.echelon import Words
+from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.series import Series
 from inverse_service.inverse_problem.monomial_tables import Places, known_places, row_tables

@@ -9,7 +9,8 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service.algebra import montgomery
-from inverse_service.algebra.echelon import Echelon, Indices, SparseRows, Words
+from inverse_service.algebra.echelon import Echelon, SparseRows
+from inverse_service.algebra.echelon_kernels import Indices, Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.inverse_problem.monomial_tables import raised_unknowns
 from inverse_service.inverse_problem.prolongation import Prolongation, unknown_block

@@ -34,6 +34,8 @@ from inverse_service.simulation.truth import Truth, true_rows
 Array = NDArray[np.float64]
 NO_CONSTANT = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
 
+_NO_ENERGY = "The system is given by its equations and not by a Lagrangian, so there is no energy."
+
 
 @dataclass(frozen=True, slots=True)
 class Observed:
@@ -90,7 +92,7 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     """The discrete energy; for compositions, which it cannot measure, that at the points takes its place."""
     start = start_energy(run.scene)
     if start is None:
-        return {"max_energy_error": None, "energy_note": "The system is given by its equations and not by a Lagrangian, so there is no energy."}, {}
+        return {"max_energy_error": None, "energy_note": _NO_ENERGY}, {}
     numbers = energy_numbers(run.trajectory, start)
     series = run.trajectory.series["energy_error"] + start
     velocities = _point_velocities(run)

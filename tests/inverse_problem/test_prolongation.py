@@ -9,7 +9,8 @@ import random
 import pytest
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.echelon import Echelon, Flags, Indices, Words
+from inverse_service.algebra.echelon import Echelon, Flags
+from inverse_service.algebra.echelon_kernels import Indices, Words
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.series import Series, SeriesRing

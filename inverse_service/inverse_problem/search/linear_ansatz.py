@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service.algebra import montgomery
-from inverse_service.algebra.echelon import Words
+from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.null_vectors import kernel, settled_kernel

@@ -14,7 +14,7 @@ import numpy as np
 
 from inverse_service.algebra import montgomery
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.echelon import Words
+from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.expressions.tree import Expression, walk

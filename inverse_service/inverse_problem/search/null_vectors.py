@@ -12,7 +12,7 @@ from fractions import Fraction
 
 from flint import nmod_mat
 
-from inverse_service.algebra.echelon import Words
+from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.primes import reconstruct
 from inverse_service.inverse_problem.search.deadline import check
 

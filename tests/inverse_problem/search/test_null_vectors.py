@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from inverse_service.algebra.echelon import Words
+from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.inverse_problem.search.null_vectors import kernel, restricted, settled_kernel
 
 PRIME = 2**31 - 1
