@@ -31,8 +31,8 @@ from inverse_service.certificate.checker import (
 
 POINTS = 2
 _FEWEST_BITS = 60  # what is compared is never measured against less than 2^-60, so that rounding is no difference
-# Further points anywhere in (-4, 4): so many, if that many of those tried are in the domain.
-_FAR, _FAR_ATTEMPTS = 2, 12
+# Further points in (-4, 4): so many, if that many of those tried are in the domain.
+_FAR, _FAR_ATTEMPTS = 4, 12
 
 Value = Any  # an mpf (mpmath has no types) or a Residue
 
@@ -171,10 +171,7 @@ def tried(
         for precision in PRECISIONS:
             try:
                 with mp.workprec(precision[0] + 64):
-                    arithmetic = Arithmetic(question, 0, *precision)
-                    for _ in range(POINTS):
-                        question.at_point(arithmetic, 0, note)
-                    _at_far_points(arithmetic, note, 0 if rooted else _FAR)
+                    _at_real_points(Arithmetic(question, 0, *precision), note, 0 if rooted else _FAR)
                 return found[-1:]
             except Ended as end:
                 if end.args[0] == "invalid" or precision == PRECISIONS[-1]:
@@ -190,12 +187,31 @@ def _prime(question: Question) -> int:
     return prime
 
 
+def _at_real_points(arithmetic: Arithmetic, note: Callable[[Expansion], None], far: int) -> None:
+    """Near the point named, then elsewhere; what one point leaves open another may refute."""
+    doubts: list[Ended] = []
+
+    def noted(ring: Expansion) -> None:
+        try:
+            note(ring)
+        except Ended as end:
+            if end.args[0] == "invalid":
+                raise
+            doubts.append(end)
+
+    for _ in range(POINTS):
+        arithmetic.question.at_point(arithmetic, 0, noted)
+    _at_far_points(arithmetic, noted, far)
+    if doubts:
+        raise doubts[0]
+
+
 def _at_far_points(arithmetic: Arithmetic, note: Callable[[Expansion], None], wanted: int) -> None:
-    """The same anywhere: x^999 is as good as zero near 1/2."""
+    """In turn with all numbers beyond 1, where x^999 is large (near 1/2 it is as good as zero), and anywhere."""
     question = arithmetic.question
-    for _ in range(_FAR_ATTEMPTS if wanted else 0):
+    for attempt in range(_FAR_ATTEMPTS if wanted else 0):
         question.check_time()
-        values = {name: 4 * arithmetic.draw() for name in sorted(question.names)}
+        values = {name: _far_number(arithmetic, attempt % 2 == 0) for name in sorted(question.names)}
         try:
             note(Expansion(arithmetic, values | {"pi": arithmetic.real("pi")}, 0))
         except Undefined:
@@ -203,3 +219,9 @@ def _at_far_points(arithmetic: Arithmetic, note: Callable[[Expansion], None], wa
         wanted -= 1
         if not wanted:
             return
+
+
+def _far_number(arithmetic: Arithmetic, beyond_one: bool) -> int:
+    """A number of (-4, 4), or of it without [-1, 1]."""
+    value = arithmetic.draw()
+    return 4 * value if not beyond_one else 3 * value + (arithmetic.one if value >= 0 else -arithmetic.one)

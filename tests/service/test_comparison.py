@@ -198,3 +198,8 @@ def test_a_fault_between_reading_and_canonical_form_never_leaves(broken: str, mo
         monkeypatch.setattr(translate, "to_text", lambda tree: "0")
     with pytest.raises(CertificateRefused, match="not what was given"):
         solve(document)
+
+
+def test_what_is_nothing_near_zero_is_seen_wherever_the_points_fall() -> None:
+    wrong = {"x": "-sin(x) + x^999"}
+    assert {compared({"equations": "x'' + sin(x) = 0"}, wrong) for _ in range(30)} == {"invalid"}
