@@ -24,7 +24,7 @@ from inverse_service.inverse_problem.search.material import Material, coefficien
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_WORK = 300_000
+_WORK = 600_000
 
 
 def is_damped(material: Material) -> bool:
