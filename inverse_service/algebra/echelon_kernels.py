@@ -21,18 +21,28 @@ def _minus(a: np.uint64, b: np.uint64, prime: np.uint64) -> np.uint64:
 
 
 @compiled
-def _unpack(
-    start: int, stop: int, columns: Indices, values: Words, work: Words,
-    prime: np.uint64, negative_inverse: np.uint64, square: np.uint64,
+def _add_row(
+    start: int, stop: int, columns: Indices, values: Words, factor: np.uint64, work: Words,
+    prime: np.uint64, negative_inverse: np.uint64,
 ) -> int:
-    """Add a row to the dense `work`, in Montgomery form; its last column."""
+    """Add a multiple of a row to the dense `work`, the product in Montgomery's form; its last column."""
     top = -1
     for k in range(start, stop):
         column = columns[k]
-        total = work[column] + multiply(values[k], square, prime, negative_inverse)
+        total = work[column] + multiply(values[k], factor, prime, negative_inverse)
         work[column] = total - prime if total >= prime else total
         top = max(top, column)
     return top
+
+
+@compiled
+def _subtract_basis_row(
+    used: int, factor: np.uint64, work: Words, basis_starts: Indices, basis_columns: Columns, basis_values: Words,
+    prime: np.uint64, negative_inverse: np.uint64,
+) -> None:
+    for k in range(basis_starts[used], basis_starts[used + 1]):
+        product = multiply(factor, basis_values[k], prime, negative_inverse)
+        work[basis_columns[k]] = _minus(work[basis_columns[k]], product, prime)
 
 
 @compiled
@@ -52,9 +62,9 @@ def _reduce(
             break
         use_rows[uses], use_factors[uses] = used, factor
         uses += 1
-        for k in range(basis_starts[used], basis_starts[used + 1]):
-            product = multiply(factor, basis_values[k], prime, negative_inverse)
-            work[basis_columns[k]] = _minus(work[basis_columns[k]], product, prime)
+        _subtract_basis_row(
+            used, factor, work, basis_starts, basis_columns, basis_values, prime, negative_inverse
+        )
     if pivot >= 0:
         state[USES] = uses
     return pivot
@@ -89,11 +99,8 @@ def combine(
         word = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         weight = (word ^ (word >> np.uint64(31))) % prime
-        for k in range(row_starts[row], row_starts[row + 1]):
-            column = columns[k]
-            total = work[column] + multiply(values[k], weight, prime, negative_inverse)
-            work[column] = total - prime if total >= prime else total
-            top = max(top, column)
+        first, last = row_starts[row], row_starts[row + 1]
+        top = max(top, _add_row(first, last, columns, values, weight, work, prime, negative_inverse))
     return top
 
 
@@ -110,9 +117,9 @@ def vanishes(
         used = pivot_of[column]
         if used < 0:
             return False
-        for k in range(basis_starts[used], basis_starts[used + 1]):
-            product = multiply(factor, basis_values[k], prime, negative_inverse)
-            work[basis_columns[k]] = _minus(work[basis_columns[k]], product, prime)
+        _subtract_basis_row(
+            used, factor, work, basis_starts, basis_columns, basis_values, prime, negative_inverse
+        )
     return True
 
 
@@ -127,7 +134,7 @@ def reduce_rows(
     for place in range(start, len(rows)):
         row = rows[place]
         first, last = row_starts[row], row_starts[row + 1]
-        top = _unpack(first, last, columns, values, work, prime, negative_inverse, square)
+        top = _add_row(first, last, columns, values, square, work, prime, negative_inverse)
         room = state[ENTRIES] + top + 1 <= len(basis_columns) and state[USES] + top + 2 <= len(use_rows)
         if not room or state[ROWS] + 2 > len(basis_starts):
             for k in range(first, last):

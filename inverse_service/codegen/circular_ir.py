@@ -25,91 +25,133 @@ _LARGEST = 67108864.0
 _ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer and shows its last bits
 
 
+class _Lines:
+    """The lines of a function over `lanes` doubles, written one after another."""
+
+    def __init__(self, lanes: int) -> None:
+        self.lanes, self.lines = lanes, list[str]()
+        self.kind, self.whole, self.truth = (
+            name if lanes == 1 else f"<{lanes} x {name}>" for name in ("double", "i64", "i1")
+        )
+        self.suffix = "f64" if lanes == 1 else f"v{lanes}f64"
+
+    def real(self, value: float) -> str:
+        text = f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
+        return text if self.lanes == 1 else f"splat (double {text})"
+
+    def integer(self, value: int) -> str:
+        return str(value) if self.lanes == 1 else f"splat (i64 {value})"
+
+    def new(self, name: str, text: str) -> str:
+        self.lines.append(f"  %{name} = {text}")
+        return f"%{name}"
+
+    def operation(self, name: str, operator: str, a: str, b: str) -> str:
+        return self.new(name, f"{operator} {self.kind} {a}, {b}")
+
+    def fma(self, name: str, a: str, b: str, c: str) -> str:
+        return self.new(
+            name, f"call {self.kind} @llvm.fma.{self.suffix}({self.kind} {a}, {self.kind} {b}, {self.kind} {c})"
+        )
+
+    def polynomial(self, name: str, coefficients: tuple[float, ...], variable: str) -> str:
+        """Horner's scheme, the highest power first."""
+        value = self.real(coefficients[0])
+        for place, coefficient in enumerate(coefficients[1:]):
+            value = self.fma(f"{name}{place}", value, variable, self.real(coefficient))
+        return value
+
+
 @lru_cache(maxsize=8)
 def circular_functions(lanes: int) -> tuple[str, dict[str, str]]:
     """(definitions of @circular, declarations that they need)."""
-    kind = "double" if lanes == 1 else f"<{lanes} x double>"
-    whole = "i64" if lanes == 1 else f"<{lanes} x i64>"
-    truth = "i1" if lanes == 1 else f"<{lanes} x i1>"
-    suffix = "f64" if lanes == 1 else f"v{lanes}f64"
-
-    def real(value: float) -> str:
-        text = f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
-        return text if lanes == 1 else f"splat (double {text})"
-
-    def integer(value: int) -> str:
-        return str(value) if lanes == 1 else f"splat (i64 {value})"
-
-    lines: list[str] = []
-
-    def new(name: str, text: str) -> str:
-        lines.append(f"  %{name} = {text}")
-        return f"%{name}"
-
-    def fma(name: str, a: str, b: str, c: str) -> str:
-        return new(name, f"call {kind} @llvm.fma.{suffix}({kind} {a}, {kind} {b}, {kind} {c})")
-
-    size = new("size", f"call {kind} @llvm.fabs.{suffix}({kind} %x)")
-    small = new("small", f"fcmp ole {kind} {size}, {real(_LARGEST)}")
-    if lanes > 1:
-        small = new("every", f"call i1 @llvm.vector.reduce.and.v{lanes}i1({truth} {small})")
-    lines.append(f"  br i1 {small}, label %near, label %far, !prof !0")
-    lines.append("near:")
-    shifted = fma("shifted", "%x", real(_TWO_OVER_PI), real(_ROUND))
-    count = new("count", f"fsub {kind} {shifted}, {real(_ROUND)}")
-    turns = new("turns", f"fneg {kind} {count}")
-    rest = fma("r1", turns, real(_HALF_PI[0]), "%x")
-    rest = fma("r2", turns, real(_HALF_PI[1]), rest)
-    rest = fma("r3", turns, real(_HALF_PI[2]), rest)
-    square = new("z", f"fmul {kind} {rest}, {rest}")
-    sine = real(_SINE[0])
-    for place, coefficient in enumerate(_SINE[1:]):
-        sine = fma(f"s{place}", sine, square, real(coefficient))
-    cube = new("cube", f"fmul {kind} {square}, {rest}")
-    sine = fma("sine", sine, cube, rest)
-    cosine = real(_COSINE[0])
-    for place, coefficient in enumerate(_COSINE[1:]):
-        cosine = fma(f"c{place}", cosine, square, real(coefficient))
-    # 1 - z/2 + z^2 C with the rounding of 1 - z/2 put back.
-    half = new("half", f"fmul {kind} {square}, {real(0.5)}")
-    head = new("head", f"fsub {kind} {real(1.0)}, {half}")
-    lost = new("lost", f"fsub {kind} {real(1.0)}, {head}")
-    lost = new("tail", f"fsub {kind} {lost}, {half}")
-    fourth = new("fourth", f"fmul {kind} {square}, {square}")
-    tail = fma("tails", fourth, cosine, lost)
-    cosine = new("cosine", f"fadd {kind} {head}, {tail}")
-    bits = new("bits", f"bitcast {kind} {shifted} to {whole}")
-    odd = new("odd", f"trunc {whole} {bits} to {truth}")
-    first = new("first", f"select {truth} {odd}, {kind} {cosine}, {kind} {sine}")
-    second = new("second", f"select {truth} {odd}, {kind} {sine}, {kind} {cosine}")
-    for name, value, shift in (("sin", first, 0), ("cos", second, 1)):
-        quarter = new(f"{name}q", f"add {whole} {bits}, {integer(shift)}")
-        high = new(f"{name}h", f"shl {whole} {quarter}, {integer(62)}")
-        sign = new(f"{name}s", f"and {whole} {high}, {integer(-(2**63))}")
-        raw = new(f"{name}r", f"bitcast {kind} {value} to {whole}")
-        turned = new(f"{name}t", f"xor {whole} {raw}, {sign}")
-        new(name, f"bitcast {whole} {turned} to {kind}")
-    pair = f"{{{kind}, {kind}}}"
-    lines += [
-        f"  %p1 = insertvalue {pair} poison, {kind} %sin, 0",
-        f"  %p2 = insertvalue {pair} %p1, {kind} %cos, 1",
+    body = _Lines(lanes)
+    _branch(body)
+    shifted, rest = _reduced(body)
+    sine, cosine = _on_the_first_octant(body, rest)
+    _turned_back(body, shifted, sine, cosine)
+    pair = f"{{{body.kind}, {body.kind}}}"
+    text = "\n".join([
+        f"define internal {pair} @circular({body.kind} %x) alwaysinline nounwind memory(none) {{",
+        *body.lines,
+        f"  %p1 = insertvalue {pair} poison, {body.kind} %sin, 0",
+        f"  %p2 = insertvalue {pair} %p1, {body.kind} %cos, 1",
         f"  ret {pair} %p2",
         "far:",
-        f"  %slow = call {pair} @circular_far({kind} %x)",
+        f"  %slow = call {pair} @circular_far({body.kind} %x)",
         f"  ret {pair} %slow",
         "}",
-    ]
-    body = "\n".join([f"define internal {pair} @circular({kind} %x) alwaysinline nounwind memory(none) {{", *lines])
+    ])  # fmt: skip
+    weights = '!0 = !{!"branch_weights", i32 1000000, i32 1}'
+    return "\n".join([text, _far(lanes, body.kind, pair), weights]), _declarations(body)
+
+
+def _branch(body: _Lines) -> None:
+    """To %near where all numbers are small enough for the reduction, else to %far."""
+    size = body.new("size", f"call {body.kind} @llvm.fabs.{body.suffix}({body.kind} %x)")
+    small = body.operation("small", "fcmp ole", size, body.real(_LARGEST))
+    if body.lanes > 1:
+        small = body.new("every", f"call i1 @llvm.vector.reduce.and.v{body.lanes}i1({body.truth} {small})")
+    body.lines.append(f"  br i1 {small}, label %near, label %far, !prof !0")
+    body.lines.append("near:")
+
+
+def _reduced(body: _Lines) -> tuple[str, str]:
+    """(number of quarter turns in its last bits, what they leave of x)."""
+    shifted = body.fma("shifted", "%x", body.real(_TWO_OVER_PI), body.real(_ROUND))
+    count = body.operation("count", "fsub", shifted, body.real(_ROUND))
+    turns = body.new("turns", f"fneg {body.kind} {count}")
+    rest = "%x"
+    for place, part in enumerate(_HALF_PI, 1):
+        rest = body.fma(f"r{place}", turns, body.real(part), rest)
+    return shifted, rest
+
+
+def _on_the_first_octant(body: _Lines, rest: str) -> tuple[str, str]:
+    """(sin, cos) of the rest by the polynomials."""
+    square = body.operation("z", "fmul", rest, rest)
+    sine = body.polynomial("s", _SINE, square)
+    cube = body.operation("cube", "fmul", square, rest)
+    sine = body.fma("sine", sine, cube, rest)
+    cosine = body.polynomial("c", _COSINE, square)
+    # 1 - z/2 + z^2 C with the rounding of 1 - z/2 put back.
+    half = body.operation("half", "fmul", square, body.real(0.5))
+    head = body.operation("head", "fsub", body.real(1.0), half)
+    lost = body.operation("lost", "fsub", body.real(1.0), head)
+    lost = body.operation("tail", "fsub", lost, half)
+    fourth = body.operation("fourth", "fmul", square, square)
+    tail = body.fma("tails", fourth, cosine, lost)
+    return sine, body.operation("cosine", "fadd", head, tail)
+
+
+def _turned_back(body: _Lines, shifted: str, sine: str, cosine: str) -> None:
+    """%sin and %cos of x: exchanged and with signs by the number of quarter turns."""
+    bits = body.new("bits", f"bitcast {body.kind} {shifted} to {body.whole}")
+    odd = body.new("odd", f"trunc {body.whole} {bits} to {body.truth}")
+    first = body.new("first", f"select {body.truth} {odd}, {body.kind} {cosine}, {body.kind} {sine}")
+    second = body.new("second", f"select {body.truth} {odd}, {body.kind} {sine}, {body.kind} {cosine}")
+    for name, value, shift in (("sin", first, 0), ("cos", second, 1)):
+        quarter = body.new(f"{name}q", f"add {body.whole} {bits}, {body.integer(shift)}")
+        high = body.new(f"{name}h", f"shl {body.whole} {quarter}, {body.integer(62)}")
+        sign = body.new(f"{name}s", f"and {body.whole} {high}, {body.integer(-(2**63))}")
+        raw = body.new(f"{name}r", f"bitcast {body.kind} {value} to {body.whole}")
+        turned = body.new(f"{name}t", f"xor {body.whole} {raw}, {sign}")
+        body.new(name, f"bitcast {body.whole} {turned} to {body.kind}")
+
+
+def _declarations(body: _Lines) -> dict[str, str]:
+    kind, suffix = body.kind, body.suffix
     needs = {
         "fma": f"declare {kind} @llvm.fma.{suffix}({kind}, {kind}, {kind})",
         f"llvm.fabs.{suffix}": f"declare {kind} @llvm.fabs.{suffix}({kind})",
         "sin": "declare double @sin(double) nounwind memory(none)",
         "cos": "declare double @cos(double) nounwind memory(none)",
     }
-    if lanes > 1:
-        needs[f"llvm.vector.reduce.and.v{lanes}i1"] = f"declare i1 @llvm.vector.reduce.and.v{lanes}i1({truth})"
-    weights = '!0 = !{!"branch_weights", i32 1000000, i32 1}'
-    return "\n".join([body, _far(lanes, kind, pair), weights]), needs
+    if body.lanes > 1:
+        needs[f"llvm.vector.reduce.and.v{body.lanes}i1"] = (
+            f"declare i1 @llvm.vector.reduce.and.v{body.lanes}i1({body.truth})"
+        )
+    return needs
 
 
 def _far(lanes: int, kind: str, pair: str) -> str:
