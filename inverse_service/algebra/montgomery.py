@@ -1,34 +1,29 @@
 """Arithmetic modulo a prime below 2^62 on 64-bit words, compiled.
 
 Montgomery form: x stands for x R modulo P, R = 2^64; a product costs three multiplications
-(Montgomery, Math. Comp. 44 (1985) 519). Compiled by numba, whose wheels carry their compiler.
+(Montgomery, Math. Comp. 44 (1985) 519). Compiled by numba, whose wheels carry their compiler, and kept.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
 
-Work = TypeVar("Work", bound=Callable[..., Any])
+from inverse_service.machine_code.kernels import compiled as compiled
+from inverse_service.machine_code.kernels import intrinsic
 
-
-def compiled(work: Work) -> Work:
-    """numba.njit, its result kept on disk where the machine lets us write."""
-    try:
-        return cast(Work, njit(cache=True)(work))
-    except RuntimeError:  # no place for a cache: compile in each process
-        return cast(Work, njit(work))
+# numba and LLVM are imported where an operation is compiled: they take 0.3 s, and stored code needs neither.
 
 
 def _upper_word(typing_context: Any, a: Any, b: Any) -> Any:
     """The upper 64 bits of the 128-bit product, as code for the compiler."""
+    from llvmlite import ir
+    from numba import types
+
     signature = types.uint64(types.uint64, types.uint64)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -41,6 +36,22 @@ def _upper_word(typing_context: Any, a: Any, b: Any) -> Any:
 
 
 high_product = cast(Callable[[np.uint64, np.uint64], np.uint64], intrinsic(_upper_word))
+
+
+def _leading_zeros(typing_context: Any, word: Any) -> Any:
+    """The number of zero bits above the highest bit, as code for the compiler."""
+    from llvmlite import ir
+    from numba import types
+
+    signature = types.int64(types.uint64)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.ctlz(arguments[0], ir.Constant(ir.IntType(1), 0))
+
+    return signature, generate
+
+
+leading_zeros = cast(Callable[[np.uint64], int], intrinsic(_leading_zeros))
 
 
 @compiled

@@ -9,13 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from inverse_service.codegen import store
 from inverse_service.codegen.digests import digest_of
 from inverse_service.codegen.kernel import Kernel
 from inverse_service.codegen.layout import Layout, changing, layout_of
 from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.machine import Machine, load, object_code
 from inverse_service.codegen.program import Program, Solve
+from inverse_service.machine_code import store
 
 _MOST_IN_MEMORY = 256
 

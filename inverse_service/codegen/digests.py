@@ -6,10 +6,9 @@ import hashlib
 from functools import lru_cache
 from pathlib import Path
 
-import llvmlite
-import llvmlite.binding as llvm
+from inverse_service.machine_code.processor import processor_name
 
-_ROOMS = ("codegen", "integrators", "simulation", "expressions")
+_ROOMS = ("codegen", "machine_code", "integrators", "simulation", "expressions")
 
 
 @lru_cache(maxsize=1)
@@ -20,14 +19,8 @@ def code_digest() -> str:
     for room in _ROOMS:
         for path in sorted((root / room).rglob("*.py")):
             digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    machine = (llvmlite.__version__, llvm.llvm_version_info, llvm.get_host_cpu_name(), processor_features())
-    digest.update(repr(machine).encode())
+    digest.update(processor_name().encode())
     return digest.hexdigest()
-
-
-@lru_cache(maxsize=1)
-def processor_features() -> str:
-    return str(llvm.get_host_cpu_features().flatten())
 
 
 def digest_of(*parts: object) -> str:

@@ -4,27 +4,11 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import llvmlite.binding as llvm
 
-from inverse_service.codegen.digests import processor_features
-
-
-def _target_machine() -> Any:
-    """A new one each time: an engine takes its target machine for its own and ends it with itself."""
-    _initialize()
-    target = llvm.Target.from_default_triple()
-    return target.create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=processor_features(), opt=2, reloc="pic", codemodel="jitdefault"
-    )
-
-
-@lru_cache(maxsize=1)
-def _initialize() -> None:
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
+from inverse_service.machine_code.processor import target_machine
 
 
 def object_code(ir: str, thorough: bool = False) -> bytes:
@@ -33,7 +17,7 @@ def object_code(ir: str, thorough: bool = False) -> bytes:
     Subexpressions are already shared, so a single trajectory needs little: LLVM's whole pipeline (`thorough`) takes 8
     to 13 ms more, to compile in 15 to 33 ms, and its steps are no shorter; those of ensembles are, by 0 to 40 %.
     """
-    machine = _target_machine()
+    machine = target_machine()
     module = llvm.parse_assembly(ir)
     module.triple = machine.triple
     _optimise(machine, module, thorough)
@@ -70,7 +54,7 @@ class Machine:
 
 def load(code: bytes) -> Machine:
     """The kernel of an object file, ready to be called."""
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine())
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     address = engine.get_function_address("kernel")

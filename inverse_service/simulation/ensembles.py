@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from inverse_service.codegen.digests import processor_features
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.machine_code.processor import processor_features
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.formulas import Formulas

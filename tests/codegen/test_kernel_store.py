@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from inverse_service.codegen import compiled as compiling
-from inverse_service.codegen import store
 from inverse_service.codegen.algebra import symbol
 from inverse_service.codegen.compiled import compiled, forget_memory
 from inverse_service.codegen.program import Program
+from inverse_service.machine_code import store
 from tests.codegen.run_program import call, memory_for
 
 

@@ -28,10 +28,10 @@ def cache_directory(environment: Mapping[str, str] = os.environ, platform: str =
     return Path(environment.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "inverse-service"
 
 
-def read(digest: str) -> tuple[dict[str, Any], bytes] | None:
+def read(digest: str, kind: str = "kernel") -> tuple[dict[str, Any], bytes] | None:
     """(what was noted, object code) of an entry, None where there is none that is whole."""
     try:
-        path = cache_directory() / f"{digest}.kernel"
+        path = cache_directory() / f"{digest}.{kind}"
         return _unpacked(path.read_bytes(), digest) if _is_ours(path) else None
     except (OSError, ValueError, RuntimeError):
         return None
@@ -56,26 +56,26 @@ def _seal(digest: str, body: bytes) -> bytes:
     return hashlib.sha256(digest.encode() + body).hexdigest().encode()
 
 
-def write(digest: str, noted: Mapping[str, Any], code: bytes) -> None:
-    """Keep an entry; a disk that is full or read-only costs time only."""
+def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel") -> None:
+    """Keep an entry; a disk that is full or read-only costs time only. Kinds do not push each other out."""
     text = json.dumps(noted).encode()
     body = len(text).to_bytes(8, "little") + text + code
     with contextlib.suppress(OSError, RuntimeError):
         directory = cache_directory()
         directory.mkdir(parents=True, exist_ok=True, mode=0o700)
-        _prune(directory)
+        _prune(directory, kind)
         handle, name = tempfile.mkstemp(dir=directory)
         try:
             with os.fdopen(handle, "wb") as stream:
                 stream.write(_MAGIC + _seal(digest, body) + body)
-            os.replace(name, directory / f"{digest}.kernel")
+            os.replace(name, directory / f"{digest}.{kind}")
         except OSError:
             Path(name).unlink(missing_ok=True)
 
 
-def _prune(directory: Path) -> None:
+def _prune(directory: Path, kind: str) -> None:
     """The oldest half goes when there are too many."""
-    entries = list(directory.glob("*.kernel"))
+    entries = list(directory.glob(f"*.{kind}"))
     if len(entries) < _MOST_ENTRIES:
         return
     entries.sort(key=lambda path: path.stat().st_mtime)

@@ -1,0 +1,109 @@
+"""A kernel compiled by numba to an object file that needs nothing of numba.
+
+Imported only where the store has no code: numba takes 0.3 s to import and some 0.5 s a kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any, cast
+
+import llvmlite.binding as llvm
+import numba
+from numba import types
+from numba.extending import intrinsic
+from numba.np.numpy_support import carray
+
+from inverse_service.machine_code.entry import entry_text
+from inverse_service.machine_code.processor import target_machine
+from inverse_service.machine_code.signatures import Kinds, element_of
+from inverse_service.machine_code.sources import Unstorable, used
+
+_NUMBERS = {"int64": types.int64, "uint64": types.uint64, "bool": types.boolean}
+_ANSWERS = {types.none: "none", types.int64: "int64", types.uint64: "uint64", types.boolean: "bool"}
+
+
+def for_numba(value: Any) -> Any:
+    """A global of a kernel as numba knows it: kernels and intrinsics made, all else as it is."""
+    make = getattr(value, "made", None)
+    return value if make is None else make()
+
+
+def dispatcher(work: Callable[..., Any]) -> Any:
+    """numba's function that compiles `work` for what it is called with."""
+    function = cast(FunctionType, work)
+    space = {**function.__globals__, **{name: for_numba(value) for name, value in used(work).items()}}
+    alike = FunctionType(function.__code__, space, function.__name__, function.__defaults__)
+    alike.__module__, alike.__qualname__ = function.__module__, function.__qualname__
+    # Modules are divided by primes only: no path for a division by zero.
+    return numba.njit(error_model="numpy")(alike)
+
+
+def made_intrinsic(definition: Callable[..., Any]) -> Any:
+    return intrinsic(definition)
+
+
+def object_code(compiler: Any, kinds: Kinds) -> bytes:
+    """The kernel for these kinds and its entry; raises Unstorable where it needs more than itself."""
+    signature = tuple(map(_type, kinds))
+    compiler.compile(signature)
+    answer = _ANSWERS.get(compiler.overloads[signature].signature.return_type)
+    if answer is None:
+        raise Unstorable("the kernel gives neither nothing nor one number")
+    function = _flat(compiler, kinds, answer)
+    module = llvm.parse_assembly(function.inspect_llvm())
+    module.link_in(llvm.parse_assembly(entry_text(function.native_name, kinds, answer)))
+    machine = target_machine(level=3)
+    _reduce(module, machine)
+    return bytes(machine.emit_object(module))
+
+
+def _type(kind: str) -> Any:
+    name, dimensions = element_of(kind)
+    return types.Array(getattr(types, name), dimensions, "C") if dimensions else _NUMBERS[name]
+
+
+def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
+    """The kernel as a C function of addresses, lengths and numbers."""
+    parameters, arguments = zip(*map(_parameters, range(len(kinds)), kinds), strict=True)
+    call = f"work({', '.join(arguments)})"
+    body = f"{call}; return 0" if answer == "none" else f"return {'int' if answer == 'bool' else ''}({call})"
+    space: dict[str, Any] = {"work": compiler, "carray": carray}
+    exec(f"def flat({', '.join(parameters)}): {body}", space)  # a text of numbered letters, nobody's input
+    given = types.uint64 if answer == "uint64" else types.int64
+    signature = given(*(one for kind in kinds for one in _types(kind)))
+    return numba.cfunc(signature, error_model="numpy")(space["flat"])
+
+
+def _parameters(k: int, kind: str) -> tuple[str, str]:
+    """The names of what stands for argument k, and the argument made from them."""
+    _, dimensions = element_of(kind)
+    if not dimensions:
+        return f"a{k}", f"a{k} != 0" if kind == "bool" else f"a{k}"
+    lengths = ", ".join(f"n{k}_{axis}" for axis in range(dimensions))
+    return f"a{k}, {lengths}", f"carray(a{k}, ({lengths},))"
+
+
+def _types(kind: str) -> list[Any]:
+    name, dimensions = element_of(kind)
+    if not dimensions:
+        return [types.uint64 if kind == "uint64" else types.int64]
+    address: Any = types.CPointer
+    return [address(getattr(types, name)), *[types.int64] * dimensions]
+
+
+def _reduce(module: Any, machine: Any) -> None:
+    """Optimise with @entry as the only way in, so that numba's paths for exceptions go; raises Unstorable."""
+    for function in module.functions:
+        if not function.is_declaration and function.name != "entry":
+            function.linkage = "internal"
+    for variable in module.global_variables:
+        if not variable.is_declaration and variable.name != "table":
+            variable.linkage = "internal"
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(module, builder)
+    needed = [*module.functions, *module.global_variables]
+    missing = [one.name for one in needed if one.is_declaration and not one.name.startswith("llvm.")]
+    if missing:
+        raise Unstorable(f"the kernel needs {', '.join(missing)}")

@@ -1,0 +1,56 @@
+"""An object file made a built-in function of this process, by LLVM alone."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from inverse_service.machine_code.entry import TABLE
+from inverse_service.machine_code.processor import target_machine
+from inverse_service.machine_code.signatures import ELEMENTS
+
+_FASTCALL = 0x80
+_OBJECTS: dict[str, Any] = {
+    "ndarray": np.ndarray, "int": int, "np.int64": np.int64, "np.uint64": np.uint64, "True": True, "False": False,
+    "None": None, **{name: np.dtype(name) for name in ELEMENTS},
+}  # fmt: skip
+# Code, method definitions and what the tables point to live as long as the process.
+_kept: list[Any] = []
+
+
+class _Method(ctypes.Structure):
+    """PyMethodDef."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p), ("function", ctypes.c_void_p), ("flags", ctypes.c_int), ("text", ctypes.c_char_p),
+    )  # fmt: skip
+
+
+def load(code: bytes, name: str, other: Callable[..., Any]) -> Callable[..., Any]:
+    """The entry in the object file; `other` gets the calls whose arguments are of other kinds."""
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    function, table = engine.get_function_address("entry"), engine.get_global_value_address("table")
+    if not function or not table:
+        raise OSError("the object file has no entry")
+    places = (ctypes.c_uint64 * len(TABLE)).from_address(table)
+    places[:] = [_address(word, other) for word in TABLE]
+    method = _Method(name.encode(), function, _FASTCALL, None)
+    make = ctypes.pythonapi.PyCFunction_NewEx
+    make.restype, make.argtypes = ctypes.py_object, [ctypes.POINTER(_Method), ctypes.py_object, ctypes.py_object]
+    _kept.append((engine, method, other))
+    return make(ctypes.byref(method), None, None)  # type: ignore[no-any-return]
+
+
+def _address(word: str, other: Callable[..., Any]) -> int:
+    """Of an object, of a function of Python's C interface, or of `other`."""
+    if word == "OTHER":
+        return id(other)
+    if word in _OBJECTS:
+        return id(_OBJECTS[word])
+    return ctypes.cast(getattr(ctypes.pythonapi, word), ctypes.c_void_p).value or 0
