@@ -6,9 +6,9 @@ rows before it until its pivot stands (to reduce it further costs two to three t
 nothing later on) and the multiples used are recorded, so that each consequence can be traced to the
 original rows.
 
-Rows that are expected to depend on the others cost most and give nothing. They are not reduced one by
-one: a random combination of all of them is, and where it vanishes, so do they (a row that does not lets it
-vanish with probability 1/P; Freivalds 1977). Where it does not vanish they are inserted like the rest.
+Rows that depend on the others cost most and give nothing. Those that are expected to, and those that
+need many rows of the basis, are not reduced: they are tested on a random vector on which the basis vanishes.
+A row that does not depend on the basis vanishes there with probability 1/P (Freivalds 1977), and is inserted.
 """
 
 from __future__ import annotations
@@ -23,19 +23,25 @@ import numpy.typing as npt
 from inverse_service.algebra import montgomery
 from inverse_service.algebra.echelon_kernels import (
     ENTRIES,
+    LATER,
     ROWS,
     USES,
     Columns,
     Indices,
     Words,
-    combine,
     cut,
+    keep_those_that_do_not_vanish,
+    normalise_rows,
     reduce_rows,
+    solve_at_random,
     trace_weights,
-    vanishes,
 )
 
 Flags = npt.NDArray[np.bool_]
+# A row that needs more rows of the basis than this mostly depends on it, and is put off until all others stand.
+MOST = 16
+# How many rows are inserted before the rest are tested again.
+FEW = 4
 Kind = TypeVar("Kind", bound=np.generic)
 
 
@@ -67,7 +73,7 @@ class Echelon:
     use_starts: Indices = field(default_factory=lambda: np.zeros(64, np.int64))
     use_rows: Columns = field(default_factory=lambda: np.empty(4096, np.int32))
     use_factors: Words = field(default_factory=lambda: np.empty(4096, np.uint64))
-    state: Indices = field(default_factory=lambda: np.zeros(3, np.int64))
+    state: Indices = field(default_factory=lambda: np.zeros(4, np.int64))
 
     def widen(self, width: int) -> None:
         """Append columns."""
@@ -76,7 +82,12 @@ class Echelon:
         self.width = width
 
     def insert(
-        self, row_starts: Indices, columns: Indices, values: Words, expected: Flags | None = None
+        self,
+        row_starts: Indices,
+        columns: Indices,
+        values: Words,
+        expected: Flags | None = None,
+        in_order: bool = True,
     ) -> Flags:
         """Insert rows in compressed form; entries of equal column in a row are added up.
 
@@ -85,44 +96,65 @@ class Echelon:
         """
         total, first = len(row_starts) - 1, self.count
         given = (row_starts, columns, values)
+        most = self.width if in_order else MOST
         if expected is None or not expected.any():
-            self._insert(np.arange(total), *given)
+            self._settle(self._insert(np.arange(total), *given, most), *given)
         else:
-            self._insert(np.flatnonzero(~expected), *given)
-            rest = np.flatnonzero(expected)
-            if not self._depend(rest, *given):
-                self._insert(rest, *given)
+            later = self._insert(np.flatnonzero(~expected), *given, most)
+            self._settle(np.concatenate([later, np.flatnonzero(expected)]), *given)
         dependent = np.ones(total, np.bool_)
         dependent[self.origin[first : self.count]] = False
         self.origin[first : self.count] += self.inserted
         self.inserted += total
         return dependent
 
-    def _insert(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words) -> None:
-        """Insert those rows one by one."""
-        prime, negative_inverse, one, square = montgomery.constants(self.prime)
-        work = np.zeros(self.width, np.uint64)
+    def _settle(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words) -> None:
+        """Insert those of the rows that do not depend on the basis; most should. Some at a time: then test again."""
+        given, some = (row_starts, columns, values), FEW
+        while len(rows := self._independent(rows, *given)):
+            before, tried, rows = self.count, rows[:some], rows[some:]
+            self._insert(tried, *given, self.width)
+            some = 2 * some if self.count - before == len(tried) else some
+
+    def _independent(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words) -> Indices:
+        """Those of the rows that do not depend on the basis."""
+        if not len(rows):
+            return rows
+        prime, negative_inverse, _, _ = montgomery.constants(self.prime)
+        # The prime is random itself, and so are numbers that come from it.
+        seed = np.uint64(self.prime * 0x2545F4914F6CDD1D + self.inserted & 0xFFFFFFFFFFFFFFFF)
+        solution, kept = np.empty(self.width, np.uint64), np.empty(len(rows), np.int64)
+        basis = (self.pivot_of, self.starts, self.columns, self.values)
+        solve_at_random(solution, seed, *basis, prime, negative_inverse)
+        given = (row_starts, columns, values)
+        count = keep_those_that_do_not_vanish(rows, *given, solution, kept, prime, negative_inverse)
+        return kept[:count]
+
+    def _insert(
+        self, rows: Indices, row_starts: Indices, columns: Indices, values: Words, most: int
+    ) -> Indices:
+        """Insert those rows one by one; the answer has those left out that need over `most` rows of the basis."""
+        prime, negative_inverse, one, _ = montgomery.constants(self.prime)
+        work, touched = np.zeros(self.width, np.uint64), np.zeros((self.width >> 6) + 1, np.uint64)
+        later, self.state[LATER] = np.empty(len(rows), np.int64), 0
         place = 0
         while True:
             place = reduce_rows(
-                place, rows, row_starts, columns, values, work, self.pivot_of, self.starts, self.columns, self.values,
-                self.origin, self.use_starts, self.use_rows, self.use_factors, self.state,
-                prime, negative_inverse, one, square,
+                place, most, rows, later, row_starts, columns, values, work, touched,
+                self.pivot_of, self.starts, self.columns, self.values, self.origin,
+                self.use_starts, self.use_rows, self.use_factors, self.state,
+                prime, negative_inverse, one,
             )
             if place == len(rows):
                 break
             self._grow()
-        self.count = int(self.state[ROWS])
-
-    def _depend(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words) -> bool:
-        """Whether a random combination of those rows depends on the basis."""
-        prime, negative_inverse, _, _ = montgomery.constants(self.prime)
-        work = np.zeros(self.width, np.uint64)
-        # The prime is random itself, and so are weights that come from it.
-        seed = np.uint64(self.prime * 0x2545F4914F6CDD1D + self.inserted & 0xFFFFFFFFFFFFFFFF)
-        top = combine(rows, row_starts, columns, values, work, seed, prime, negative_inverse)
-        basis = (self.pivot_of, self.starts, self.columns, self.values)
-        return bool(vanishes(top, work, *basis, prime, negative_inverse))
+        first, self.count = self.count, int(self.state[ROWS])
+        if self.count > first:
+            rows = (self.starts, self.values, self.use_starts, self.use_factors)
+            normalise_rows(
+                first, self.count, np.empty(self.count - first, np.uint64), *rows, prime, negative_inverse, one
+            )
+        return later[: self.state[LATER]]
 
     def _grow(self) -> None:
         if self.state[ROWS] + 2 > len(self.starts):

@@ -217,7 +217,7 @@ def advance(prolongation: Prolongation) -> None:
             continue
         rows = rows_of_degree(block.table, degree, prolongation.local.ring.prime)
         expected = _expected(prolongation, block, degree)
-        found = prolongation.echelon.insert(rows.starts, rows.columns, rows.values, expected)
+        found = prolongation.echelon.insert(rows.starts, rows.columns, rows.values, expected, in_order=False)
         prolongation.dependent[block.kind, degree] = found
         prolongation.row_blocks.append((block, exponents_of_degree(prolongation.size, degree)))
 

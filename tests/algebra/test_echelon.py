@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from flint import nmod_mat
 
+from inverse_service.algebra import echelon as room
 from inverse_service.algebra.echelon import Echelon, Flags
 from inverse_service.algebra.primes import safe_prime
 
@@ -32,11 +33,11 @@ def random_rows(count: int, width: int, density: float, seed: int) -> Rows:
     return rows
 
 
-def insert(echelon: Echelon, rows: Rows, expected: Flags | None = None) -> Flags:
+def insert(echelon: Echelon, rows: Rows, expected: Flags | None = None, in_order: bool = True) -> Flags:
     starts = np.cumsum([0, *map(len, rows)]).astype(np.int64)
     columns = np.array([c for row in rows for c in row], np.int64)
     values = np.array([x for row in rows for x in row.values()], np.uint64)
-    return echelon.insert(starts, columns, values, expected)
+    return echelon.insert(starts, columns, values, expected, in_order)
 
 
 def echelon_of(rows: Rows, width: int) -> Echelon:
@@ -198,6 +199,25 @@ def test_all_rows_may_be_expected_to_depend() -> None:
     insert(echelon, rows, np.ones(len(rows), np.bool_))
     assert echelon.count == reduced(rows, 25)[1] > 0
     assert insert(echelon, rows, np.ones(len(rows), np.bool_)).all()
+
+
+@pytest.mark.parametrize("most", [0, 1, 3, 1000])
+@pytest.mark.parametrize("seed", range(6))
+def test_rows_may_be_put_off_without_changing_what_follows_from_all(
+    seed: int, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The row space is the same, the rows kept are a basis of it, the rest depend on them."""
+    monkeypatch.setattr(room, "MOST", most)
+    rows, echelon = random_rows(60, 40, 0.12, seed), Echelon(P)
+    echelon.widen(40)
+    parts = [rows[:25], rows[25:]]
+    dependent = np.concatenate([insert(echelon, part, in_order=False) for part in parts])
+    kept = [row for row, flag in zip(rows, dependent, strict=True) if not flag]
+    assert reduced(list(echelon.rows_within(0, 40).values()), 40) == reduced(rows, 40) == reduced(kept, 40)
+    assert len(kept) == echelon.count < len(rows)
+    assert sorted({k for number in range(echelon.count) for k in echelon.trace({number: 1})}) == sorted(
+        np.flatnonzero(~dependent).tolist()
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
