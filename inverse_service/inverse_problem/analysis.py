@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Variable
@@ -12,15 +13,22 @@ from inverse_service.algebra.tower import Tower
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
+if TYPE_CHECKING:
+    from inverse_service.inverse_problem.search.sample_points import KnownTower
+
 
 @dataclass(frozen=True, slots=True)
 class Analysis:
-    """f in kernels and the tower of its atoms; made once, used for both questions."""
+    """f in kernels and the tower of its atoms; made once, used for both questions.
+
+    `towers` keeps those that ansätze needed, with their random points.
+    """
 
     system: SecondOrderSystem
     accelerations: tuple[Expression, ...]
     tower: Tower
     real_point: RealTable | None
+    towers: list[KnownTower] = field(default_factory=list, compare=False, repr=False)
 
 
 def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:

@@ -21,7 +21,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Apply, Expression
 from inverse_service.inverse_problem.analysis import Analysis
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism
+from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism, tensors_of
 from inverse_service.inverse_problem.search.sampling import Sampler, letter_table, make_sampler
 from inverse_service.inverse_problem.search.terms import Monomial, monomial_tree, times
 
@@ -68,8 +68,8 @@ def _solve(
     width = len(letters) + len(constants)
     table = letter_table(sampler, letters, width + 6, seed)
     rows = []
-    for point, along in zip(table.points, table.along.tolist(), strict=True):
-        connection, _ = connection_and_endomorphism(sampler, point)
+    places = zip(table.points, table.along.tolist(), tensors_of(sampler, table), strict=True)
+    for point, along, (connection, _) in places:
         trace = 2 * sum(connection[i][i] for i in range(material.motion.size))
         rows.append([*along, *(evaluate(to_kernels(c), point) for c in constants), trace % table.prime])
     reduced, rank = nmod_mat(len(rows), width + 1, [x for row in rows for x in row], table.prime).rref()

@@ -19,7 +19,7 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Apply, Expression, Sum
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, companions
-from inverse_service.inverse_problem.search.sampling import make_sampler, sample_points
+from inverse_service.inverse_problem.search.sampling import make_sampler
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
@@ -75,7 +75,7 @@ def _solve(
     given = tree_of(c)
     try:
         sampler = make_sampler(material.analysis, [(tree, Fraction(1)) for tree in (*letters, *primitives, given)])
-        points = sample_points(sampler, len(letters) + len(primitives) + 6, seed)
+        points = [sampler.points(seed).point(k) for k in range(len(letters) + len(primitives) + 6)]
         rows = [_row(Expansion(point, [variable], 1), letters, primitives, given) for point in points]
     except (IrreducibleAtoms, SingularPoint, ValueError):
         return None

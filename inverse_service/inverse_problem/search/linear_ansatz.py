@@ -13,13 +13,13 @@ from inverse_service.algebra import montgomery
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.search.null_vectors import kernel, settled_kernel
+from inverse_service.inverse_problem.search.gradings import graded
+from inverse_service.inverse_problem.search.null_vectors import SampledRows, kernel, vectors_of_groups
 from inverse_service.inverse_problem.search.sampling import (
     LetterTable,
     Sampler,
     letter_table,
     monomial_values,
-    samples_from,
 )
 from inverse_service.inverse_problem.search.terms import Monomial
 
@@ -72,8 +72,16 @@ def _fill(
 
 
 def to_montgomery(array: Words, prime: int) -> Words:
-    radix = (1 << 64) % prime
-    return np.array([int(x) * radix % prime for x in array.ravel()], np.uint64).reshape(array.shape)
+    modulus, negative_inverse, _, radix_squared = montgomery.constants(prime)
+    result = np.ascontiguousarray(array).copy()
+    _times(result.reshape(-1), radix_squared, modulus, negative_inverse)
+    return result
+
+
+@compiled
+def _times(numbers: Any, factor: Any, prime: Any, negative_inverse: Any) -> None:
+    for k in range(numbers.shape[0]):
+        numbers[k] = multiply(numbers[k], factor, prime, negative_inverse)
 
 
 def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
@@ -123,17 +131,12 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
     letters, n = letters_of(candidates), len(sampler.analysis.accelerations)
 
     def equations(begin: int, end: int) -> Words:
-        table = letter_table(sampler, letters, end, seed)
-        return euler_lagrange_matrix(samples_from(table, begin), letters, candidates)
+        table = letter_table(sampler, letters, end, seed, first=begin)
+        return euler_lagrange_matrix(table, letters, candidates)
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
-    space = settled_kernel(
-        equations,
-        sampler.prime(seed),
-        (len(candidates) + _SPARE_EQUATIONS) // n + 1,
-        lambda nullity: (nullity + _SPARE_EQUATIONS) // n + 1,
-    )
-    found = space.rational_vectors()
+    groups = graded(sampler.analysis.system, candidates)
+    found = vectors_of_groups(groups, SampledRows(equations, n), sampler.prime(seed), _SPARE_EQUATIONS)
     kept = _that_hold(sampler, candidates, found, seed + 77_777)
     return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
 

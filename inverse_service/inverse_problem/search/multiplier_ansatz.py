@@ -20,19 +20,20 @@ from inverse_service.algebra.point import Expansion, Point
 from inverse_service.expressions.tree import Expression, walk
 from inverse_service.inverse_problem.prolongation import local_system
 from inverse_service.inverse_problem.search.deadline import check
+from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.linear_ansatz import (
     LagrangianSpace,
     exponent_lists,
     letters_of,
     to_montgomery,
 )
-from inverse_service.inverse_problem.search.null_vectors import settled_kernel
+from inverse_service.inverse_problem.search.null_vectors import SampledRows, vectors_of_groups
+from inverse_service.inverse_problem.search.sample_points import Matrix
 from inverse_service.inverse_problem.search.sampling import (
     LetterTable,
     Sampler,
     letter_table,
     monomial_values,
-    samples_from,
 )
 from inverse_service.inverse_problem.search.terms import Monomial
 
@@ -46,17 +47,12 @@ def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> 
     letters, n = letters_of(terms), len(sampler.analysis.accelerations)
 
     def equations(begin: int, end: int) -> Words:
-        table = letter_table(sampler, letters, end, seed, with_third=True)
-        return helmholtz_matrix(sampler, samples_from(table, begin), letters, terms)
+        table = letter_table(sampler, letters, end, seed, with_third=True, first=begin)
+        return helmholtz_matrix(sampler, table, letters, terms)
 
     # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
-    space = settled_kernel(
-        equations,
-        sampler.prime(seed),
-        (len(terms) + _SPARE_EQUATIONS) // (n * n) + 1,
-        lambda nullity: (nullity + _SPARE_EQUATIONS) // (n * n) + 1,
-    )
-    vectors = space.rational_vectors()
+    groups = graded(sampler.analysis.system, terms)
+    vectors = vectors_of_groups(groups, SampledRows(equations, n * n), sampler.prime(seed), _SPARE_EQUATIONS)
     return LagrangianSpace(sampler, tuple({terms[k]: a for k, a in vector.items()} for vector in vectors))
 
 
@@ -68,7 +64,7 @@ def helmholtz_matrix(
     starts, places, exponents = exponent_lists(letters, terms, prime)
     values = monomial_values(table, letters, terms)
     n = table.by_velocity.shape[2]
-    pairs = [connection_and_endomorphism(sampler, point) for point in table.points]
+    pairs = tensors_of(sampler, table)
     modulus, negative_inverse, _, _ = montgomery.constants(prime)
     result = np.zeros((len(values) * n * n, len(terms)), np.uint64)
     arrays = (table.along, table.by_velocity, table.mixed, table.hessian, table.third)
@@ -76,14 +72,24 @@ def helmholtz_matrix(
     connection, endomorphism = (
         to_montgomery(np.array([pair[k] for pair in pairs], np.uint64), prime) for k in (0, 1)
     )
+    work = (np.empty(n, np.uint64), np.empty(n, np.uint64), np.empty((n, n), np.uint64), np.empty((n, n), np.uint64))
     _fill(
         values, starts, places, exponents, along, by_velocity, mixed, hessian, third, connection, endomorphism,
-        result, modulus, negative_inverse,
+        result, *work, modulus, negative_inverse,
     )  # fmt: skip
     return result
 
 
-def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[list[list[int]], list[list[int]]]:
+def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matrix]]:
+    """(N, Phi) at each sample of a table; what is known of a point is kept."""
+    places = [table.known.place(k) for k in table.numbers]
+    for place in places:
+        if place.tensors is None:
+            place.tensors = connection_and_endomorphism(sampler, place.point)
+    return [place.tensors for place in places if place.tensors is not None]
+
+
+def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix, Matrix]:
     """(N, Phi) at a point, each (n, n)."""
     check(_WORK_OF_TENSORS + sum(1 for f in sampler.analysis.accelerations for _ in walk(f)))
     expansion = Expansion(point, sampler.variables, 2)
@@ -99,17 +105,19 @@ def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[list[li
 @compiled
 def _fill(
     values: Any, starts: Any, places: Any, exponents: Any, along: Any, by_velocity: Any, mixed: Any, hessian: Any,
-    third: Any, connection: Any, endomorphism: Any, result: Any, prime: Any, inverse: Any,
+    third: Any, connection: Any, endomorphism: Any, result: Any, v: Any, h: Any, g: Any, dg: Any,
+    prime: Any, inverse: Any,
 ) -> None:  # fmt: skip
     samples, count = values.shape
     n = by_velocity.shape[2]
     zero = np.uint64(0)
-    v, h = np.zeros(n, np.uint64), np.zeros(n, np.uint64)
-    g, dg = np.zeros((n, n), np.uint64), np.zeros((n, n), np.uint64)
     for s in range(samples):
         for c in range(count):
             total = zero
-            v[:], h[:], g[:, :], dg[:, :] = zero, zero, zero, zero
+            for i in range(n):
+                v[i] = h[i] = zero
+                for j in range(n):
+                    g[i, j] = dg[i, j] = zero
             for k in range(starts[c], starts[c + 1]):
                 e, p = exponents[k], places[k]
                 total = (total + multiply(e, along[s, p], prime, inverse)) % prime

@@ -6,10 +6,12 @@ reduced form: each vector has the last of its columns to itself, with entry 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 
+import numpy as np
 from flint import nmod_mat
 
 from inverse_service.algebra.echelon_kernels import Words
@@ -105,3 +107,40 @@ def settled_kernel(
         if found.nullity == before:
             break
     return found
+
+
+@dataclass(slots=True)
+class SampledRows:
+    """Equations sample by sample, each computed once; `equations(begin, end)` gives `width` rows for each of these."""
+
+    equations: Callable[[int, int], Words]
+    width: int
+    rows: Words | None = None
+
+    def of(self, begin: int, end: int, columns: Sequence[int]) -> Words:
+        """The rows of these samples for these unknowns."""
+        taken = 0 if self.rows is None else len(self.rows) // self.width
+        if end > taken:
+            further = self.equations(taken, end)
+            self.rows = further if self.rows is None else np.concatenate([self.rows, further])
+        assert self.rows is not None
+        return self.rows[begin * self.width : end * self.width, columns]
+
+
+def vectors_of_groups(
+    groups: Iterable[Sequence[int]], rows: SampledRows, prime: int, spare: int
+) -> list[dict[int, Fraction]]:
+    """The rational null vectors in the span of each group of unknowns, in the order of their own columns."""
+
+    def samples(unknowns: int) -> int:
+        return (unknowns + spare) // rows.width + 1
+
+    found: list[dict[int, Fraction]] = []
+    for group in sorted(groups, key=len, reverse=True):
+        inside = settled_kernel(partial(_of_group, rows, group), prime, samples(len(group)), samples)
+        found += [{group[k]: a for k, a in vector.items()} for vector in inside.rational_vectors()]
+    return sorted(found, key=max)
+
+
+def _of_group(rows: SampledRows, group: Sequence[int], begin: int, end: int) -> Words:
+    return rows.of(begin, end, group)

@@ -10,7 +10,6 @@ from inverse_service.inverse_problem.decision import decide
 from inverse_service.inverse_problem.search.ladder import _sampler
 from inverse_service.inverse_problem.search.linear_ansatz import LagrangianSpace
 from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism, solve_multiplier
-from inverse_service.inverse_problem.search.sampling import sample_points
 from inverse_service.mechanics.conditions import conditions
 from tests.inverse_problem.search.given import material, monomial_of
 
@@ -59,7 +58,7 @@ def test_connection_and_endomorphism_are_those_of_the_exact_conditions(equations
     """N = -1/2 df/dv and Phi, the exact trees evaluated at the same point."""
     here = material(equations)
     sampler = _sampler(here, [monomial_of(f"{name}'^2") for name in equations])
-    (point,) = sample_points(sampler, 1, 5)
+    point = sampler.points(5).point(0)
     connection, endomorphism = connection_and_endomorphism(sampler, point)
     exact = conditions(here.analysis.system).Phi
     assert exact is not None

@@ -8,7 +8,7 @@ is found proposes terms of an ansatz only, so no proof is needed here.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -17,23 +17,25 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service.algebra import montgomery
+from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, power
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, power
 from inverse_service.expressions.tree import multiply as multiply_trees
 from inverse_service.inverse_problem.search.darboux.cofactors import cofactors, divergences
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials
+from inverse_service.inverse_problem.search.gradings import factors, grouped
 from inverse_service.inverse_problem.search.linear_ansatz import (
     Combination,
     exponent_lists,
     letters_of,
-    null_combinations,
     to_montgomery,
 )
 from inverse_service.inverse_problem.search.material import Material, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.null_vectors import kernel
 from inverse_service.inverse_problem.search.one_coordinate.algebra import expanded, factored, factors_of
 from inverse_service.inverse_problem.search.sampling import LetterTable, letter_table, make_sampler, monomial_values
 from inverse_service.inverse_problem.search.shapes import pairs
@@ -135,29 +137,69 @@ def _of_cofactors(
     material: Material, candidates: Sequence[Monomial], tried: Sequence[Terms], seed: int
 ) -> list[list[Combination]]:
     """The solutions P of Gamma(P) = K P for each K."""
-    items = [item for key in [*candidates, *(key for terms in tried for key in terms)] for item in key]
+    found: list[list[Combination]] = [[] for _ in tried]
+    letters = letters_of([*candidates, *(key for terms in tried for key in terms)])
     try:
-        sampler = make_sampler(material.analysis, dict.fromkeys(items))
-        letters = letters_of([frozenset([item]) for item in dict.fromkeys(items)])
-        table = letter_table(sampler, letters, len(candidates) + _SPARE, seed)
+        sampler = make_sampler(material.analysis, dict.fromkeys(p for key in candidates for p in key))
+        for chosen, groups in _groups(material, candidates, tried):
+            table = letter_table(sampler, letters, max(map(len, groups)) + _SPARE, seed)
+            solved = _solved(table, letters, candidates, groups, [tried[k] for k in chosen])
+            for k, combinations in zip(chosen, solved, strict=True):
+                found[k] = combinations
     except _NO_POINTS:
         return [[] for _ in tried]
-    candidates = _independent(table, letters, candidates)
-    values = monomial_values(table, letters, candidates)
+    return found
+
+
+def _groups(
+    material: Material, candidates: Sequence[Monomial], tried: Sequence[Terms]
+) -> Iterator[tuple[list[int], list[list[int]]]]:
+    """(numbers of cofactors, groups of candidates that do not mix under Gamma - K), by what reflections do to K.
+
+    A K that does not scale as 1/t has no P: in the one or the other direction of a scaling the last part of K times
+    the last part of P would have to vanish alone.
+    """
+    keys = list(dict.fromkeys(key for terms in tried for key in terms))
+    *known, rate = factors(material.analysis.system, [*candidates, *keys, times(EMPTY, monomial(TIME), -1)])
+    factor = dict(zip(keys, known[len(candidates) :], strict=True))
+    scaled = [k for k, terms in enumerate(tried) if all(factor[key][0] == rate[0] for key in terms)]
+    both = [k for k in scaled if all(factor[key] == rate for key in tried[k])]
+    groups = grouped(known[: len(candidates)])
+    if both:
+        yield both, groups
+    if len(both) < len(scaled):
+        yield [k for k in scaled if k not in both], grouped((scale, 0) for scale, _ in known[: len(candidates)])
+
+
+def _solved(
+    table: LetterTable,
+    letters: Sequence[Expression],
+    candidates: Sequence[Monomial],
+    groups: Sequence[Sequence[int]],
+    tried: Sequence[Terms],
+) -> list[list[Combination]]:
+    """The solutions in the span of each group, for each K, in the order of the candidates."""
+    prime, rows = table.prime, monomial_values(table, letters, candidates)
+    groups = [_independent(rows[: len(group) + _SPARE], group, prime) for group in groups]
     rates = _rates(table, letters, candidates)
     found = []
     for terms in tried:
         check()
-        matrix = _equations(values, rates, _value(table, letters, terms), table.prime)
-        found.append(null_combinations(matrix, candidates, table.prime))
+        matrix = _equations(rows, rates, _value(table, letters, terms), prime)
+        vectors = [
+            {group[k]: a for k, a in vector.items()}
+            for group in groups
+            for vector in kernel(matrix[: len(group) + _SPARE, group], prime).rational_vectors()
+        ]
+        found.append([{candidates[k]: a for k, a in vector.items()} for vector in sorted(vectors, key=max)])
     return found
 
 
-def _independent(table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]) -> list[Monomial]:
-    """The terms without those that are combinations of earlier ones as functions."""
-    rows = monomial_values(table, letters, terms).tolist()
-    reduced, rank = nmod_mat(len(rows), len(terms), [a for row in rows for a in row], table.prime).rref()
-    return [terms[next(k for k in range(len(terms)) if int(reduced[i, k]))] for i in range(rank)]
+def _independent(values: Words, group: Sequence[int], prime: int) -> list[int]:
+    """The candidates of a group without those that are combinations of earlier ones as functions."""
+    rows = values[:, group].tolist()
+    reduced, rank = nmod_mat(len(rows), len(group), [a for row in rows for a in row], prime).rref()
+    return [group[next(k for k in range(len(group)) if int(reduced[i, k]))] for i in range(rank)]
 
 
 def _value(table: LetterTable, letters: Sequence[Expression], terms: Terms) -> Any:

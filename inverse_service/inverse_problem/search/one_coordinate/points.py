@@ -12,7 +12,7 @@ from inverse_service.algebra.primes import reconstruct
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.linear_ansatz import letters_of
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism
+from inverse_service.inverse_problem.search.multiplier_ansatz import tensors_of
 from inverse_service.inverse_problem.search.sampling import (
     LetterTable,
     letter_table,
@@ -51,7 +51,7 @@ def sampled(material: Material, terms: Sequence[Monomial], count: int, seed: int
     letters = letters_of(terms)
     sampler = make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
     table = letter_table(sampler, letters, count, seed)
-    slopes = tuple(-2 * connection_and_endomorphism(sampler, point)[0][0][0] % table.prime for point in table.points)
+    slopes = tuple(-2 * connection[0][0] % table.prime for connection, _ in tensors_of(sampler, table))
     return Samples({p: k for k, p in enumerate(letters)}, table, slopes)
 
 
