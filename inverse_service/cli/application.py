@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -60,6 +61,8 @@ def run() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(encoding="utf-8", errors="replace")
+    # Nothing here multiplies large matrices of floats, and threads for it take NumPy 0.05 s to start.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # What goes wrong is said in one sentence; the log with its tracebacks belongs to the service.
     logging.getLogger("inverse_service").addHandler(logging.NullHandler())
     with exit_codes():

@@ -14,7 +14,6 @@ from inverse_service.mechanics.agreement import Canonical, GivenText, equations_
 from inverse_service.mechanics.reading import read_given
 from inverse_service.service import translate
 from inverse_service.service.document_kinds import is_nonholonomic
-from inverse_service.service.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
 
 
 def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
@@ -26,10 +25,7 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
     end = time.monotonic() + time_limit
     try:
         if is_nonholonomic(document):
-            motion = to_nonholonomic(to_nonholonomic_schema(document))
-            functions = {function.name: function.arguments for function in motion.functions}
-            names = Names(motion.coordinates, motion.parameters, functions)
-            return _named(names, canonical) or motion_agrees(motion, canonical, end - time.monotonic())
+            return _compared_motion(document, canonical, end)
         schema = translate.to_schema(document)
         given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions)
     except InputError as error:
@@ -38,6 +34,16 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
     texts = texts if len(texts) == len(given.residuals) else []
     limit = end - time.monotonic()
     return _named(names, canonical) or equations_agree(given.residuals, names.coordinates, canonical, limit, texts)
+
+
+def _compared_motion(document: Any, canonical: Canonical, end: float) -> CheckResult:
+    # Imported where it is needed: it takes 0.05 s, which a single call for another system notices.
+    from inverse_service.service.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
+
+    motion = to_nonholonomic(to_nonholonomic_schema(document))
+    functions = {function.name: function.arguments for function in motion.functions}
+    names = Names(motion.coordinates, motion.parameters, functions)
+    return _named(names, canonical) or motion_agrees(motion, canonical, end - time.monotonic())
 
 
 def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:

@@ -16,7 +16,7 @@ from inverse_service.service.kinds import KINDS, label_of
 from inverse_service.service.outcome import Outcome, Place
 from inverse_service.service.reading import read_json
 
-ENGINE = ("inverse_service.service.documents",)
+ENGINE = tuple(f"inverse_service.service.{name}" for name in ("documents", "solving", "nonholonomic", "checking"))
 
 
 def load_engine() -> None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from api_schemas.nonholonomic import NonholonomicDocument
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
     ConditionsPart,
@@ -35,7 +34,10 @@ from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.refusals import DocumentRefused, places_of
 
-AnyDocument = SystemDocument | NonholonomicDocument
+if TYPE_CHECKING:
+    from api_schemas.nonholonomic import NonholonomicDocument
+
+    AnyDocument = SystemDocument | NonholonomicDocument
 
 
 def to_schema(document: Any) -> SystemDocument:
