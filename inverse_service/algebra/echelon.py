@@ -130,9 +130,7 @@ class Echelon:
         count = keep_those_that_do_not_vanish(rows, *given, solution, kept, prime, negative_inverse)
         return kept[:count]
 
-    def _insert(
-        self, rows: Indices, row_starts: Indices, columns: Indices, values: Words, most: int
-    ) -> Indices:
+    def _insert(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words, most: int) -> Indices:
         """Insert those rows one by one; the answer has those left out that need over `most` rows of the basis."""
         prime, negative_inverse, one, _ = montgomery.constants(self.prime)
         work, touched = np.zeros(self.width, np.uint64), np.zeros((self.width >> 6) + 1, np.uint64)
@@ -140,20 +138,37 @@ class Echelon:
         place = 0
         while True:
             place = reduce_rows(
-                place, most, rows, later, row_starts, columns, values, work, touched,
-                self.pivot_of, self.starts, self.columns, self.values, self.origin,
-                self.use_starts, self.use_rows, self.use_factors, self.state,
-                prime, negative_inverse, one,
+                place,
+                most,
+                rows,
+                later,
+                row_starts,
+                columns,
+                values,
+                work,
+                touched,
+                self.pivot_of,
+                self.starts,
+                self.columns,
+                self.values,
+                self.origin,
+                self.use_starts,
+                self.use_rows,
+                self.use_factors,
+                self.state,
+                prime,
+                negative_inverse,
+                one,
             )
             if place == len(rows):
                 break
             self._grow()
         first, self.count = self.count, int(self.state[ROWS])
         if self.count > first:
-            rows = (self.starts, self.values, self.use_starts, self.use_factors)
             normalise_rows(
-                first, self.count, np.empty(self.count - first, np.uint64), *rows, prime, negative_inverse, one
-            )
+                first, self.count, np.empty(self.count - first, np.uint64), self.starts, self.values,
+                self.use_starts, self.use_factors, prime, negative_inverse, one,
+            )  # fmt: skip
         return later[: self.state[LATER]]
 
     def _grow(self) -> None:

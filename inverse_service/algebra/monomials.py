@@ -61,3 +61,22 @@ def keys_of(monomials: MonomialKeys, exponents: npt.NDArray[np.int8]) -> npt.NDA
     """The keys of rows of exponents."""
     shifts = np.array([1 << (monomials.bits * k) for k in range(monomials.size)], np.int64)
     return exponents.astype(np.int64) @ shifts
+
+
+def places_among(size: int, known: npt.NDArray[np.int8], sought: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Where monomials with these keys stand among the known ones; all are there."""
+    keys = keys_of(MonomialKeys(size), known)
+    order = np.argsort(keys)
+    found: npt.NDArray[np.int64] = order[np.searchsorted(keys, sought, sorter=order)]
+    return found
+
+
+@lru_cache(maxsize=256)
+def products_of_degree(size: int, low: int, high: int) -> npt.NDArray[np.int32]:
+    """The place of m m' among the monomials of degree low + high, (monomials m of `high`, those m' of `low`)."""
+    monomials = MonomialKeys(size)
+    left, right = (keys_of(monomials, exponents_of_degree(size, d)) for d in (high, low))
+    table = exponents_of_degree(size, low + high)
+    found = places_among(size, table, left[:, None] + right).astype(np.int32)
+    found.setflags(write=False)
+    return found

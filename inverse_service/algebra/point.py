@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
+from hashlib import blake2b
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.primes import positive_power, prime_factors
+from inverse_service.algebra.primes import is_positive, positive_power, prime_factors
 from inverse_service.algebra.series import Series, SeriesRing, SingularPoint
 from inverse_service.expressions.tree import (
     Apply,
@@ -45,7 +45,8 @@ class Point:
 
     def draw(self, key: Hashable) -> int:
         """A random nonzero residue that depends on the seed and the key alone."""
-        return random.Random(f"{self.seed}|{_text(key)}").randrange(2, self.prime - 1)
+        text = f"{self.seed}|{_text(key)}".encode()
+        return int.from_bytes(blake2b(text, digest_size=16).digest()) % (self.prime - 3) + 2
 
     def draw_free(self, atom: Expression) -> int:
         """A random nonzero residue for a free generator; the salts of its variables change it too."""
@@ -62,7 +63,7 @@ class Point:
         if name not in self.variables:
             value = self.draw((name, self.salts.get(name, 0)))
             sign = self.signs.get(name, 0)
-            if sign and (pow(value, (self.prime - 1) // 2, self.prime) == 1) != (sign > 0):
+            if sign and is_positive(value, self.prime) != (sign > 0):
                 value = self.prime - value
             self.variables[name] = value
         return self.variables[name]

@@ -44,7 +44,7 @@ def _is_safe_prime(candidate: int) -> bool:
 
 def is_positive(value: int, prime: int) -> bool:
     """Whether a nonzero residue class is a square."""
-    return pow(value, (prime - 1) // 2, prime) == 1
+    return int(fmpz(value).jacobi(prime)) == 1
 
 
 def positive_power(value: int, exponent: Fraction, prime: int) -> int:

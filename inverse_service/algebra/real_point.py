@@ -11,7 +11,7 @@ import mpmath
 from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rules import RADIAN
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.evaluation import NoRealValue, evaluate, evaluate_once
 from inverse_service.expressions.tree import Arbitrary, Expression, distinct_nodes
 
 _DIGITS = 40
@@ -28,9 +28,9 @@ def find_real_point(expressions: Sequence[Expression], variables: Sequence[Varia
     names = list(dict.fromkeys([*variables, *functions]))
     generator = random.Random(f"real {seed}")
     with mpmath.workdps(_DIGITS):
-        for scale in _SCALES:
+        for scale in map(mpmath.mpf, _SCALES):
             for attempt in range(_TRIES_PER_SCALE):
-                table: RealTable = {name: _draw(generator, mpmath.mpf(scale), attempt % 2 == 0) for name in names}
+                table: RealTable = {name: _draw(generator, scale, attempt % 2 == 0) for name in names}
                 table[RADIAN] = mpmath.mpf(1)
                 if is_defined(expressions, table):
                     return table
@@ -38,25 +38,28 @@ def find_real_point(expressions: Sequence[Expression], variables: Sequence[Varia
 
 
 def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath.mpf:
-    magnitude = mpmath.mpf(generator.randrange(1_000, 10_000)) / 10_000 * scale
+    magnitude = scale * generator.randrange(1_000, 10_000) / 10_000
     return magnitude if positive or generator.random() < 0.5 else -magnitude
 
 
 def is_defined(expressions: Sequence[Expression], table: RealTable) -> bool:
     """Whether all have finite values at the point."""
+    known = dict(table)
     try:
-        return all(mpmath.isfinite(evaluate(expression, table)) for expression in expressions)
+        return all(mpmath.isfinite(evaluate_once(expression, known)) for expression in expressions)
     except NoRealValue:
         return False
 
 
 def real_sign(expression: Expression, table: RealTable) -> int:
     """The sign of a value that is not zero."""
-    with mpmath.workdps(_DIGITS):
-        value = evaluate(expression, table)
-        if abs(value) < _TINY:
-            raise IrreducibleAtoms("the sign of an expression under a root could not be told at a real point")
-        return 1 if value > 0 else -1
+    value = table.get(expression)
+    if value is None:
+        with mpmath.workdps(_DIGITS):
+            value = evaluate(expression, table)
+    if abs(value) < _TINY:
+        raise IrreducibleAtoms("the sign of an expression under a root could not be told at a real point")
+    return 1 if value > 0 else -1
 
 
 def turns(table: RealTable | None, atom: Expression, linear: Sequence[tuple[Expression, Fraction]]) -> Fraction:

@@ -9,17 +9,22 @@ solutions exist through every g(p) left (Cartan, Kuranishi, Goldschmidt).
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+import numpy.typing as npt
+
 from inverse_service.algebra.echelon import Flags
-from inverse_service.algebra.point import Expansion
+from inverse_service.algebra.point import Expansion, Variable
 from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.series_program import TooLarge, constants_at
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem import involution
 from inverse_service.inverse_problem.analysis import Analysis, analyse
+from inverse_service.inverse_problem.local_program import CompiledSystem, LocalProgram, local_program
 from inverse_service.inverse_problem.outcome import SolutionSpace, Verdict
 from inverse_service.inverse_problem.prolongation import (
     LocalSystem,
@@ -74,6 +79,15 @@ Expander = Callable[[bool, int, int], LocalSystem]
 
 
 @dataclass(slots=True)
+class _Kept:
+    """What both runs share: the program for prolongation up to `order`, and (prime, constants) for each seed."""
+
+    program: LocalProgram | None = None
+    order: int = 0
+    constants: dict[int, tuple[int, npt.NDArray[np.uint64]]] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
 class _Run:
     """One run at one point."""
 
@@ -88,6 +102,7 @@ class _Run:
     # Rows that depend on others: where another run found them, and where this one did.
     expected_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
     dependent_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
+    kept: _Kept = field(default_factory=_Kept)
 
 
 def decide(
@@ -117,7 +132,7 @@ def decide(
         # The second run will go as far as the first: it expands f once, to that order, and tests at once
         # that the rows without use there are without use here.
         again = _Run(analysis, with_time, 2 * seed + 1, limits, report, first.order, expander)
-        again.expected_rows = run.dependent_rows
+        again.expected_rows, again.kept = run.dependent_rows, run.kept
         second = _decide_once(again)
     except IrreducibleAtoms as problem:
         return _timed(Decision("undetermined", with_time, 0, reason=problem.detail), began)
@@ -147,18 +162,34 @@ def _decide_once(run: _Run) -> Decision:
     raise IrreducibleAtoms("a denominator vanishes at every point tried: is it identically zero?")
 
 
-def _expand(run: _Run, seed: int, order: int) -> LocalSystem:
+def _expand(run: _Run, seed: int, order: int) -> LocalSystem | CompiledSystem:
     """X, N, Phi at the point of this seed, enough for prolongation order `order`."""
     if run.expander is not None:
         return run.expander(run.with_time, seed, order)
     system = run.analysis.system
-    point = draw_point(run.analysis.tower, seed)
     velocities = [Velocity(name) for name in system.coordinates]
-    variables = [Symbol(name) for name in system.coordinates] + velocities
-    expansion = Expansion(point, [TIME, *variables] if run.with_time else variables, order + 2)
+    variables: list[Variable] = [*[TIME] * run.with_time, *(Symbol(name) for name in system.coordinates), *velocities]
+    try:
+        return _expanded_by_program(run, variables, velocities, seed, order)
+    except TooLarge:
+        expansion = Expansion(draw_point(run.analysis.tower, seed), variables, order + 2)
     speeds = [expansion.expand(v) for v in velocities]
     forces = [expansion.expand(f) for f in run.analysis.accelerations]
     return local_system(expansion.ring, speeds, forces, run.with_time)
+
+
+def _expanded_by_program(
+    run: _Run, variables: Sequence[Variable], velocities: Sequence[Velocity], seed: int, order: int
+) -> CompiledSystem:
+    """By compiled series; the program and the constants at a point are made once, for the usual order at least."""
+    kept = run.kept
+    if kept.program is None or order > kept.order:
+        kept.order, kept.constants = max(order, _SECOND_ORDER), {}
+        kept.program = local_program(variables, velocities, run.analysis.accelerations, kept.order + 2)
+    if seed not in kept.constants:
+        point = draw_point(run.analysis.tower, seed)
+        kept.constants[seed] = (point.prime, constants_at(kept.program.series, point))
+    return kept.program.at(*kept.constants[seed], order + 2)
 
 
 def _prolong(run: _Run, seed: int) -> Decision:
@@ -181,7 +212,7 @@ def _prolong(run: _Run, seed: int) -> Decision:
         run.history.append(tuple(prolongation.dimension(d) for d in range(order + 1)))
         found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
         if found:
-                return replace(found, points=points)
+            return replace(found, points=points)
 
 
 def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
@@ -210,9 +241,7 @@ def _negative(run: _Run, prolongation: Prolongation, seed: int) -> Decision | No
             del kept[number]
     used = sorted({original for number in kept for original in prolongation.echelon.trace({number: 1})})
     names = tuple(prolongation.row_name(number) for number in used)
-    return Decision(
-        "not_variational", run.with_time, prolongation.order, rows=names, history=tuple(run.history)
-    )
+    return Decision("not_variational", run.with_time, prolongation.order, rows=names, history=tuple(run.history))
 
 
 def _positive(run: _Run, prolongation: Prolongation, seed: int) -> Decision | None:

@@ -50,6 +50,11 @@ class TermTable:
     terms: Integers
 
 
+def pair_number(i: int, j: int, n: int) -> int:
+    """The place of g_ij, i <= j, among 11, 12, …, nn."""
+    return i * n - i * (i - 1) // 2 + j - i
+
+
 def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity: int, most: int) -> TermTable:
     """The terms over `size` displacements, those of the velocities from `first_velocity` on, to degree `most`."""
     place_of = known_places(size)
@@ -69,7 +74,7 @@ def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity:
                     values += map(int, table.values())
                     degrees += [degree] * len(table)
             starts.append(len(places))
-        pair = term.i * n - term.i * (term.i - 1) // 2 + term.j - term.i
+        pair = pair_number(term.i, term.j, n)
         rows.append((term.equation, numbers[id(term.series)], term.negative, pair, term.derivative))
     return TermTable(
         size, first_velocity, equations, np.array(starts, np.int64), np.array(places, np.int64),

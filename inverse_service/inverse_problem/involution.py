@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from flint import nmod_mat
@@ -12,7 +13,7 @@ from inverse_service.algebra import montgomery
 from inverse_service.algebra.echelon import Echelon, SparseRows
 from inverse_service.algebra.echelon_kernels import Indices, Words
 from inverse_service.algebra.montgomery import compiled, multiply
-from inverse_service.inverse_problem.monomial_tables import raised_unknowns
+from inverse_service.inverse_problem.monomial_tables import raised_unknowns, unknown_exponents
 from inverse_service.inverse_problem.prolongation import Prolongation, unknown_block
 
 Rows = list[dict[int, int]]
@@ -44,23 +45,24 @@ def is_singular_everywhere(prolongation: Prolongation, rows: Rows, seed: int) ->
 
 def _random_determinant(prolongation: Prolongation, basis: nmod_mat, generator: random.Random) -> int:
     prime = prolongation.local.ring.prime
-    count, width = basis.nrows(), basis.ncols()
+    count = basis.nrows()
     if count == 0:
         return 0
     weights = nmod_mat(1, count, [generator.randrange(prime) for _ in range(count)], prime)
     element = [int(x) for x in (weights * basis).entries()]
-    n, first = prolongation.local.dimension, prolongation.first_velocity
+    n = prolongation.local.dimension
     matrix = nmod_mat(n, n, prime)
-    for column in range(width):
-        i, j = velocity_pair(prolongation.blocks[0][column], first)
+    for column, (i, j) in enumerate(velocity_pairs(prolongation.size, prolongation.first_velocity)):
         matrix[i, j] = matrix[j, i] = element[column] * (2 if i == j else 1)
     return int(matrix.det())
 
 
-def velocity_pair(exponents: np.typing.NDArray[np.int8], first: int) -> tuple[int, int]:
-    """(i, j) of the monomial v_i v_j."""
-    places = [k for k, e in enumerate(exponents[first:]) for _ in range(int(e))]
-    return places[0], places[1]
+@lru_cache(maxsize=64)
+def velocity_pairs(size: int, first: int) -> tuple[tuple[int, int], ...]:
+    """(i, j) of each monomial v_i v_j, in the order of the unknowns of degree 0 in g."""
+    rows = unknown_exponents(size, first, 0)[:, first:].tolist()
+    pairs = ([k for k, e in enumerate(row) for _ in range(e)] for row in rows)
+    return tuple((i, j) for i, j in pairs)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,14 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra.monomials import MonomialKeys, exponents_of_degree, keys_of, raised_places
+from inverse_service.algebra.monomials import (
+    MonomialKeys,
+    exponents_of_degree,
+    keys_of,
+    places_among,
+    products_of_degree,
+    raised_places,
+)
 
 Integers = npt.NDArray[np.int64]
 Places = npt.NDArray[np.int32]
@@ -38,14 +45,6 @@ def width_below(size: int, first_velocity: int, degree: int) -> int:
     return sum(len(unknown_exponents(size, first_velocity, d)) for d in range(degree))
 
 
-def _places(size: int, known: Exponents, sought: Integers) -> Integers:
-    """Where monomials with these keys stand among the known ones; all are there."""
-    keys = keys_of(MonomialKeys(size), known)
-    order = np.argsort(keys)
-    found: Integers = order[np.searchsorted(keys, sought, sorter=order)]
-    return found
-
-
 @dataclass(frozen=True, slots=True)
 class Raised:
     """x_a m for the unknown monomials m of one degree: its place among those of the next, its exponent of x_a.
@@ -63,7 +62,7 @@ def raised_unknowns(size: int, first_velocity: int, degree: int) -> Raised:
     block = unknown_exponents(size, first_velocity, degree)
     above = unknown_exponents(size, first_velocity, degree + 1)
     steps = np.array([1 << (MonomialKeys(size).bits * a) for a in range(size)], np.int64)
-    places = _places(size, above, keys_of(MonomialKeys(size), block)[:, None] + steps)
+    places = places_among(size, above, keys_of(MonomialKeys(size), block)[:, None] + steps)
     factors = block.astype(np.int64) + 1
     _frozen(places)
     _frozen(factors)
@@ -90,21 +89,11 @@ def entry_columns(size: int, first_velocity: int, degree: int) -> EntryColumns:
     keys, e = keys_of(monomials, table), table.astype(np.int64)
     pairs = [(i, j) for i in range(first_velocity, size) for j in range(i, size)]
     steps = np.array([[(1 << monomials.bits * i) + (1 << monomials.bits * j)] for i, j in pairs], np.int64)
-    columns = _places(size, block, keys + steps) + width_below(size, first_velocity, degree)
+    columns = places_among(size, block, keys + steps) + width_below(size, first_velocity, degree)
     factors = np.array([(e[:, j] + 1) * (e[:, i] + (2 if i == j else 1)) for i, j in pairs])
     _frozen(columns)
     _frozen(factors)
     return EntryColumns(columns, factors)
-
-
-@lru_cache(maxsize=_KEPT)
-def products_of_degree(size: int, low: int, high: int) -> Places:
-    """The place of m m' among the monomials of degree low + high, (monomials m of `high`, those m' of `low`)."""
-    monomials = MonomialKeys(size)
-    left, right = (keys_of(monomials, exponents_of_degree(size, d)) for d in (high, low))
-    found = _places(size, exponents_of_degree(size, low + high), left[:, None] + right).astype(np.int32)
-    _frozen(found)
-    return found
 
 
 class KnownPlaces(dict[tuple[int, ...], int]):

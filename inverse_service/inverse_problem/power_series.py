@@ -22,7 +22,7 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import PI, Apply, Arbitrary, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.inverse_problem.analysis import Analysis, variables_of
-from inverse_service.inverse_problem.involution import velocity_pair
+from inverse_service.inverse_problem.involution import velocity_pairs
 from inverse_service.inverse_problem.prolongation import Prolongation, advance, local_system, start
 
 _ATTEMPTS = 8
@@ -127,8 +127,7 @@ def is_regular(prolongation: Prolongation, found: Mapping[int, int]) -> bool:
     """Whether g(p), twice the part of degree 0, is a regular matrix."""
     n, prime = prolongation.local.dimension, prolongation.local.ring.prime
     matrix = nmod_mat(n, n, prime)
-    for column, exponents in enumerate(prolongation.blocks[0]):
-        i, j = velocity_pair(exponents, prolongation.first_velocity)
+    for column, (i, j) in enumerate(velocity_pairs(prolongation.size, prolongation.first_velocity)):
         matrix[i, j] = matrix[j, i] = found[column] * (2 if i == j else 1)
     return int(matrix.det()) != 0
 

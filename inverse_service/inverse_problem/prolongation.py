@@ -22,27 +22,13 @@ from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon import Echelon, Flags
 from inverse_service.algebra.monomials import exponents_of_degree, raised_places
 from inverse_service.algebra.series import Series, SeriesRing
-from inverse_service.inverse_problem.emission import (
-    NO_DERIVATIVE,
-    Exponents,
-    Term,
-    TermTable,
-    rows_of_degree,
-    term_table,
-)
+from inverse_service.inverse_problem.emission import NO_DERIVATIVE, Exponents, Term, rows_of_degree, term_table
+from inverse_service.inverse_problem.equations import KINDS, Equations, Kind, pairs_of, summands
+from inverse_service.inverse_problem.local_program import CompiledSystem
 from inverse_service.inverse_problem.monomial_tables import unknown_exponents
 
 # (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
 RowName = tuple[str, int, int, tuple[int, ...]]
-
-
-@dataclass(frozen=True, slots=True)
-class Equations:
-    """The equations of one kind, H2 (i <= j) or H3 (i < j): their index pairs, and the terms of all."""
-
-    kind: str
-    pairs: tuple[tuple[int, int], ...]
-    table: TermTable
 
 
 def matrix_product(left: list[list[Series]], right: list[list[Series]]) -> list[list[Series]]:
@@ -118,36 +104,24 @@ def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series
     return LocalSystem(ring, offset, tuple(field_), connection, tuple(endomorphism))
 
 
-def equations(local: LocalSystem) -> tuple[Equations, ...]:
+def equations(local: LocalSystem | CompiledSystem) -> tuple[Equations, ...]:
     """H2 for i <= j, then H3 for i < j, with what prolongation to the order of Phi needs of the series."""
-    size = range(local.dimension)
-    along, straight = [(a, x) for a, x in enumerate(local.field) if any(x)], local.endomorphism
-    second, third = [(i, j) for i in size for j in size if i <= j], [(i, j) for i in size for j in size if i < j]
-    terms = [Term(e, i, j, a, x) for e, (i, j) in enumerate(second) for a, x in along]
-    terms += [x for e, (i, j) in enumerate(second) for x in _products(e, i, j, local.connection, True, True)]
-    skew = [x for e, (i, j) in enumerate(third) for x in _products(e, i, j, straight, False, True)]
+    if isinstance(local, CompiledSystem):
+        return local.equations()
     order = local.ring.order - 2
-    return (_equations(local, "H2", second, terms, order - 1), _equations(local, "H3", third, skew, order))
+    return tuple(_equations(local, kind, order - 1 if kind == "H2" else order) for kind in KINDS)
 
 
-def _equations(
-    local: LocalSystem, kind: str, pairs: list[tuple[int, int]], terms: list[Term], degree: int
-) -> Equations:
+def _equations(local: LocalSystem, kind: Kind, degree: int) -> Equations:
     """The rows of this kind are wanted up to this degree."""
-    table = term_table(terms, len(pairs), local.ring.size, local.offset + local.dimension, degree)
-    return Equations(kind, tuple(pairs), table)
-
-
-def _products(
-    equation: int, i: int, j: int, matrix: tuple[tuple[Series, ...], ...], negative: bool, other_negative: bool
-) -> list[Term]:
-    """sum_k (+-) g_ik A^k_j (+-) g_jk A^k_i for a matrix A of series."""
-    found = []
-    for k, row in enumerate(matrix):
-        for a, b, sign in ((i, j, negative), (j, i, other_negative)):
-            if any(row[b]):
-                found.append(Term(equation, min(a, k), max(a, k), NO_DERIVATIVE, row[b], sign))
-    return found
+    n, size = local.dimension, local.ring.size
+    matrix, terms = local.connection if kind == "H2" else local.endomorphism, []
+    for s in summands(kind, n, size):
+        series = matrix[s.row][s.column] if s.derivative == NO_DERIVATIVE else local.field[s.row]
+        if any(series):
+            terms.append(Term(s.equation, s.i, s.j, s.derivative, series, s.negative))
+    pairs = pairs_of(kind, n)
+    return Equations(kind, pairs, term_table(terms, len(pairs), size, size - n, degree))
 
 
 @dataclass(slots=True)
@@ -158,7 +132,7 @@ class Prolongation:
     for each kind and degree, the rows that depend on those before; `expected` those that did elsewhere.
     """
 
-    local: LocalSystem
+    local: LocalSystem | CompiledSystem
     echelon: Echelon
     order: int = -1
     equations: tuple[Equations, ...] = ()
@@ -195,7 +169,7 @@ class Prolongation:
         raise IndexError("no such row")
 
 
-def start(local: LocalSystem, expected: Mapping[tuple[str, int], Flags] | None = None) -> Prolongation:
+def start(local: LocalSystem | CompiledSystem, expected: Mapping[tuple[str, int], Flags] | None = None) -> Prolongation:
     """No rows yet; `advance` makes order 0, 1, … `expected` marks rows that depended on others elsewhere."""
     return Prolongation(local, Echelon(local.ring.prime), equations=equations(local), expected=expected or {})
 

@@ -1,0 +1,108 @@
+"""X, N and Phi by compiled series give the very equations that sparse series give."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from inverse_service.algebra.point import Expansion, Variable
+from inverse_service.algebra.series_program import TooLarge, constants_at
+from inverse_service.algebra.tower import draw_point
+from inverse_service.expressions.tree import TIME, Symbol, Velocity
+from inverse_service.inverse_problem import decision as room
+from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision import Decision, decide
+from inverse_service.inverse_problem.emission import rows_of_degree
+from inverse_service.inverse_problem.equations import Equations
+from inverse_service.inverse_problem.local_program import local_program
+from inverse_service.inverse_problem.prolongation import equations, local_system
+from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+SYSTEMS: list[tuple[dict[str, str], list[str], bool]] = [
+    ({"x": "-x"}, [], False),
+    ({"x": "0"}, [], True),
+    ({"x": "-k*x*t-x'^2/x"}, ["k"], True),
+    ({"x": "y*x'^2-x", "y": "x*y'+x^2"}, [], False),
+    ({"x": "exp(y*x')*sin(x)", "y": "sqrt(x^2+y^2)*y'"}, [], True),
+    ({"x": "A(x)*y'*z'", "y": "-x'*log(y)", "z": "atan(y)*z'^3/(1+x)"}, [], False),
+    ({"x": "-2*x+y", "y": "x-2*y+z", "z": "y-2*z+w", "w": "z-2*w+x'*y'"}, [], False),
+]
+
+
+def system_of(equations_of: dict[str, str], parameters: list[str]) -> SecondOrderSystem:
+    functions = {"A": ["x"]} if any("A(" in f for f in equations_of.values()) else None
+    return read_system(list(equations_of), {q: f"{q}''={f}" for q, f in equations_of.items()}, parameters, functions)
+
+
+def both(system: SecondOrderSystem, with_time: bool, order: int) -> tuple[tuple[Equations, ...], ...]:
+    """The equations by compiled and by sparse series, at the same point."""
+    analysis = analyse(system)
+    point = draw_point(analysis.tower, 3)
+    velocities = [Velocity(name) for name in system.coordinates]
+    variables: list[Variable] = [*[TIME] * with_time, *(Symbol(name) for name in system.coordinates), *velocities]
+    program = local_program(variables, velocities, analysis.accelerations, order + 3)
+    compiled = program.at(point.prime, constants_at(program.series, point), order + 2)
+    expansion = Expansion(point, variables, order + 2)
+    speeds, forces = ([expansion.expand(x) for x in some] for some in (velocities, analysis.accelerations))
+    return equations(compiled), equations(local_system(expansion.ring, speeds, forces, with_time))
+
+
+def entries(found: Equations, degree: int, prime: int, factor: int) -> list[dict[int, int]]:
+    """The rows of one degree as {column: value}, each value times the factor."""
+    rows = rows_of_degree(found.table, degree, prime)
+    table = []
+    for a, b in itertools.pairwise(rows.starts.tolist()):
+        row: dict[int, int] = {}
+        for c, x in zip(rows.columns[a:b].tolist(), rows.values[a:b].tolist(), strict=True):
+            row[c] = (row.get(c, 0) + x * factor) % prime
+        table.append({c: x for c, x in row.items() if x})
+    return table
+
+
+@pytest.mark.parametrize(("equations_of", "parameters", "with_time"), SYSTEMS)
+def test_the_rows_are_those_of_sparse_series(
+    equations_of: dict[str, str], parameters: list[str], with_time: bool
+) -> None:
+    system = system_of(equations_of, parameters)
+    order, prime = 2, draw_point(analyse(system).tower, 3).prime
+    for compiled, sparse in zip(*both(system, with_time, order), strict=True):
+        assert (compiled.kind, compiled.pairs) == (sparse.kind, sparse.pairs)
+        for degree in range(order + (compiled.kind == "H3")):
+            found = entries(compiled, degree, prime, pow(1 << 64, -1, prime))
+            assert found == entries(sparse, degree, prime, 1)
+    assert any(len(found.table.values) for found in both(system, with_time, order)[0])
+
+
+def told(found: Decision) -> tuple[object, ...]:
+    return found.verdict, found.order, found.history, found.degree, found.space, found.reason
+
+
+@pytest.mark.parametrize(("equations_of", "parameters", "with_time"), SYSTEMS)
+def test_decisions_do_not_depend_on_how_series_are_kept(
+    equations_of: dict[str, str], parameters: list[str], with_time: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system = system_of(equations_of, parameters)
+    compiled = decide(system, with_time)
+
+    def too_large(*_: object) -> None:
+        raise TooLarge
+
+    monkeypatch.setattr(room, "local_program", too_large)
+    assert told(decide(system, with_time)) == told(compiled)
+    assert compiled.verdict != "undetermined"
+
+
+def test_a_denominator_that_vanishes_everywhere_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = system_of({"x": "x/(k-x)"}, ["k"])
+    real = room.constants_at
+
+    def zeros(program: object, point: object) -> np.typing.NDArray[np.uint64]:
+        return np.zeros_like(real(program, point))  # type: ignore[arg-type]
+
+    monkeypatch.setattr(room, "constants_at", zeros)
+    found = decide(system, False)
+    assert found.verdict == "undetermined"
+    assert "denominator vanishes" in found.reason
