@@ -40,7 +40,7 @@ Words = npt.NDArray[np.uint64]
 Recipe = Callable[[Point, dict[Expression, int]], int]
 _ONE = 0
 # Larger programs than this are slower than sparse polynomials, or need too much memory.
-_MOST_WORDS, _MOST_PRODUCTS = 4_000_000, 3_000_000
+_MOST_WORDS, _MOST_PRODUCTS = 16_000_000, 3_000_000
 
 
 class TooLarge(Exception):
