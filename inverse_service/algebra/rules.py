@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 from inverse_service.algebra.point import Point, constant_value, evaluate, number_value
 from inverse_service.algebra.primes import positive_power
@@ -170,6 +171,7 @@ def _arctangent_turn(atom: Expression, point: Point) -> tuple[int, int]:
     return factor, w * factor % point.prime
 
 
+@lru_cache(maxsize=1024)
 def circle_twelfth(turns: Fraction, prime: int) -> tuple[int, int]:
     """(cos, sin) of pi * turns for multiples of pi/12."""
     steps = turns * _TWELFTH

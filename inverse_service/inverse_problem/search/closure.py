@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
-from inverse_service.expressions.tree import TIME, Apply, Number, walk
+from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, walk
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
-from inverse_service.inverse_problem.search.motion import euler_lagrange, split_velocities
+from inverse_service.inverse_problem.search.motion import MotionTerms, euler_lagrange, split_velocities
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, rank, times
 
 # In units of the search (see `deadline`).
@@ -46,15 +46,23 @@ def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> lis
         return []
     found: dict[Monomial, None] = {}
     motion = material.motion
+    answered: dict[Monomial, list[tuple[Symbol, Monomial]]] = {}
     for v, residual in zip(motion.velocities, residuals, strict=True):
         for term in residual:
             position, moving = split_velocities(term)
-            for q, w in zip(motion.coordinates, motion.velocities, strict=True):
-                shape = times(times(moving, monomial(v)), monomial(w), -1)
-                if shape in shapes:
-                    found.update(dict.fromkeys(times(m, shape) for m in antiderivatives(position, q)))
+            whole = times(moving, monomial(v))
+            if whole not in answered:
+                answered[whole] = _answering(motion, whole, shapes)
+            for q, shape in answered[whole]:
+                found.update(dict.fromkeys(times(m, shape) for m in antiderivatives(position, q)))
     found.update(dict.fromkeys(m for extra in list(found) for m in _without_squares(extra)))
     return list(found)
+
+
+def _answering(motion: MotionTerms, whole: Monomial, shapes: set[Monomial]) -> list[tuple[Symbol, Monomial]]:
+    """(q_j, w v_i / v_j) for the admitted shapes among these, `whole` being w v_i."""
+    every = zip(motion.coordinates, motion.velocities, strict=True)
+    return [(q, shape) for q, w in every if (shape := times(whole, monomial(w), -1)) in shapes]
 
 
 def _without_squares(key: Monomial) -> list[Monomial]:

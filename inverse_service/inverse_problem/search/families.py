@@ -18,6 +18,7 @@ from inverse_service.inverse_problem.search.terms import Monomial, monomial, tim
 
 _MOST_SEEDS = 900
 _MOST_PRODUCTS = 360
+_MOST_SHORT = 240
 # What can cancel the residuals of v_i v_j, whose coefficients need not be products of few letters.
 _MOST_ANSWERS = 200
 # Plain functions of position that are offered as potentials beside what the residuals ask for.
@@ -66,6 +67,14 @@ def _metric(material: Material, factors: Factors) -> list[Monomial]:
     functions = distinct([*position_monomials(material, degree), *factors.plain])
     answers = closed(material, shapes.pairs(material), 2, _MOST_ANSWERS)
     return products(factors.in_time, [*products(functions, quadratic), *answers])
+
+
+def _short_metric(material: Material, factors: Factors) -> list[Monomial]:
+    """phi v_i v_j with phi a product of at most two letters as f holds them, or an integrating factor."""
+    shapes_of_v = shapes.pairs(material)
+    products_of_two = [key for key in position_monomials(material, 2) if all(e.denominator == 1 for _, e in key)]
+    functions = distinct([*products_of_two, *factors.plain[:4]])
+    return products(factors.in_time, products(functions[: _MOST_SHORT // len(shapes_of_v)], shapes_of_v))
 
 
 def _fitting(material: Material, room: int) -> list[Monomial]:
@@ -152,6 +161,7 @@ FAMILIES = (
     Family("constant multiplier", 1, _constant, quadratic=True),
     Family("quadratic, polynomial in the coordinates", 2, _constant_in_time, depth=3, bound=250, quadratic=True),
     Family("quadratic with integrating factors", 3, _integrating, quadratic=True),
+    Family("quadratic with short functions of position", 3.4, _short_metric, bound=150, quadratic=True),
     Family("Laurent monomials v_i v_j / v_k, polynomial in the coordinates", 4, _laurent_plain, depth=3, bound=600),
     Family("functions of the velocities, constant coefficients", 5, _velocity_functions, depth=0, bound=200),
     Family("roots of velocities that are constant", 5.5, _roots_of_constants, depth=2, bound=250),
@@ -161,7 +171,7 @@ FAMILIES = (
     Family("velocities times a root of f, with functions of position", 8.2, _times_roots, bound=400),
     Family("Darboux polynomials and first integrals", 8.5, of_darboux_polynomials, by_residuals=True),
     Family("logarithms and roots of velocities", 9, _logarithms),
-    Family("Laurent monomials v_i v_j v_k / v_l^2", 10, _laurent_double, depth=2, bound=500),
+    Family("Laurent monomials v_i v_j v_k / v_l^2", 9.5, _laurent_double, depth=2, bound=500),
 )
 
 

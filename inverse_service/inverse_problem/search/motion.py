@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 
@@ -12,21 +12,26 @@ from inverse_service.inverse_problem.search.terms import (
     Monomial,
     Terms,
     add_terms,
-    derivative,
     derivative_of_terms,
+    letter_derivative,
     monomial,
     multiply_terms,
+    times,
 )
 
 
 @dataclass(frozen=True, slots=True)
 class MotionTerms:
-    """q'' = f with f expanded; `with_time` says whether L may contain t."""
+    """q'' = f with f expanded; `with_time` says whether L may contain t.
+
+    `known` keeps what the residuals of monomials are made of, and these: families share many monomials.
+    """
 
     coordinates: tuple[Symbol, ...]
     velocities: tuple[Velocity, ...]
     forces: tuple[Terms, ...]
     with_time: bool
+    known: dict[Hashable, Terms] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def size(self) -> int:
@@ -34,13 +39,61 @@ class MotionTerms:
 
 
 def euler_lagrange(motion: MotionTerms, candidate: Monomial) -> tuple[Terms, ...]:
-    """sum_j f^j m_{v_i v_j} + v^j m_{v_i q_j} + m_{v_i t} - m_{q_i} for each i."""
-    found = []
-    for q, v in zip(motion.coordinates, motion.velocities, strict=True):
-        momentum = derivative(candidate, v)
-        total = along(motion, momentum)
-        found.append(add_terms(total, derivative(candidate, q), -1))
-    return tuple(found)
+    """sum_j f^j m_{v_i v_j} + v^j m_{v_i q_j} + m_{v_i t} - m_{q_i} for each i.
+
+    For m = prod p^e this is m times sum_p e_p (Gamma(V_i p) - Q_i p) + sum_pr e_p e_r G(p) V_i r, with the logarithmic
+    derivatives V_i p = p_{v_i}/p, Q_i p = p_{q_i}/p and G(p) = Gamma(p)/p.
+    """
+    return tuple(_residual(motion, candidate, i) for i in range(motion.size))
+
+
+def _residual(motion: MotionTerms, candidate: Monomial, i: int) -> Terms:
+    key = candidate, i
+    if key not in motion.known:
+        total: Terms = {}
+        moving = [(r, e) for r, e in candidate if _slope(motion, r, motion.velocities[i])]
+        for p, e in candidate:
+            _add(total, _own_part(motion, p, i), e)
+            for r, factor in moving:
+                _add(total, _common_part(motion, p, r, i), e * factor)
+        motion.known[key] = {times(part, candidate): value for part, value in total.items() if value}
+    return motion.known[key]
+
+
+def _add(total: Terms, terms: Terms, factor: Fraction) -> None:
+    for key, value in terms.items():
+        more = value if factor == 1 else factor * value
+        total[key] = total[key] + more if key in total else more
+
+
+def _own_part(motion: MotionTerms, p: Expression, i: int) -> Terms:
+    """Gamma(V_i p) - Q_i p."""
+    key = "own part", p, i
+    if key not in motion.known:
+        rate = along(motion, _slope(motion, p, motion.velocities[i]))
+        motion.known[key] = add_terms(rate, _slope(motion, p, motion.coordinates[i]), -1)
+    return motion.known[key]
+
+
+def _common_part(motion: MotionTerms, p: Expression, r: Expression, i: int) -> Terms:
+    """G(p) V_i r."""
+    key = "common part", p, r, i
+    if key not in motion.known:
+        rate = _divided(along(motion, {monomial(p): Fraction(1)}), p)
+        motion.known[key] = multiply_terms(rate, _slope(motion, r, motion.velocities[i]))
+    return motion.known[key]
+
+
+def _slope(motion: MotionTerms, p: Expression, variable: Symbol | Velocity) -> Terms:
+    """The derivative of log p."""
+    key = "slope", p, variable
+    if key not in motion.known:
+        motion.known[key] = _divided(letter_derivative(p, variable), p)
+    return motion.known[key]
+
+
+def _divided(terms: Terms, p: Expression) -> Terms:
+    return {times(key, monomial(p), -1): value for key, value in terms.items()}
 
 
 def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:

@@ -6,6 +6,7 @@ shorter, the whole search is made for the system in the new coordinates.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -64,7 +65,7 @@ def _shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
     system = material.analysis.system
     settled = [_settled(f, system.coordinates) for f in system.accelerations]
     own = min(_size(system.accelerations), _size(settled))
-    found = [(change, other) for change, other in _transformed(material) if _size(other.accelerations) < own]
+    found = list(_transformed(material, own))
     return sorted(found, key=lambda pair: _size(pair[1].accelerations))
 
 
@@ -72,17 +73,20 @@ def _size(trees: Sequence[Expression]) -> int:
     return sum(1 for tree in trees for _ in walk(tree))
 
 
-def _transformed(material: Material) -> Iterator[tuple[Change, SecondOrderSystem]]:
+def _transformed(material: Material, size: int) -> Iterator[tuple[Change, SecondOrderSystem]]:
+    """The changes that make f smaller than that."""
     for change in suggested(material):
         check()
         try:
-            yield change, transformed(material.analysis.system, change)
+            other = transformed(material.analysis.system, change, size)
         except (ArithmeticError, ValueError):
             continue
+        if other is not None:
+            yield change, other
 
 
-def transformed(system: SecondOrderSystem, change: Change) -> SecondOrderSystem:
-    """The system in the new coordinates: Q'' = W_q f + (W_qq v) v with q = psi(Q)."""
+def transformed(system: SecondOrderSystem, change: Change, size: float = math.inf) -> SecondOrderSystem | None:
+    """The system in the new coordinates: Q'' = W_q f + (W_qq v) v with q = psi(Q); None where f gets that large."""
     names = system.coordinates
     forces = dict(zip(names, system.accelerations, strict=True))
     table: dict[Expression, Expression] = {**_table(change.old, names), **change.functions}
@@ -93,6 +97,8 @@ def transformed(system: SecondOrderSystem, change: Change) -> SecondOrderSystem:
         whole = add(_rate(rate, names), *along)
         placed = substitute(to_kernels(whole) if change.functions else whole, table)
         accelerations.append(_settled(placed, names))
+        if _size(accelerations) >= size:
+            return None
     return replace(system, accelerations=tuple(accelerations))
 
 
@@ -125,6 +131,8 @@ def _inside(tree: Expression, names: Sequence[str]) -> Expression:
 
 
 def _quotient(tree: Expression, names: Sequence[str]) -> Expression:
+    if isinstance(tree, Number | Symbol | Velocity):
+        return tree
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     budget = Budget(_TERMS, end(), _WORK_TO_SIMPLIFY)
     try:
