@@ -38,10 +38,11 @@ from inverse_service.inverse_problem.hierarchy import all_singular, kernel, unkn
 from inverse_service.inverse_problem.prolongation import RowName
 from inverse_service.inverse_problem.rational_points import (
     PlainPoint,
+    are_confirmed,
     atoms_and_jets,
     bare_variables,
+    fractions_of_one_prime,
     has_points,
-    in_fractions,
     is_real,
     placed,
 )
@@ -53,6 +54,7 @@ PRUNED = 60
 _ATTEMPTS, _ENOUGH = 200, 40
 
 FractionRow = Mapping[DerivativeOfEntry, Fraction]
+_Key = Expression | tuple[RowName, DerivativeOfEntry]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,17 +95,31 @@ def differential_numbers(
     """The shortest of the first arguments found; None where none was met before the deadline (time.monotonic)."""
     if not has_points(analysis):
         return None
-    found: list[DifferentialNumbers] = []
     for order in range(1, HIGHEST_ORDER + 1):
         chosen = sufficient_rows(analysis, with_time, order, seed, deadline)
-        for attempt in range(_ATTEMPTS if chosen is not None else 0):
-            if chosen is None or time.monotonic() > deadline or len(found) == chosen.points_wanted:
-                break
-            numbers = _at_point(analysis, chosen, attempt)
-            found += [] if numbers is None else [numbers]
-        if found:
-            return min(found, key=lambda numbers: numbers.size)
+        shortest = None if chosen is None else _shortest(analysis, chosen, deadline)
+        if shortest is not None:
+            return shortest
     return None
+
+
+def _shortest(analysis: Analysis, chosen: SufficientRows, deadline: float) -> DifferentialNumbers | None:
+    """The shortest argument at the points gone through that a second prime confirms."""
+    best: DifferentialNumbers | None = None
+    met = 0
+    for attempt in range(_ATTEMPTS):
+        if time.monotonic() > deadline or met == chosen.points_wanted:
+            break
+        residues = partial(_residues, analysis, chosen, attempt)
+        values = fractions_of_one_prime(analysis, residues)
+        numbers = None if values is None else _at_point(analysis, chosen, values)
+        if values is None or numbers is None:
+            continue
+        if best is not None and numbers.size >= best.size:
+            met += 1
+        elif are_confirmed(analysis, residues, values):
+            best, met = numbers, met + 1
+    return best
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,11 +175,10 @@ def _needed(rows: Mapping[RowName, Row], n: int, prime: int) -> dict[RowName, Ro
     return None
 
 
-def _at_point(analysis: Analysis, chosen: SufficientRows, attempt: int) -> DifferentialNumbers | None:
-    """The argument at the point number `attempt`; None where it does not close there."""
-    values = in_fractions(analysis, partial(_residues, analysis, chosen, attempt))
-    if values is None:
-        return None
+def _at_point(
+    analysis: Analysis, chosen: SufficientRows, values: Mapping[_Key, Fraction]
+) -> DifferentialNumbers | None:
+    """The argument at a point with these values; None where it does not close there."""
     entries: dict[RowName, dict[DerivativeOfEntry, Fraction]] = {name: {} for name in chosen.names}
     for key, value in values.items():
         if isinstance(key, tuple):
@@ -188,9 +203,6 @@ def _at_point(analysis: Analysis, chosen: SufficientRows, attempt: int) -> Diffe
         len(chosen.names),
         rank,
     )
-
-
-_Key = Expression | tuple[RowName, DerivativeOfEntry]
 
 
 def _residues(analysis: Analysis, chosen: SufficientRows, attempt: int, prime: int) -> dict[_Key, int] | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, product
 
 from flint import nmod_mat
 
@@ -73,7 +73,7 @@ def rows_at(
     """
     variables = variables_of_question(analysis, with_time)
     n = len(analysis.system.coordinates)
-    expansion = Expansion(point, variables, order + 3)
+    expansion = Expansion(point, variables, order + 2)
     forces = [expansion.expand(f) for f in analysis.accelerations]
     velocities = [expansion.expand(v) for v in variables[-n:]]
     local = local_system(expansion.ring, velocities, forces, len(variables) > 2 * n)
@@ -96,9 +96,11 @@ class _Table:
     def row(self, name: RowName) -> Row:
         kind, i, j, alpha = name
         row: dict[DerivativeOfEntry, int] = {}
+        parts = list(product(*(range(a + 1) for a in alpha)))
         for factor, left, right, sign, by in self._terms(kind, i, j):
-            for beta, value in factor.items():
-                if any(b > a for a, b in zip(alpha, beta, strict=True)):
+            for beta in parts:
+                value = factor.get(beta)
+                if value is None:
                     continue
                 left_over = [a - b for a, b in zip(alpha, beta, strict=True)]
                 weight = math.prod(map(math.perm, alpha, beta))

@@ -172,15 +172,30 @@ def placed(analysis: Analysis, point: Point) -> bool:
 
 def in_fractions(analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None]) -> dict[Key, Fraction] | None:
     """`residues(prime)` as fractions of small numbers, from one prime and confirmed by another."""
-    first, second = (safe_prime(seed, analysis.tower.residues) for seed in (7_001, 7_002))
-    values = residues(first)
-    confirmation = residues(second) if values is not None else None
-    if values is None or confirmation is None:
-        return None
+    found = fractions_of_one_prime(analysis, residues)
+    return found if found is not None and are_confirmed(analysis, residues, found) else None
+
+
+def fractions_of_one_prime(
+    analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None]
+) -> dict[Key, Fraction] | None:
+    """`residues(prime)` as fractions of small numbers, to be confirmed."""
+    prime = safe_prime(7_001, analysis.tower.residues)
     found: dict[Key, Fraction] = {}
-    for key, residue in values.items():
-        value = reconstruct(residue, first, _BOUND)
-        if value is None or (value.numerator - confirmation.get(key, 0) * value.denominator) % second:
+    for key, residue in (residues(prime) or {}).items():
+        value = reconstruct(residue, prime, _BOUND)
+        if value is None:
             return None
         found[key] = value
-    return found
+    return found or None
+
+
+def are_confirmed(
+    analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None], found: Mapping[Key, Fraction]
+) -> bool:
+    """Whether a second prime gives the same fractions."""
+    prime = safe_prime(7_002, analysis.tower.residues)
+    values = residues(prime)
+    return values is not None and not any(
+        (fraction.numerator - values.get(key, 0) * fraction.denominator) % prime for key, fraction in found.items()
+    )
