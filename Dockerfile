@@ -8,6 +8,12 @@ COPY api_schemas api_schemas
 ARG EXTRAS=""
 RUN python -m venv /opt/inverse-service \
     && /opt/inverse-service/bin/pip install --no-cache-dir -c constraints.txt ".${EXTRAS:+[$EXTRAS]}"
+# The modular kernels, compiled for the processor of this machine; on another one the service compiles its own.
+WORKDIR /
+RUN for name in sho douglas-iiib nonholonomic-particle-second van-der-pol; do \
+      /opt/inverse-service/bin/inverse-service catalogue "$name" | /opt/inverse-service/bin/inverse-service solve - >/dev/null \
+      || exit 1; \
+    done
 
 FROM python:3.11-slim
 RUN useradd --system --uid 10001 --home-dir /nonexistent --shell /usr/sbin/nologin inverse \
@@ -19,7 +25,6 @@ ENV PATH=/opt/inverse-service/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \
     PYTHONUNBUFFERED=1 \
     XDG_CACHE_HOME=/tmp/cache \
-    NUMBA_CACHE_DIR=/tmp/numba \
     MPLCONFIGDIR=/tmp/matplotlib \
     INVERSE_SERVICE_DATABASE=/var/lib/inverse-service/jobs.sqlite
 USER 10001

@@ -69,7 +69,7 @@ class Kernel:
     def _from_store(self, kinds: Kinds) -> Callable[..., Any] | None:
         from inverse_service.machine_code.sources import kernel_digest
 
-        found = store.read(kernel_digest(self.py_func, kinds), _KIND)
+        found = store.read(kernel_digest(self.py_func, kinds), _KIND, with_program=True)
         try:
             return None if found is None else self._loaded(found[1])
         except (OSError, RuntimeError):
@@ -80,7 +80,8 @@ class Kernel:
         from inverse_service.machine_code.sources import kernel_digest
 
         code = object_code(self.made(), kinds)
-        store.write(kernel_digest(self.py_func, kinds), {"kernel": repr(self), "kinds": kinds}, code, _KIND)
+        noted = {"kernel": repr(self), "kinds": kinds}
+        store.write(kernel_digest(self.py_func, kinds), noted, code, _KIND, with_program=True)
         return self._loaded(code)
 
     def _loaded(self, code: bytes) -> Callable[..., Any]:

@@ -28,18 +28,41 @@ def cache_directory(environment: Mapping[str, str] = os.environ, platform: str =
     return Path(environment.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "inverse-service"
 
 
-def read(digest: str, kind: str = "kernel") -> tuple[dict[str, Any], bytes] | None:
-    """(what was noted, object code) of an entry, None where there is none that is whole."""
+def program_directory() -> Path:
+    """A place beside the program: an installation that is filled once serves all its users."""
+    return Path(__file__).parent / "__pycache__"
+
+
+def read(digest: str, kind: str = "kernel", with_program: bool = False) -> tuple[dict[str, Any], bytes] | None:
+    """(what was noted, object code) of an entry, None where there is none that is whole.
+
+    It is sought in the cache, and `with_program` also beside the program.
+    """
+    name = f"{digest}.{kind}"
+    beside = _entry(program_directory() / name, digest, _owner_of_program()) if with_program else None
+    if beside is not None:
+        return beside
     try:
-        path = cache_directory() / f"{digest}.{kind}"
-        return _unpacked(path.read_bytes(), digest) if _is_ours(path) else None
-    except (OSError, ValueError, RuntimeError):
+        return _entry(cache_directory() / name, digest, _user())
+    except RuntimeError:  # there is no home
         return None
 
 
-def _is_ours(path: Path) -> bool:
-    """Machine code is run only where nobody else could have put it."""
-    return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()
+def _entry(path: Path, digest: str, owner: int) -> tuple[dict[str, Any], bytes] | None:
+    """Machine code is run only where nobody else could have put it: of the user, or of who owns the program."""
+    try:
+        return _unpacked(path.read_bytes(), digest) if owner in (-1, path.stat().st_uid) else None
+    except (OSError, ValueError):
+        return None
+
+
+def _user() -> int:
+    """The number of the user, -1 where there is none."""
+    return os.getuid() if hasattr(os, "getuid") else -1
+
+
+def _owner_of_program() -> int:
+    return Path(__file__).stat().st_uid if hasattr(os, "getuid") else -1
 
 
 def _unpacked(content: bytes, digest: str) -> tuple[dict[str, Any], bytes] | None:
@@ -56,21 +79,36 @@ def _seal(digest: str, body: bytes) -> bytes:
     return hashlib.sha256(digest.encode() + body).hexdigest().encode()
 
 
-def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel") -> None:
-    """Keep an entry; a disk that is full or read-only costs time only. Kinds do not push each other out."""
+def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel", with_program: bool = False) -> None:
+    """Keep an entry; a disk that is full or read-only costs time only. Kinds do not push each other out.
+
+    `with_program` beside the program, where it is the user's own and no cache was named.
+    """
     text = json.dumps(noted).encode()
     body = len(text).to_bytes(8, "little") + text + code
-    with contextlib.suppress(OSError, RuntimeError):
-        directory = cache_directory()
-        directory.mkdir(parents=True, exist_ok=True, mode=0o700)
+    content = _MAGIC + _seal(digest, body) + body
+    own = with_program and not os.environ.get(_VARIABLE) and _owner_of_program() == _user()
+    if not (own and _written(program_directory(), digest, content, kind, 0o755)):
+        with contextlib.suppress(RuntimeError):  # there is no home
+            _written(cache_directory(), digest, content, kind, 0o700)
+
+
+def _written(directory: Path, digest: str, content: bytes, kind: str, mode: int) -> bool:
+    try:
+        directory.mkdir(parents=True, exist_ok=True, mode=mode)
         _prune(directory, kind)
         handle, name = tempfile.mkstemp(dir=directory)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(_MAGIC + _seal(digest, body) + body)
-            os.replace(name, directory / f"{digest}.{kind}")
-        except OSError:
-            Path(name).unlink(missing_ok=True)
+    except OSError:
+        return False
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        Path(name).chmod(mode & 0o666)
+        os.replace(name, directory / f"{digest}.{kind}")
+    except OSError:
+        Path(name).unlink(missing_ok=True)
+        return False
+    return True
 
 
 def _prune(directory: Path, kind: str) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from inverse_service.machine_code import building, kernels
+from inverse_service.machine_code import building, kernels, store
 from inverse_service.machine_code.kernels import Kernel, compiled
 from inverse_service.machine_code.signatures import kinds_of
 from inverse_service.machine_code.sources import Unstorable, kernel_digest
@@ -228,6 +228,38 @@ def test_a_folder_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeyp
     assert again(is_positive)(1) is True
 
 
+def test_an_installation_serves_all_its_users(
+    folder: Path, compilations: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Code beside the program is put there by its owner, and found by all who run it."""
+    program = tmp_path / "program"
+    monkeypatch.setattr(store, "program_directory", lambda: program)
+    monkeypatch.delenv("INVERSE_SERVICE_CACHE")
+    assert again(is_positive)(1) is True
+    (entry,) = program.iterdir()
+    assert entry.stat().st_mode & 0o777 == 0o644
+    monkeypatch.setenv("INVERSE_SERVICE_CACHE", str(folder))
+    monkeypatch.setattr(os, "getuid", lambda: entry.stat().st_uid + 1)
+    assert again(is_positive)(1) is True
+    assert compilations == ["is_positive"]
+    assert not folder.exists()
+    # What somebody else put there is not run.
+    monkeypatch.setattr(store, "_owner_of_program", lambda: entry.stat().st_uid + 1)
+    assert again(is_positive)(1) is True
+    assert compilations == ["is_positive"] * 2
+
+
+def test_where_the_program_cannot_be_written_the_cache_is_used(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    monkeypatch.setattr(store, "program_directory", lambda: tmp_path / "file" / "below")
+    monkeypatch.delenv("INVERSE_SERVICE_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
+    assert again(is_positive)(1) is True
+    assert [path.suffix for path in (folder / "inverse-service").iterdir()] == [".modular"]
+
+
 def test_objects_that_look_otherwise_are_left_to_numba(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernels, "layout_is_known", lambda: False)
     assert again(is_positive)(1) is True
@@ -253,10 +285,13 @@ def test_numba_is_not_imported_where_the_kernels_are_stored(equations: str, verd
 
 
 MANY = """
-import numpy as np
-from inverse_service.algebra.montgomery import constants, multiply
-prime, inverse, one, square = constants(2**61 - 1)
-print(multiply(np.uint64(multiply(np.uint64(7), square, prime, inverse)), np.uint64(3), prime, inverse))
+from inverse_service.machine_code.kernels import compiled
+
+@compiled
+def thrice(number):
+    return 3 * number
+
+print(thrice(7))
 """
 
 
