@@ -10,7 +10,6 @@ from inverse_service.certificate.checker import FORMAT, CheckResult, check_certi
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.service.comparison import compared_with_document
-from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.reading import read_json
 
 TIME_LIMIT = 60.0
@@ -31,6 +30,8 @@ def check_document(text: str) -> dict[str, Any]:
     except InputError:  # the checker says what is wrong with it
         return answer(check_text(text))
     if isinstance(found, dict) and "document" in found and "result" in found:
+        from inverse_service.service.jobs.identity import write_json  # brings all that jobs are made of
+
         alone = check_text(write_json(found["result"]))
         return answer(_with_comparison(alone, found["result"], found["document"], end))
     return answer(_with_comparison(check_text(text), found, None, end))
