@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from fractions import Fraction
+from functools import lru_cache
 
 from inverse_service.expressions.tree import (
     HALF,
@@ -75,7 +76,15 @@ def differentiate(expression: Expression, variable: Expression) -> Expression:
     """
     if not isinstance(variable, Symbol | Velocity | Acceleration):
         raise ValueError("only a symbol, a velocity or an acceleration can be differentiated by")
-    return _derivative(expression, lambda leaf: ONE if leaf == variable else ZERO)
+    return _partial(expression, variable)
+
+
+# One large tree is differentiated many times over, and its derivatives share most of their parts.
+@lru_cache(maxsize=16384)
+def _partial(expression: Expression, variable: Expression) -> Expression:
+    if isinstance(expression, Symbol | Velocity | Acceleration):
+        return ONE if expression == variable else ZERO
+    return _derivative(expression, lambda part: _partial(part, variable))
 
 
 def differentiate_in_time(expression: Expression, coordinates: Collection[str]) -> Expression:
@@ -95,32 +104,35 @@ def differentiate_in_time(expression: Expression, coordinates: Collection[str]) 
             case _:
                 return ONE if leaf == TIME else ZERO
 
-    return _derivative(expression, rate)
+    def along(part: Expression) -> Expression:
+        return rate(part) if isinstance(part, Symbol | Velocity) else _derivative(part, along)
+
+    return along(expression)
 
 
 def _derivative(expression: Expression, rate: Rule) -> Expression:
+    """By the derivatives of the parts of a node."""
     match expression:
         case Number():
             return ZERO
         case Sum(terms):
-            return add(*(_derivative(term, rate) for term in terms))
+            return add(*map(rate, terms))
         case Product(factors):
             return _of_product(factors, rate)
         case Power(base, exponent):
             return _of_power(base, exponent, rate)
         case Apply(function, argument):
-            inner = _derivative(argument, rate)
+            inner = rate(argument)
             return ZERO if inner == ZERO else multiply(_RULES[function](argument), inner)
         case Arbitrary():
             return _of_arbitrary(expression, rate)
-        case _:
-            return rate(expression)
+    raise TypeError(f"{type(expression).__name__} has no derivative")
 
 
 def _of_product(factors: tuple[Expression, ...], rate: Rule) -> Expression:
     terms = []
     for place, factor in enumerate(factors):
-        inner = _derivative(factor, rate)
+        inner = rate(factor)
         if inner != ZERO:
             terms.append(multiply(*factors[:place], inner, *factors[place + 1 :]))
     return add(*terms)
@@ -129,10 +141,10 @@ def _of_product(factors: tuple[Expression, ...], rate: Rule) -> Expression:
 def _of_power(base: Expression, exponent: Expression, rate: Rule) -> Expression:
     """(u^w)' = w u^(w-1) u' + u^w log(u) w', each part only where it is not zero."""
     terms = []
-    inner = _derivative(base, rate)
+    inner = rate(base)
     if inner != ZERO:
         terms.append(multiply(exponent, _lowered(base, exponent), inner))
-    outer = _derivative(exponent, rate)
+    outer = rate(exponent)
     if outer != ZERO:
         terms.append(multiply(Power(base, exponent), apply("log", base), outer))
     return add(*terms)
@@ -145,7 +157,7 @@ def _lowered(base: Expression, exponent: Expression) -> Expression:
 def _of_arbitrary(function: Arbitrary, rate: Rule) -> Expression:
     terms = []
     for place, argument in enumerate(function.arguments):
-        inner = _derivative(argument, rate)
+        inner = rate(argument)
         if inner != ZERO:
             orders = tuple(order + (place == k) for k, order in enumerate(function.orders))
             terms.append(multiply(Arbitrary(function.name, function.arguments, orders), inner))
