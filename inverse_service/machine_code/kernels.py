@@ -63,7 +63,7 @@ class Kernel:
 
         try:
             return self._from_store(kinds) or self._built(kinds)
-        except Unstorable:
+        except (Unstorable, OSError, RuntimeError):  # the last two where this LLVM wants it otherwise
             return cast(Callable[..., Any], self.made())
 
     def _from_store(self, kinds: Kinds) -> Callable[..., Any] | None:

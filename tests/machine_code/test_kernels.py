@@ -260,6 +260,15 @@ def test_where_the_program_cannot_be_written_the_cache_is_used(
     assert [path.suffix for path in (folder / "inverse-service").iterdir()] == [".modular"]
 
 
+def test_where_llvm_refuses_numba_does_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*given: Any) -> bytes:
+        raise RuntimeError("LLVM IR parsing error")
+
+    monkeypatch.setattr(building, "object_code", refused)
+    assert again(is_positive)(1) is True
+    assert not folder.exists()
+
+
 def test_objects_that_look_otherwise_are_left_to_numba(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernels, "layout_is_known", lambda: False)
     assert again(is_positive)(1) is True
