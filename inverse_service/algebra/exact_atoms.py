@@ -37,18 +37,21 @@ def exact_ring(
     budget: Budget,
     further: Sequence[Symbol] = (),
     spare: bool = False,
+    slopes: bool = True,
 ) -> ExactRing:
     """A ring that holds the trees and can differentiate them `orders` times by the variables.
 
     `further` are constants to be adjoined that do not occur in the trees. With `spare` the ring may keep
-    generators without use, which saves making it anew for work that is short. Raises TooLarge where the
-    budget ends and ZeroDivisionError for a division by zero in a tree.
+    generators without use, which saves making it anew for work that is short; without `slopes` it cannot
+    differentiate, which saves the derivatives of all generators. Raises TooLarge where the budget ends and
+    ZeroDivisionError for a division by zero in a tree.
     """
     symbols = [*further, *_symbols(trees, variables)]
     size = len(symbols) + _generators_needed(trees, orders)
-    generous = _build(trees, variables, symbols, orders, budget, size)
+    derived = tuple(variables) if slopes else ()
+    generous = _build(trees, derived, symbols, orders, budget, size)
     used = len(generous.trees)
-    return generous if spare or generous.free == 0 else _build(trees, variables, symbols, orders, budget, used)
+    return generous if spare or generous.free == 0 else _build(trees, derived, symbols, orders, budget, used)
 
 
 def _build(

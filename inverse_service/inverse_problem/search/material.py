@@ -106,7 +106,7 @@ def simplified(material: Material, terms: Terms) -> Terms:
     tree = tree_of(terms)
     symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
     try:
-        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, end(), _WORK))
+        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, end(), _WORK), slopes=False)
         other = terms_of(quotient_tree(ring, ring.value(tree)))
     except (TooLarge, ZeroDivisionError, TooManyTerms):
         return terms

@@ -136,7 +136,7 @@ def _quotient(tree: Expression, names: Sequence[str]) -> Expression:
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     budget = Budget(_TERMS, end(), _WORK_TO_SIMPLIFY)
     try:
-        ring = exact_ring([tree], symbols, 0, budget)
+        ring = exact_ring([tree], symbols, 0, budget, slopes=False)
         return quotient_tree(ring, ring.value(tree))
     except (TooLarge, ZeroDivisionError):
         return tree

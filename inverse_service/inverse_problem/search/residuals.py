@@ -42,7 +42,7 @@ def _settled(material: Material, trees: Iterable[Expression]) -> list[Expression
     check()
     given = list(trees)
     symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
-    ring = exact_ring(given, symbols, 0, Budget(_TERMS, end(), _WORK))
+    ring = exact_ring(given, symbols, 0, Budget(_TERMS, end(), _WORK), slopes=False)
     return [quotient_tree(ring, ring.value(tree)) for tree in given]
 
 

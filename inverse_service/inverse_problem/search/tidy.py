@@ -133,7 +133,7 @@ def _part(
     names = system.coordinates
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
-        ring = exact_ring([plain], symbols, 0, budget)
+        ring = exact_ring([plain], symbols, 0, budget, slopes=False)
         quotient = quotient_tree(ring, ring.value(plain))
     except (TooLarge, ZeroDivisionError):
         return whole

@@ -98,8 +98,7 @@ def tidied(tree: Expression) -> Expression:
     """The tree as one exact quotient, roots and circular functions reduced; as it is where that is too large."""
     variables = list(dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity)))
     try:
-        # One order more than the tree holds: roots of arbitrary functions ask for a derivative.
-        ring = exact_ring([tree], variables, 1, Budget(_TIDIED_TERMS), spare=True)
+        ring = exact_ring([tree], variables, 0, Budget(_TIDIED_TERMS), spare=True, slopes=False)
         return readable(ring, ring.value(tree))
     except (TooLarge, ZeroDivisionError):
         return tree

@@ -37,7 +37,7 @@ _LARGEST_SQUARE = 100
 def factored(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
     """The tree over its common denominator as a product of factors; TooManyTerms where that is large."""
     try:
-        ring = exact_ring([tree], [TIME, *variables], 0, Budget(_TERMS, end(), _WORK))
+        ring = exact_ring([tree], [TIME, *variables], 0, Budget(_TERMS, end(), _WORK), slopes=False)
         return quotient_tree(ring, ring.value(tree))
     except (TooLarge, ZeroDivisionError, KeyError) as problem:
         raise TooManyTerms from problem
