@@ -32,6 +32,7 @@ class _Method(ctypes.Structure):
 
 def load(code: bytes, name: str, other: Callable[..., Any]) -> Callable[..., Any]:
     """The entry in the object file; `other` gets the calls whose arguments are of other kinds."""
+    # One engine for each, 1 ms: in an engine that has an object already, LLVM finds the data of the next one wrongly.
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
