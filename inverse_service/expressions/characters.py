@@ -20,6 +20,8 @@ GREEK |= {small.upper(): name.capitalize() for small, name in zip(_SMALL, _LETTE
 GREEK_COMMANDS: dict[str, str] = {name: name for name in GREEK.values()} | {
     "var" + name: name for name in ("phi", "theta", "epsilon", "rho", "pi", "sigma", "kappa")
 }
+LETTER_COMMANDS = GREEK_COMMANDS | {"ell": "l"}
+SCRIPT_L = "\u2113"
 
 SUBSCRIPTS = {chr(0x2080 + digit): str(digit) for digit in range(10)}
 SUPERSCRIPTS = dict(zip("\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079", "0123456789", strict=True))
@@ -39,6 +41,8 @@ def letter(character: str) -> tuple[str, int] | None:
         return (character, 0) if character.isalnum() or character == "_" else None
     if character in GREEK:
         return GREEK[character], 0
+    if character == SCRIPT_L:
+        return "l", 0
     if character in SUBSCRIPTS:
         return SUBSCRIPTS[character], 0
     if character in _DOTS:

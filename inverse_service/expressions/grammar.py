@@ -16,7 +16,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.checked import product, raised, reciprocal, sum_of
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.operands import OperandParser
-from inverse_service.expressions.tokens import Token, TokenStream, refusal, unexpected
+from inverse_service.expressions.tokens import Token, TokenStream, refusal, shorten, unexpected
 from inverse_service.expressions.tree import MINUS_ONE, Expression, number
 from inverse_service.expressions.vocabulary import FUNCTIONS, call
 
@@ -79,6 +79,9 @@ class FormulaParser(OperandParser):
 
     def _check_adjacent(self, after_division: bool) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column
+        if ahead.is_operator("(") and self._stream.look(3).kind == "end" and self._stream.look(1).kind == "number":
+            shown = f"({shorten(self._stream.look(1).text)})"
+            raise refusal(f"{shown} could number the equation", column, "leave it out, or write * before a factor")
         if ahead.kind == "number":
             raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
         if after_division:

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.characters import GREEK, OPERATORS, PRIMES, SPACES, describe
+from inverse_service.expressions.characters import GREEK, OPERATORS, PRIMES, SCRIPT_L, SPACES, describe
 from inverse_service.expressions.limits import LIMITS, Limits
 from inverse_service.expressions.tokenizer import check_length
 from inverse_service.expressions.tokens import limit_passed, refusal
 
 RawKind = Literal["command", "letter", "digit", "character", "end"]
+_ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
 _COMMAND = re.compile(r"\\([A-Za-z]+\*?|.)", re.DOTALL)
 _ENVIRONMENT = re.compile(r"\{\s*([a-z]+)\*?\s*\}(\s*\{[lcr| ]*\})?")
 _ENVIRONMENTS = frozenset(
@@ -77,6 +78,8 @@ def _piece(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
         return None, place + 1
     if character in GREEK:
         return Raw("command", GREEK[character], column, space), place + 1
+    if character == SCRIPT_L:
+        return Raw("command", "ell", column, space), place + 1
     if character in PRIMES:
         return Raw("character", "'" * PRIMES[character], column, space), place + 1
     if character.isascii() and character.isalpha():
@@ -109,6 +112,8 @@ def _command(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
         return None, end
     if name in ("begin", "end"):
         return None, _environment(text, place, end)
+    if name == "\\" and (height := _ROW_SPACE.match(text, end)):
+        end = height.end()
     return Raw("command", name, place + 1, space), end
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.characters import GREEK_COMMANDS
+from inverse_service.expressions.characters import LETTER_COMMANDS
 from inverse_service.expressions.latex_scanner import Raw
 from inverse_service.expressions.latex_words import FONTS, LatexWords
 from inverse_service.expressions.limits import Limits
@@ -68,6 +68,8 @@ class LatexTranslator(LatexWords):
             self._command(self._take())
         elif raw.kind == "letter":
             self._emit_name(self._with_subscript(self._word()), raw)
+        elif raw.is_character(".") and self._tokens and self._raw[self._place + 1].kind == "end":
+            self._take()
         elif raw.kind == "digit" or raw.is_character("."):
             self._number()
         else:
@@ -80,7 +82,9 @@ class LatexTranslator(LatexWords):
             self._power(raw)
         elif raw.text and raw.text in ("'", "''"):
             self._tokens.append(Token("prime", raw.text, raw.column, raw.space_before, Fraction(len(raw.text))))
-        elif raw.text and raw.text in "+-*/()=,;":
+        elif raw.is_character("("):
+            self._emit("(", raw, space=raw.space_before or self._holds_a_sum())
+        elif raw.text and raw.text in "+-*/)=,;":
             self._emit(raw.text, raw)
         elif raw.is_character("[", "]"):
             self._emit("(" if raw.text == "[" else ")", raw)
@@ -107,8 +111,9 @@ class LatexTranslator(LatexWords):
 
     def _command(self, raw: Raw) -> None:
         name = raw.text
-        if name in GREEK_COMMANDS or name == "ell":
-            self._emit_name(self._with_subscript(GREEK_COMMANDS.get(name, "l")), raw)
+        if name in LETTER_COMMANDS:
+            declared = self._names.role(name) is not None  # then \varphi is not \phi
+            self._emit_name(self._with_subscript(name if declared else LETTER_COMMANDS[name]), raw)
         elif name in _FRACTIONS:
             self._fraction(raw)
         elif name == "sqrt":
@@ -151,6 +156,17 @@ class LatexTranslator(LatexWords):
             reason = "absolute values are not differentiable, write the branch u or -u"
             instead = reason if delimiter.text in ("|", "vert", "lvert") else "write ( and )"
             raise refusal(f"this delimiter after \\{raw.text} is not accepted", raw.column, instead)
+
+    def _holds_a_sum(self) -> bool:
+        """Whether a + or - stands between the ( just read and its ): r(r - 2M) is a product, f(x) may be none."""
+        depth = 1
+        for raw in self._raw[self._place :]:
+            depth += raw.is_character("(", "{", "[") - raw.is_character(")", "}", "]")
+            if depth == 0 or depth > self._limits.depth:
+                return False
+            if depth == 1 and raw.is_character("+", "-"):
+                return True
+        return False
 
     def _closes_later(self) -> bool:
         """Whether the \\left just read is ended by a real bracket and not by \\right."""

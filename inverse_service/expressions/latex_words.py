@@ -2,7 +2,7 @@ r"""Names in LaTeX: words, subscripts, fonts, and the d x of \frac{dx}{dt}."""
 
 from __future__ import annotations
 
-from inverse_service.expressions.characters import GREEK_COMMANDS
+from inverse_service.expressions.characters import LETTER_COMMANDS
 from inverse_service.expressions.latex_scanner import Raw
 from inverse_service.expressions.limits import Limits
 from inverse_service.expressions.names import Names
@@ -92,7 +92,7 @@ class LatexWords:
 
     def _plain_piece(self, raw: Raw) -> str:
         if raw.kind == "command":
-            return GREEK_COMMANDS.get(raw.text, "")
+            return raw.text if self._names.role(raw.text) else LETTER_COMMANDS.get(raw.text, "")
         return raw.text if raw.kind in ("letter", "digit") else ""
 
     def _derivative_part(self) -> tuple[str, int]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.characters import GREEK_COMMANDS, letter
+from inverse_service.expressions.characters import LETTER_COMMANDS, letter
 from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.tokens import joined, refusal, shorten
 from inverse_service.expressions.vocabulary import FUNCTIONS, RESERVED, reason_against
@@ -47,11 +47,11 @@ class Names:
         return (*self.coordinates, *self.parameters, *self.functions)
 
     def spelling(self, name: str) -> str:
-        """The declared name meant: `r_1` is r1 (and r1 is r_1) where only the other one is declared."""
+        """The declared name meant: `r_1` is r1, and phi is varphi, where only the other one is declared."""
         if self.role(name):
             return name
-        plain = name.replace("_", "")
-        alike = [known for known in self.declared() if known.replace("_", "") == plain]
+        plain = _plain(name)
+        alike = [known for known in self.declared() if _plain(known) == plain]
         return alike[0] if len(alike) == 1 else name
 
     def derivative(self, name: str) -> tuple[str, int] | None:
@@ -63,6 +63,11 @@ class Names:
         return None
 
 
+def _plain(name: str) -> str:
+    """The name without underscores, and as the command of this name is read."""
+    return "".join(LETTER_COMMANDS.get(word, word) for word in name.split("_"))
+
+
 def unknown_name(name: str, names: Names, column: int, follows: str = "") -> InputError:
     """The refusal of an undeclared name: how to declare it, what may have been meant.
 
@@ -72,6 +77,8 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     if known is not None:
         return known
     shown = f"the name '{shorten(name)}' is not declared; it stands"
+    if name == "d":
+        return refusal(shown, column, "write x' and x'' for dx/dt and d^2x/dt^2, diff(u, t) for other derivatives")
     if follows[:1] == "'":
         return refusal(shown, column, f"add its equation too; the coordinates are {joined(names.coordinates)}")
     if follows == "(":
@@ -127,7 +134,7 @@ def _ascii(text: str) -> str:
     match = _LATEX_NAME.fullmatch(text)
     if match is None:
         return text
-    words = [GREEK_COMMANDS.get(word, word) for word in match.groups() if word]
+    words = [LETTER_COMMANDS.get(word, word) for word in match.groups() if word]
     return "_".join(words)
 
 

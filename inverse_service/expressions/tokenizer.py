@@ -50,9 +50,16 @@ def check_length(text: str, limits: Limits = LIMITS) -> None:
         raise InputError("the formula is empty at column 1: write a formula, 0 if nothing acts.", column=1)
 
 
+def without_full_stop(text: str) -> str:
+    """The text without the dot that ends a sentence; that of a number (2.) stays."""
+    plain = text.rstrip()
+    return plain[:-1] if plain.endswith(".") and not plain[-2:-1].isdigit() and plain != "." else text
+
+
 def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
     check_length(text, limits)
+    text = without_full_stop(text)
     tokens: list[Token] = []
     place, space, open_brackets = 0, False, 0
     while place < len(text):

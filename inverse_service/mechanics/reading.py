@@ -25,8 +25,8 @@ from inverse_service.mechanics.second_order_system import FunctionDeclaration, S
 Equations = Mapping[str, str] | Sequence[str] | str
 Parameters = Sequence[str] | Mapping[str, ParameterValue]
 NO_ACCELERATION = (
-    "the equations contain no acceleration such as x'', x_ddot or \\ddot{x}, so there are no coordinates: write "
-    "equations of second order."
+    "the equations contain no acceleration such as x'', x_ddot, \\ddot{x} or diff(x, t, 2), so there are no "
+    'coordinates: write equations of second order in the time t, or name the "coordinates".'
 )
 _Equation = tuple[Expression, Expression, str]  # left side, right side, pointer
 

@@ -114,6 +114,8 @@ TEXT = [
     ("B[2,0](x + y, y)", "B[2,0](x + y, y)"),
     ("diff(F(t), t)", "F'(t)"),
     ("x\n + y", "x + y"),
+    ("\u2113 x.", "l*x"),
+    ("x + 2.", "x + 2"),
 ]
 
 LATEX = [
@@ -149,6 +151,10 @@ LATEX = [
     (r"\[ \dot{x} \]", "x'"),
     (r"A'(r_1) + A^{\prime}(r_{1})", "A'(r1) + A'(r1)"),
     (r"{x} {y}", "x*y"),
+    (r"x(x - 2m) + m(\dot x - y)", "x*(x - 2*m) + m*(x' - y)"),
+    (r"\frac{x(y + 1)}{m} + \dot x(x - y)", "x*(y + 1)/m + x'*(x - y)"),
+    (r"\ell \dot\varphi.", "l*phi'"),
+    ("\\frac{\u2113}{2}", "l/2"),
     (r"\bigl( x + y \bigr) x_{dot}", "(x + y)*x'"),
     ("\\frac{\u03c6}{2}", "phi/2"),
 ]
@@ -162,6 +168,8 @@ EQUATIONS = [
     (r"\begin{aligned} \ddot{x} &= -y \\ \ddot y &= x \end{aligned}", [("x''", "-y"), ("y''", "x")]),
     (r"\left\{\begin{array}{l} \ddot{x} = 1,\\ \ddot y = x \end{array}\right.", [("x''", "1"), ("y''", "x")]),
     (r"\begin{cases} \ddot x = y \\ \ddot y = 0 \end{cases}", [("x''", "y"), ("y''", "0")]),
+    (r"\begin{cases} \ddot x = y,\\[4pt] \ddot y = x \\ [-.5 em] \end{cases}", [("x''", "y"), ("y''", "x")]),
+    ("x'' = -x, y'' = -y.", [("x''", "-x"), ("y''", "-y")]),
 ]
 
 
@@ -183,6 +191,18 @@ def test_equations_are_cut_where_they_end(text: str, sides: list[tuple[str, str]
 def test_declared_names_win_over_constants_and_derivatives() -> None:
     names = Names(("x",), ("e", "i", "xdot", "gamma"))
     assert to_text(read_formula("e^x + i + xdot + gamma*x'", names)) == "e^x + i + xdot + gamma*x'"
+
+
+@pytest.mark.parametrize("declared", ["varphi", "varphi_1", "ell", "epsilon_1"])
+@pytest.mark.parametrize("command", ["", "\\"])
+def test_a_letter_is_known_by_its_command_and_by_its_sound(declared: str, command: str) -> None:
+    written = command + {"epsilon_1": "varepsilon_1"}.get(declared, declared) if command else declared
+    assert to_text(read_formula(f"2*{written}", Names(("x",), (declared,)))) == f"2*{declared}"
+
+
+def test_phi_and_varphi_differ_where_both_are_declared() -> None:
+    names = Names(("phi", "varphi"))
+    assert to_text(read_formula(r"\varphi - \dot\varphi \dot{\phi}", names)) == "varphi - varphi'*phi'"
 
 
 def test_long_formulas_without_numbers_pass_no_limit_of_digits() -> None:
