@@ -39,7 +39,7 @@ from inverse_service.algebra.echelon_kernels import (
 
 Flags = npt.NDArray[np.bool_]
 # A row that needs more rows of the basis than this mostly depends on it, and is put off until all others stand.
-MOST = 16
+MOST = 96
 # How many rows are inserted before the rest are tested again.
 FEW = 4
 Kind = TypeVar("Kind", bound=np.generic)
