@@ -11,7 +11,7 @@ from inverse_service.expressions.latex_words import FONTS, LatexWords
 from inverse_service.expressions.limits import Limits
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tokenizer import NUMBER, number_token
-from inverse_service.expressions.tokens import Token, limit_passed, refusal, shorten
+from inverse_service.expressions.tokens import FACTOR, Token, limit_passed, refusal, shorten
 from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED
 
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
@@ -53,6 +53,10 @@ class LatexTranslator(LatexWords):
 
     def _emit(self, text: str, raw: Raw, space: bool | None = None) -> None:
         self._tokens.append(Token("operator", text, raw.column, raw.space_before if space is None else space))
+
+    def _begin_factor(self, raw: Raw) -> None:
+        """The ( of a fraction or a root, which holds no argument of the name before it."""
+        self._tokens.append(Token("operator", "(", raw.column, True, FACTOR))
 
     def _emit_name(self, name: str, raw: Raw, order: int = 0) -> None:
         if len(name) > self._limits.name_characters:
@@ -224,7 +228,7 @@ class LatexTranslator(LatexWords):
     def _fraction(self, raw: Raw) -> None:
         if self._time_derivative(raw):
             return
-        self._emit("(", raw)
+        self._begin_factor(raw)
         self._argument(raw)
         self._emit("/", raw)
         self._argument(raw)
@@ -239,7 +243,7 @@ class LatexTranslator(LatexWords):
         digits = self._digits()
         if not digits or not self._take().is_character("]"):
             raise refusal("the degree of a root is not a whole number", raw.column, "write \\sqrt[3]{x}")
-        self._emit("(", raw)
+        self._begin_factor(raw)
         self._argument(raw)
         for text in "^(":
             self._emit(text, raw)

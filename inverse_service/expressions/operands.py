@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 from inverse_service.expressions.derivative_calls import Variable, carry_out
 from inverse_service.expressions.names import Names, unknown_name
-from inverse_service.expressions.tokens import Token, TokenStream, limit_passed, refusal, unexpected
+from inverse_service.expressions.tokens import FACTOR, Token, TokenStream, limit_passed, refusal, unexpected
 from inverse_service.expressions.tree import (
     ONE,
     PI,
@@ -88,7 +88,7 @@ class OperandParser(ABC):
             raise refusal("a third derivative stands", token.column, "write equations of second order")
         self._skip_time_argument()
         ahead = self._stream.ahead
-        if ahead.is_operator("(") and ahead.space_before and self._group_has_time():
+        if self._opens_arguments() and ahead.space_before and self._group_has_time():
             raise refusal(f"{name} ( could be a product or a function of time", ahead.column, f"write {name}*(")
         node = (Symbol(name), Velocity(name), Acceleration(name))[order]
         return node if ahead.kind == "prime" else self._single(node, token)
@@ -99,9 +99,12 @@ class OperandParser(ABC):
             order += int(self._stream.take().value)
         return order
 
+    def _opens_arguments(self) -> bool:
+        return self._stream.ahead.is_operator("(") and self._stream.ahead.value != FACTOR
+
     def _skip_time_argument(self) -> None:
         look = self._stream.look
-        if look(0).is_operator("(") and look(1).text == "t" and look(2).is_operator(")"):
+        if self._opens_arguments() and look(1).text == "t" and look(2).is_operator(")"):
             self._stream.position += 3
 
     def _group_has_time(self) -> bool:
@@ -121,7 +124,7 @@ class OperandParser(ABC):
         orders = self._orders(name, len(declared))
         if sum(orders) > self._limits.derivative_order:
             raise limit_passed(f"a derivative of {name} is too high", token.column, self._limits.derivative_order)
-        if not self._stream.ahead.is_operator("("):
+        if not self._opens_arguments():
             return Arbitrary(name, tuple(Symbol(argument) for argument in declared), orders)
         arguments = self._arguments()
         if len(arguments) != len(declared):

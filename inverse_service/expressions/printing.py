@@ -20,6 +20,7 @@ text of what was read back is the same text.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_layout import (
@@ -44,6 +45,8 @@ from inverse_service.expressions.tree import (
 __all__ = ["to_latex", "to_mathml", "to_text"]
 
 
+# What is printed is printed in several places, and most of it is made of few parts.
+@lru_cache(maxsize=2048)
 def to_text(expression: Expression) -> str:
     """The canonical text; deterministic, with no more brackets than reading needs."""
     pieces: list[str] = []

@@ -12,14 +12,15 @@ from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.limits import LIMITS, Limits
 
 Kind = Literal["number", "name", "prime", "operator", "newline", "end"]
+FACTOR = Fraction(1)
 
 
 @dataclass(frozen=True, slots=True)
 class Token:
     """One token; `column` counts from 1 in the original text.
 
-    `value` is that of a number; for a prime it is the order of the derivative. Operators are
-    + - * / ^ ( ) [ ] , = ; and nothing else.
+    `value` is that of a number; for a prime it is the order of the derivative; for a ( it is FACTOR
+    where no arguments can stand in it. Operators are + - * / ^ ( ) [ ] , = ; and nothing else.
     """
 
     kind: Kind

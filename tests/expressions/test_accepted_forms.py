@@ -151,6 +151,12 @@ LATEX = [
     (r"\[ \dot{x} \]", "x'"),
     (r"A'(r_1) + A^{\prime}(r_{1})", "A'(r1) + A'(r1)"),
     (r"{x} {y}", "x*y"),
+    (r"m\frac{x}{y} - x\frac{2}{t} + \dot x\frac{1}{t}", "m*x/y - 2*x/t + x'/t"),
+    (
+        r"A\frac{r_1}{2} + A\sqrt[3]{x} + m\sqrt[3]{x} + A\sqrt{x}",
+        "A(r1)*r1/2 + A(r1)*x^(1/3) + m*x^(1/3) + A(r1)*sqrt(x)",
+    ),
+    (r"\sin\frac{x}{2} + \exp\frac x2", "sin(x/2) + exp(x/2)"),
     (r"x(x - 2m) + m(\dot x - y)", "x*(x - 2*m) + m*(x' - y)"),
     (r"\frac{x(y + 1)}{m} + \dot x(x - y)", "x*(y + 1)/m + x'*(x - y)"),
     (r"\ell \dot\varphi.", "l*phi'"),
