@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -29,11 +28,15 @@ class MonomialKeys:
         return sum(int(e) << (self.bits * k) for k, e in enumerate(exponents))
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=2048)
 def exponents_of_degree(size: int, degree: int) -> npt.NDArray[np.int8]:
-    """All exponent vectors of a total degree, (count, size)."""
-    flat = np.fromiter(itertools.chain.from_iterable(_compositions(size, degree)), np.int8)
-    table = flat.reshape(-1, size)
+    """All exponent vectors of a total degree in ascending order, (count, size)."""
+    if size == 1:
+        table = np.array([[degree]], np.int8)
+    else:
+        parts = [exponents_of_degree(size - 1, degree - first) for first in range(degree + 1)]
+        firsts = np.repeat(np.arange(degree + 1, dtype=np.int8), [len(part) for part in parts])
+        table = np.column_stack([firsts, np.concatenate(parts)])
     table.setflags(write=False)
     return table
 
@@ -49,12 +52,6 @@ def raised_places(size: int, degree: int) -> npt.NDArray[np.int64]:
     places: npt.NDArray[np.int64] = order[np.searchsorted(known, raised, sorter=order)]
     places.setflags(write=False)
     return places
-
-
-def _compositions(size: int, degree: int) -> Iterator[tuple[int, ...]]:
-    for bars in itertools.combinations(range(degree + size - 1), size - 1):
-        ends = (-1, *bars, degree + size - 1)
-        yield tuple(b - a - 1 for a, b in itertools.pairwise(ends))
 
 
 def keys_of(monomials: MonomialKeys, exponents: npt.NDArray[np.int8]) -> npt.NDArray[np.int64]:
