@@ -51,6 +51,8 @@ RESULT = {"format": RESULT_FORMAT, "system": {}, "question?": r"L\((t, )?q, q'\)
           "with_time?": {"verdict?": VERDICTS, "lagrangian?": {}}}  # fmt: skip
 
 Series = dict[int, int]  # coefficients of monomials: eight bits for each exponent, the total degree on top of them
+Table = dict[int, list[tuple[int, int, int, int, int, int]]]  # of a condition: see Expansion.table
+Row = tuple[str, int, int, int]  # the name of a row: kind, i, j, alpha
 Formula = tuple[str, ...]  # tokens, the last one empty
 Work = Callable[["Expansion"], None]
 Tools = tuple[random.Random, float]  # and the end of the time, by time.monotonic
@@ -257,8 +259,9 @@ class Expansion:
         self.question, self.arithmetic, self.degree = arithmetic.question, arithmetic, degree
         self.n, m = len(self.question.coordinates), len(self.question.variables)
         self.shift, self.units = 8 * m, [(1 << 8 * a) | (1 << 8 * m) for a in range(m)]
-        self.q, self.v = range(m - 2 * self.n, m - self.n), range(m - self.n, m)
-        self.curvature, self.jets = dict[tuple[int, int], Series](), dict[tuple[str, ...], dict[tuple[int, ...], int]]()
+        self.all, self.q, self.v = range(m), range(m - 2 * self.n, m - self.n), range(m - self.n, m)
+        self.jets = dict[tuple[str, ...], dict[tuple[int, ...], int]]()
+        self.curvature, self.tables = dict[tuple[int, int], Series](), dict[tuple[str, int, int], Table]()
         if math.comb(m + degree, degree) > MAX_MONOMIALS:
             raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
         self.names = {name: {0: value} for name, value in values.items()}
@@ -359,29 +362,63 @@ class Expansion:
             self.curvature[k, j] = self.add(terms, [-4] + [2] * len(self.field) + [-1] * self.n)
         return self.curvature[k, j]
 
+    def table(self, kind: str, i: int, j: int) -> Table:
+        """A condition as a sum of terms value x^part g_ab and value x^part d_c g_ab, by their parts; see row()."""
+        if (kind, i, j) not in self.tables:
+            terms = [(rate, i, j, 2, 8 * a, self.units[a]) for a, rate in enumerate(self.field) if kind == "H2"]
+            for k in range(self.n):
+                left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in (j, i))
+                for factor, b, sign in ((left, i, 1), (right, j, -1 if kind == "H3" else 1)):
+                    terms.append((factor, b, k, sign, self.shift + 8, 0))  # no exponent stands there
+            table = self.tables[kind, i, j] = Table()
+            for factor, b, k, weight, along, unit in terms:
+                first, second, lift = self.v[b], self.v[k], self.units[self.v[b]] + self.units[self.v[k]] + unit
+                for part, value in factor.items():
+                    entry = (value * weight, lift, 8 * first, 8 * second, int(first == second), along)
+                    table.setdefault(part, []).append(entry)
+        return self.tables[kind, i, j]
+
     def row(self, kind: str, i: int, j: int, alpha: int) -> Series:
-        """The coefficient alpha of a condition, a sum of factor * g_ik and factor * d_a g_ij, in those of L."""
-        terms = [(rate, i, j, 2, a) for a, rate in enumerate(self.field) if kind == "H2"]
-        for k in range(self.n):
-            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in (j, i))
-            terms += [(left, i, k, 1, -1), (right, j, k, -1 if kind == "H3" else 1, -1)]
-        powers = [[unit * e for e in range(self.exponent(alpha, a) + 1)] for a, unit in enumerate(self.units)]
-        divisors, row, exponent = [sum(choice) for choice in product(*powers)], Series(), self.exponent
-        for factor, i, k, weight, a in terms:
-            first, second, along = self.v[i], self.v[k], self.units[a] if a >= 0 else 0
-            for part in divisors:
-                if value := factor.get(part):
-                    raised = alpha - part + along
-                    key = raised + self.units[first] + self.units[second]
-                    times = exponent(key, first) * (exponent(key, second) - (first == second))
-                    row[key] = row.get(key, 0) + value * weight * times * (exponent(raised, a) if along else 1)
+        """The coefficient alpha of a condition, in the coefficients of L."""
+        table, row, exponents = self.table(kind, i, j), Series(), enumerate(self.exponent(alpha, a) for a in self.all)
+        powers = [[self.units[a] * e for e in range(most + 1)] for a, most in exponents if most]
+        for rest in (alpha - sum(choice) for choice in product(*powers)):
+            for value, lift, first, second, less, along in table.get(alpha - rest, ()):
+                key = rest + lift
+                times = (key >> first & 255) * ((key >> second & 255) - less) * ((rest >> along & 255) + 1)
+                row[key] = row.get(key, 0) + value * times
         return self.arithmetic.row(row, scale=self.scale)
 
-    def rows(self, degree: int) -> Iterator[tuple[str, int, int, int]]:
-        """All rows whose unknowns have just this highest degree."""
-        for i, j in combinations_with_replacement(range(self.n), 2):
-            yield from (("H3", i, j, alpha) for alpha in self.monomials(degree) if i < j)
-            yield from (("H2", i, j, alpha) for alpha in self.monomials(degree - 1))
+    def rows(self, degree: int) -> Iterator[Row]:
+        """All rows whose unknowns have just this highest degree, in an order that fills in little."""
+        for kind, (j, i) in product(("H2", "H3"), combinations_with_replacement(range(self.n)[::-1], 2)):
+            if kind == "H2" or i < j:
+                yield from ((kind, i, j, alpha) for alpha in reversed([*self.monomials(degree - (kind == "H2"))]))
+
+    def extend(self, elimination: Elimination, degree: int, idle: set[Row]) -> None:
+        """Insert all rows of a degree but those that vanish on a random solution of the rest.
+
+        On it a row that does not follow from the rest vanishes with a chance of one in the prime. `idle`, the rows
+        that followed, only says which to try: they themselves at another point, and what are their derivatives.
+        """
+        likely, check_time = list[Row](), self.question.check_time
+        for kind, i, j, alpha in self.rows(degree):
+            check_time()
+            name, below = (kind, i, j, alpha), ((kind, i, j, alpha - unit) for unit in self.units)
+            if name in idle or not idle.isdisjoint(below):
+                likely.append(name)
+            elif not elimination.insert([self.row(*name)]):
+                idle.add(name)
+        solution = elimination.solution([key for k in range(degree + 1) for key in self.unknowns(k)]) if likely else {}
+        for name in likely:
+            check_time()
+            if self.solved(row := self.row(*name), solution) or not elimination.insert([row]):
+                idle.add(name)
+
+    def solved(self, row: Series, values: Series) -> bool:
+        """Whether the row vanishes on the values; reals: beside the largest term, or 1."""
+        terms = [self.arithmetic.reduce(value * values.get(key, 0)) for key, value in row.items()]
+        return self.arithmetic.vanishes(sum(terms), max([self.arithmetic.one, *map(abs, terms)]))
 
     def regular(self, series: Series) -> bool:
         """Whether the matrix of the second v-derivatives at the point is regular."""
@@ -403,9 +440,9 @@ class Elimination:
         self.arithmetic, self.shift = arithmetic, shift
         self.rows, self.pivots, self.order = list[Series](), list[int](), dict[int, int]()
 
-    def insert(self, rows: Iterable[Series]) -> None:
-        """Reduce each row degree by degree until its part of the highest degree is new, then keep it."""
-        field = self.arithmetic
+    def insert(self, rows: Iterable[Series]) -> bool:
+        """Reduce each row degree by degree until its part of the highest degree is new, then keep it; if any was."""
+        field, before = self.arithmetic, len(self.rows)
         for row in rows:
             field.question.check_time()
             block: list[int] = []
@@ -414,16 +451,21 @@ class Elimination:
                 row = self.reduced(row, top)
                 block = [key for key in row if key >> self.shift == top]
             if block:
-                pivot = max(block, key=lambda key: key if field.prime else abs(row[key]))
-                inverse, self.order[pivot] = field.inverse(row.pop(pivot), 400), len(self.rows)
+                least = 0 if field.prime else max(abs(row[key]) for key in block) >> 20
+                pivot = min(key for key in block if abs(row[key]) >= least)
+                inverse, self.order[pivot] = field.inverse(row[pivot], 400), len(self.rows)
                 self.pivots.append(pivot)
-                self.rows.append(field.settle({key: value * inverse for key, value in row.items()}, field.bits))
+                rest = {key: value * inverse for key, value in row.items() if key != pivot}
+                self.rows.append(field.settle(rest, field.bits))
+        return len(self.rows) > before
 
     def reduced(self, row: Series, top: int) -> Series:
         """Without the pivots of one degree; a kept row holds no pivot of its degree older than itself."""
         field, order, first = self.arithmetic, self.order, top << self.shift  # keys of this degree are not below
+        queue = [order[key] for key in row if key >= first and key in order]
+        if not queue:
+            return row
         raw = {key: value << field.bits for key, value in row.items()}
-        queue = [order[key] for key in raw if key >= first and key in order]
         heapify(queue)
         while queue:
             number = heappop(queue)
@@ -437,12 +479,13 @@ class Elimination:
         return field.row(raw, field.bits)
 
     def solution(self, columns: list[int]) -> Series:
-        """A random solution in the columns of the lowest degree."""
-        values = {column: self.arithmetic.draw() for column in columns}
-        for pivot, row in zip(reversed(self.pivots), reversed(self.rows), strict=True):
-            if pivot in columns:
-                values[pivot] = -self.arithmetic.reduce(sum(value * values[key] for key, value in row.items()))
-        return values
+        """A random solution in the columns, which are all up to some degree."""
+        field, values = self.arithmetic, {column: self.arithmetic.draw() for column in columns}
+        pivots = [pivot for pivot in reversed(self.pivots) if pivot in values]
+        for pivot in sorted(pivots, key=lambda pivot: pivot >> self.shift):
+            row = self.rows[self.order[pivot]]
+            values[pivot] = -field.reduce(sum([value * values[key] for key, value in row.items()]))
+        return field.settle(values)
 
 
 class Question:
@@ -536,7 +579,8 @@ class Question:
         rows = [(kind, i, j, self.multi_index(alpha, document["order"] - (kind == "H2")))
                 for kind, i, j, alpha in document["rows"]]  # fmt: skip
         require(len(set(rows)) == len(rows), "A row is named twice.")
-        rows.sort(key=lambda row: ((row[3] >> 8 * m) + (row[0] == "H2"), row))  # low degrees first fill in least
+        degree = {row: (row[3] >> 8 * m) + (row[0] == "H2") for row in rows}
+        rows.sort(key=lambda row: (degree[row], row[0], *(-index for index in row[1:])))  # this fills in least
         def work(ring: Expansion) -> None:
             elimination = Elimination(ring.arithmetic, ring.shift)
             elimination.insert(ring.row(*row) for row in rows)
@@ -553,10 +597,11 @@ class Question:
         check_shape(document, shape, "certificate")
         order, degree, dimensions = document["order"], document["degree"], list(document["dimensions"])
         require(degree <= order, "degree has to be at most order.")
+        idle = set[Row]()
         def work(ring: Expansion) -> None:
             elimination, degrees = Elimination(ring.arithmetic, ring.shift), range(degree + 1)
             for step in range(order + 2):
-                elimination.insert(ring.row(*row) for row in ring.rows(step))
+                ring.extend(elimination, step, idle)
                 kept = [pivot >> ring.shift for pivot in elimination.pivots]
                 found = list(accumulate(len(ring.unknowns(k)) - kept.count(k + 2) for k in degrees))
                 require(step < order or found == dimensions, "The dimensions are not those of this and the next order.")
@@ -589,9 +634,7 @@ class Question:
         if ring.jets:
             return " The series was not compared: functions are arbitrary."
         for name in (name for degree in range(order + 1) for name in ring.rows(degree)):
-            products = [field.reduce(value * terms.get(key, 0)) for key, value in ring.row(*name).items()]
-            zero = field.vanishes(sum(products), max([1, *map(abs, products)]))
-            require(zero, "The series does not solve the rows.")
+            require(ring.solved(ring.row(*name), terms), "The series does not solve the rows.")
         require(ring.regular(terms), "The series has a singular g(p).")
         return " The series solves the rows."
 
