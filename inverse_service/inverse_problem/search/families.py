@@ -18,7 +18,8 @@ from inverse_service.inverse_problem.search.terms import Monomial, monomial, tim
 
 _MOST_SEEDS = 900
 _MOST_PRODUCTS = 360
-_MOST_SHORT = 240
+# Short functions of position: so many terms, but not fewer functions than that.
+_MOST_SHORT, _FEW_FUNCTIONS = 240, 20
 # What can cancel the residuals of v_i v_j, whose coefficients need not be products of few letters.
 _MOST_ANSWERS = 200
 # Plain functions of position that are offered as potentials beside what the residuals ask for.
@@ -74,7 +75,7 @@ def _short_metric(material: Material, factors: Factors) -> list[Monomial]:
     shapes_of_v = shapes.pairs(material)
     products_of_two = [key for key in position_monomials(material, 2) if all(e.denominator == 1 for _, e in key)]
     functions = distinct([*products_of_two, *factors.plain[:4]])
-    return products(factors.in_time, products(functions[: _MOST_SHORT // len(shapes_of_v)], shapes_of_v))
+    return products(factors.in_time, products(functions[: max(_FEW_FUNCTIONS, _MOST_SHORT // len(shapes_of_v))], shapes_of_v))
 
 
 def _fitting(material: Material, room: int) -> list[Monomial]:
