@@ -396,29 +396,28 @@ class Expansion:
                 yield from ((kind, i, j, alpha) for alpha in reversed([*self.monomials(degree - (kind == "H2"))]))
 
     def extend(self, elimination: Elimination, degree: int, idle: set[Row]) -> None:
-        """Insert all rows of a degree but those that vanish on a random solution of the rest.
+        """Insert all rows of a degree but those that vanish on a random solution of the others.
 
-        On it a row that does not follow from the rest vanishes with a chance of one in the prime. `idle`, the rows
-        that followed, only says which to try: they themselves at another point, and what are their derivatives.
+        A row that does not follow from the others does so with a chance of one in the prime. `idle`, the rows that
+        followed, only says which to try: they themselves at another point, and their derivatives.
         """
-        likely, check_time = list[Row](), self.question.check_time
-        for kind, i, j, alpha in self.rows(degree):
-            check_time()
-            name, below = (kind, i, j, alpha), ((kind, i, j, alpha - unit) for unit in self.units)
-            if name in idle or not idle.isdisjoint(below):
+        likely = list[Row]()
+        for name in self.rows(degree):
+            kind, i, j, alpha = name
+            if name in idle or not idle.isdisjoint((kind, i, j, alpha - unit) for unit in self.units):
                 likely.append(name)
             elif not elimination.insert([self.row(*name)]):
                 idle.add(name)
-        solution = elimination.solution([key for k in range(degree + 1) for key in self.unknowns(k)]) if likely else {}
+        solution = elimination.solution([key for k in range(degree + 1) for key in self.unknowns(k)])
         for name in likely:
-            check_time()
-            if self.solved(row := self.row(*name), solution) or not elimination.insert([row]):
+            self.question.check_time()
+            if self.solved(row := self.row(*name), solution, self.arithmetic.one) or not elimination.insert([row]):
                 idle.add(name)
 
-    def solved(self, row: Series, values: Series) -> bool:
-        """Whether the row vanishes on the values; reals: beside the largest term, or 1."""
+    def solved(self, row: Series, values: Series, least: int) -> bool:
+        """Whether the row vanishes on the values; reals: beside its largest term, or `least`."""
         terms = [self.arithmetic.reduce(value * values.get(key, 0)) for key, value in row.items()]
-        return self.arithmetic.vanishes(sum(terms), max([self.arithmetic.one, *map(abs, terms)]))
+        return self.arithmetic.vanishes(sum(terms), max([least, *map(abs, terms)]))
 
     def regular(self, series: Series) -> bool:
         """Whether the matrix of the second v-derivatives at the point is regular."""
@@ -586,8 +585,7 @@ class Question:
             elimination.insert(ring.row(*row) for row in rows)
             require(not ring.leaves_regular(elimination), "The rows leave a regular multiplier g(p).")
 
-        degrees = [(alpha >> 8 * m) + (2 if kind == "H3" else 1) for kind, _, _, alpha in rows]
-        self.settle(max(degrees, default=0), work)
+        self.settle(max((degree[row] + 2 * (row[0] == "H3") for row in rows), default=0), work)
         return f"{len(rows)} rows leave no regular multiplier g(p)."
 
     def existence(self, document: dict[str, Any]) -> str:
@@ -634,7 +632,7 @@ class Question:
         if ring.jets:
             return " The series was not compared: functions are arbitrary."
         for name in (name for degree in range(order + 1) for name in ring.rows(degree)):
-            require(ring.solved(ring.row(*name), terms), "The series does not solve the rows.")
+            require(ring.solved(ring.row(*name), terms, 1), "The series does not solve the rows.")
         require(ring.regular(terms), "The series has a singular g(p).")
         return " The series solves the rows."
 

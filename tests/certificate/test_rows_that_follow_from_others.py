@@ -1,0 +1,113 @@
+"""Rows thought to follow from others are left out only where they do, whatever they were thought to do."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from inverse_service.certificate.checker import (
+    PRECISIONS,
+    Arithmetic,
+    Elimination,
+    Expansion,
+    Question,
+    Row,
+    check_certificate,
+)
+from tests.certificate.documents import changed, existence, system
+
+PRIME = 2**61 - 1
+ORDER = 2
+# A mechanical system, one with a large symbol, one whose equations are not rational, one with t.
+NAMES = ["henon-heiles", "free-pair", "spherical-pendulum", "damped-henon-heiles", "lie-A4,7"]
+
+
+def expansion(name: str, prime: int) -> Expansion:
+    question = Question((random.Random(1), float("inf")), system(name), timed=name == "damped-henon-heiles")
+    field = Arithmetic(question, prime) if prime else Arithmetic(question, 0, *PRECISIONS[0])
+    values = {one: field.draw() for one in sorted({*question.names, "pi"})}
+    return Expansion(field, values | ({} if prime else {"pi": field.real("pi")}), ORDER + 2)
+
+
+def every_row(ring: Expansion) -> list[Row]:
+    return [name for degree in range(ORDER + 1) for name in ring.rows(degree)]
+
+
+def eliminated(ring: Expansion) -> Elimination:
+    """The rows one by one, none left out."""
+    elimination = Elimination(ring.arithmetic, ring.shift)
+    for name in every_row(ring):
+        elimination.insert([ring.row(*name)])
+    return elimination
+
+
+def extended(ring: Expansion, idle: set[Row]) -> Elimination:
+    elimination = Elimination(ring.arithmetic, ring.shift)
+    for degree in range(ORDER + 1):
+        ring.extend(elimination, degree, idle)
+    return elimination
+
+
+def ranks(ring: Expansion, elimination: Elimination) -> list[int]:
+    degrees = [pivot >> ring.shift for pivot in elimination.pivots]
+    return [degrees.count(degree) for degree in range(ORDER + 3)]
+
+
+CASES = [(name, prime) for name in NAMES for prime in (PRIME, 0) if not (prime and name == "spherical-pendulum")]
+
+
+@pytest.mark.parametrize(("name", "prime"), CASES)
+def test_a_false_foretelling_leaves_out_no_row(name: str, prime: int) -> None:
+    """Foretold are: no row, every row, any half of them."""
+    ring = expansion(name, prime)
+    expected, rows, chance = ranks(ring, eliminated(ring)), every_row(ring), random.Random(3)
+    assert sum(expected) < len(rows)
+    for idle in (set(), set(rows), {row for row in rows if chance.random() < 0.5}):
+        assert ranks(ring, extended(ring, idle)) == expected
+
+
+@pytest.mark.parametrize(("name", "prime"), CASES)
+def test_rows_are_remembered_as_idle_only_if_they_follow(name: str, prime: int) -> None:
+    """The others alone have the rank of all, and are as many."""
+    ring, idle = expansion(name, prime), set[Row]()
+    expected = ranks(ring, extended(ring, idle))
+    kept = [row for row in every_row(ring) if row not in idle]
+    elimination = Elimination(ring.arithmetic, ring.shift)
+    elimination.insert(ring.row(*row) for row in kept)
+    assert ranks(ring, elimination) == expected
+    assert len(kept) == sum(expected)
+
+
+@pytest.mark.parametrize(("name", "prime"), CASES)
+def test_a_random_solution_solves_every_row_and_not_its_neighbour(name: str, prime: int) -> None:
+    ring = expansion(name, prime)
+    columns = [key for degree in range(ORDER + 1) for key in ring.unknowns(degree)]
+    elimination, one = eliminated(ring), ring.arithmetic.one
+    solution = elimination.solution(columns)
+    free = [key for key in columns if key not in elimination.order]
+    assert free
+    for name_of_row in every_row(ring):
+        row = ring.row(*name_of_row)
+        assert ring.solved(row, solution, one)
+        assert not ring.solved({**row, free[0]: row.get(free[0], 0) + one}, solution, one)
+
+
+def test_a_solution_in_the_low_columns_is_drawn_anew_each_time() -> None:
+    ring = expansion("free-pair", PRIME)
+    elimination, columns = eliminated(ring), ring.unknowns(0)
+    first, second = elimination.solution(columns), elimination.solution(columns)
+    assert set(first) == set(second) == set(columns)
+    assert first != second
+
+
+@pytest.mark.parametrize("size", ["1", "1e-40", "1e40"])
+def test_a_series_is_measured_by_its_own_size(size: str) -> None:
+    """L = s v^2/2 solves the rows of x'' = -x, s (v^2/2 + x v^2) does not, however small s is."""
+    series = {"order": 2, "point": {"x": "3", "x'": "5"}, "terms": [[[0, 2], size]]}
+    document = existence("oscillator", 2, [1, 2], [1, 1, 1], series=series)
+    assert check_certificate(document, seed=1).verdict == "valid"
+    wrong = changed(document, "series.terms", [[[0, 2], size], [[1, 2], size]])
+    found = check_certificate(wrong, seed=1)
+    assert found.verdict == "invalid"
+    assert "does not solve" in found.reasons[0]
