@@ -48,10 +48,11 @@ def exact_ring(
     """
     symbols = [*further, *_symbols(trees, variables)]
     size = len(symbols) + _generators_needed(trees, orders)
-    derived = tuple(variables) if slopes else ()
-    generous = _build(trees, derived, symbols, orders, budget, size)
+    generous = _build(trees, variables, symbols, orders, budget, size, slopes)
     used = len(generous.trees)
-    return generous if spare or generous.free == 0 else _build(trees, derived, symbols, orders, budget, used)
+    if spare or generous.free == 0:
+        return generous
+    return _build(trees, variables, symbols, orders, budget, used, slopes)
 
 
 def _build(
@@ -61,8 +62,9 @@ def _build(
     orders: int,
     budget: Budget,
     size: int,
+    slopes: bool,
 ) -> ExactRing:
-    ring = ExactRing(QuotientField.with_generators(size, budget), tuple(variables), size)
+    ring = ExactRing(QuotientField.with_generators(size, budget), tuple(variables), size, slopes)
     add_symbols(ring, symbols)
     names = _occurring(trees)
     for level in _levels(trees):

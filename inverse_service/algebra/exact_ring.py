@@ -31,13 +31,15 @@ class ExactRing:
 
     `variables` are t, coordinates and velocities; `atoms` gives the value of each atom's tree;
     `trees[index]` is what generator `index` prints as; `images[k][index]` is its derivative by
-    `variables[k]`; `undefined` are generators whose derivatives lie beyond the order asked for.
+    `variables[k]`, where the ring has `slopes`; `undefined` are generators whose derivatives lie beyond the
+    order asked for.
     Generators are handed out from the last, so that a later one is greater in the order.
     """
 
     field: QuotientField
     variables: tuple[Expression, ...]
     free: int
+    slopes: bool = True
     atoms: dict[Expression, Quotient] = dataclasses.field(default_factory=dict)
     trees: dict[int, Expression] = dataclasses.field(default_factory=dict)
     images: list[dict[int, Quotient]] = dataclasses.field(default_factory=list)
@@ -59,7 +61,7 @@ class ExactRing:
 
     def set_slopes(self, index: int, slopes: Sequence[tuple[Quotient, Quotient]]) -> None:
         """d(generator) = sum of slope d(argument) over the pairs (slope, argument)."""
-        for variable in range(len(self.variables)):
+        for variable in range(len(self.variables)) if self.slopes else ():
             total = self.constant(0)
             for slope, argument in slopes:
                 total = total + slope * self.partial(variable)(argument)
@@ -67,11 +69,13 @@ class ExactRing:
                 self.images[variable][index] = total
 
     def partial(self, variable: int) -> Derivation:
-        """The partial derivative by variables[variable]."""
+        """The partial derivative by variables[variable]; ValueError where the ring has no slopes."""
+        self._need_slopes()
         return Derivation(self.images[variable], frozenset(self.undefined))
 
     def along(self, components: Sequence[Quotient | None]) -> Derivation:
         """The derivation sum_k components[k] d/d variables[k]; None stands for 0."""
+        self._need_slopes()
         images: dict[int, Quotient] = {}
         for component, table in zip(components, self.images, strict=True):
             if component is None or component.is_zero:
@@ -80,6 +84,10 @@ class ExactRing:
                 term = component * image
                 images[index] = images[index] + term if index in images else term
         return Derivation(images, frozenset(self.undefined))
+
+    def _need_slopes(self) -> None:
+        if not self.slopes:
+            raise ValueError("this ring was made without derivatives")
 
     def value(self, tree: Expression) -> Quotient:
         """The tree as a ring element; ZeroDivisionError for a division by identically zero."""
