@@ -188,8 +188,9 @@ class Arithmetic:
     def __init__(self, question: Question, prime: int = 0, bits: int = 0, cut: int = 0, gap: int = 0) -> None:
         self.question, self.prime, self.bits, self.one = question, prime, bits, 1 << bits
         self.cut, self.gap, self.noise = self.one >> cut, self.one >> gap, 1 << bits // 4
-        self.context = mpmath.mp.clone()
-        self.context.prec = bits + 64
+        if not prime:
+            self.context = mpmath.mp.clone()
+            self.context.prec = bits + 64
 
     def draw(self) -> int:
         return self.question.generator.randrange(*((self.prime,) if self.prime else (-self.one, self.one)))
