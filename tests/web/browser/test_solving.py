@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from PIL import Image
+from playwright.sync_api import Locator, Page, expect
 
-from .conftest import Visit
+from .conftest import Look, Pages, Visit
 
 FIRST_DISK = "phi'' = 0\ntheta'' = 0\nx'' = -R*sin(phi)*phi'*theta'\ny'' = R*cos(phi)*phi'*theta'"
 NAMES = [f"x{k}" for k in range(8)]
@@ -169,3 +171,38 @@ def test_keys_alone_suffice(visit: Visit) -> None:
 def test_an_unknown_result_is_told_so(visit: Visit) -> None:
     visit.go("/results/" + "0" * 40)
     expect(visit.page.get_by_role("heading", level=1)).to_have_text("Nothing here")
+
+
+def test_on_a_phone_a_refusal_is_seen_without_scrolling(pages: Pages, service: str) -> None:
+    page = pages(Look(narrow=True))
+    page.goto(service + "/")
+    page.get_by_label("Equations", exact=True).fill("x'' = -x\ny'' = -sinn(x)")
+    page.get_by_role("button", name="Find out").click()
+    page.wait_for_load_state()
+    expect(page.locator(".refused mark")).to_be_in_viewport()
+    box = page.locator(".refused .problem").bounding_box()
+    assert box is not None
+    assert box["y"] + box["height"] < 844
+
+
+def test_a_formula_casts_a_shadow_at_the_edge_past_which_it_goes_on(pages: Pages, service: str) -> None:
+    page = pages(Look(narrow=True))
+    page.goto(service + "/")
+    sines = "*".join(f"sin({k}*x)" for k in range(2, 12))
+    page.get_by_label("Equations", exact=True).fill(f"x'' = 1/(1 + {sines})")
+    formula = page.locator("#understood .formula").first
+    expect(formula).to_contain_text("11")
+    assert formula.evaluate("e => e.scrollWidth - e.clientWidth") > 50
+    edge, inside = _colours(formula)
+    assert edge < inside - 20
+    formula.evaluate("e => { e.scrollLeft = e.scrollWidth }")
+    edge, inside = _colours(formula)
+    assert edge > inside - 6
+
+
+def _colours(formula: Locator) -> tuple[int, int]:
+    """How light the upper right corner is, and the place 60 pixels left of it."""
+    picture = Image.open(io.BytesIO(formula.screenshot())).convert("L")
+    lightness = [picture.getpixel((picture.width - back, 1)) for back in (1, 60)]
+    assert all(isinstance(value, int) for value in lightness)
+    return lightness[0], lightness[1]
