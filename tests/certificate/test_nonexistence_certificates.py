@@ -157,3 +157,14 @@ def test_the_verdict_does_not_hang_on_the_seed() -> None:
         assert check_certificate(nonexistence("differential-obstruction", 3), seed=seed).verdict == "valid"
         assert check_certificate(nonexistence("differential-obstruction", 2), seed=seed).verdict == "invalid"
         assert check_certificate(nonexistence("poynting-robertson", 2), seed=seed).verdict == "valid"
+
+
+def test_seven_rows_of_h3_alone_suffice_and_six_do_not() -> None:
+    """Phi is expanded as far as H3 needs it even where no row of H2 is named."""
+    first = [(0, 1), (0, 2), (0, 3), (1, 2)]
+    rows = [["H3", i, j, [0] * 8] for i, j in first]
+    rows += [["H3", i, j, [int(a == b) for b in range(8)]] for i, j, a in ((1, 2, 7), (1, 3, 6), (2, 3, 5))]
+    assert check_certificate(nonexistence("lie-A4,7", 1, rows=rows), seed=1).verdict == "valid"
+    for left_out in rows:
+        fewer = nonexistence("lie-A4,7", 1, rows=[row for row in rows if row is not left_out])
+        assert "leave a regular multiplier" in check_certificate(fewer, seed=1).reasons[0]
