@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service.algebra.exact_atoms import exact_ring
@@ -17,9 +18,13 @@ from inverse_service.expressions.tree import (
     Arbitrary,
     Expression,
     Number,
+    Power,
     Sum,
     Symbol,
     Velocity,
+    add,
+    multiply,
+    number,
     walk,
 )
 from inverse_service.inverse_problem.analysis import Analysis
@@ -215,8 +220,23 @@ def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]
             if not any(p == letter for p, _ in raised):
                 found[times(raised, monomial(Apply("log", letter)))] = None
     found.update(dict.fromkeys(quadratic_antiderivatives(key, variable)))
+    found.update(dict.fromkeys(_raised_powers(key, variable)))
     found.pop(EMPTY, None)
     return tuple(found)
+
+
+def _raised_powers(key: Monomial, variable: Expression) -> list[Monomial]:
+    """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, a numeric power of p beside it counted in."""
+    found = []
+    for letter, times_over in key:
+        if not isinstance(letter, Power) or isinstance(letter.exponent, Number):
+            continue
+        base, beside = letter.base, dict(key).get(letter.base, Fraction(0))
+        raised_exponent = add(multiply(number(times_over), letter.exponent), number(beside + 1))
+        if isinstance(raised_exponent, Sum) and not has_velocity(base):
+            whole = times(times(key, monomial(base)), monomial(raised_exponent), -1)
+            found += [times(whole, unit, -1) for unit in letter_derivative(base, variable)]
+    return found
 
 
 def coefficient(terms: Terms, moving: Monomial) -> Terms:

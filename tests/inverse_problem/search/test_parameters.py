@@ -45,3 +45,23 @@ def test_a_symbolic_system_gets_a_lagrangian_that_the_checker_confirms(name: str
 def test_a_system_without_lagrangian_gets_none_with_symbols() -> None:
     analysis = analyse(read_system(["x", "y"], {"x": "a*x' + y", "y": "b*y'^2 - x"}, ["a", "b"], {}, ""))
     assert search(analysis, False, 1, time.monotonic() + 60, lambda _: None).found is None
+
+
+POWERS = {
+    "a power law": (["x"], "x'' = -k*x^n"),
+    "powers side by side": (["x"], "x'' = -k*x^(n-3) - x^(k+2)"),
+    "Emden and Fowler": (["x"], "x'' = -k*x'/t - x^n"),
+    "a central power law": (["x", "y"], "x'' = -k*x*(x^2+y^2)^n; y'' = -k*y*(x^2+y^2)^n"),
+    "an exponential beside": (["x"], "x'' = -k*n*x^(n-1) - exp(k*x)"),
+}
+
+
+@pytest.mark.parametrize("name", POWERS)
+def test_a_force_with_a_symbolic_exponent_has_its_potential(name: str) -> None:
+    coordinates, equations = POWERS[name]
+    analysis = analyse(read_system(coordinates, equations, ["k", "n"], {}, name))
+    with_time = "t" in equations
+    outcome = search(analysis, with_time, 1, time.monotonic() + 60, lambda _: None)
+    assert outcome.found is not None
+    certificate = certify.of_lagrangian(analysis, outcome.found.lagrangians[0], with_time)
+    assert check_certificate(certificate).verdict == "valid"
