@@ -7,6 +7,7 @@ from fractions import Fraction
 from inverse_service.errors import InputError
 from inverse_service.expressions.characters import LETTER_COMMANDS
 from inverse_service.expressions.latex_scanner import Raw
+from inverse_service.expressions.latex_time import open_brackets, role_before, time_argument
 from inverse_service.expressions.latex_words import FONTS, LatexWords
 from inverse_service.expressions.limits import Limits
 from inverse_service.expressions.names import Names
@@ -81,7 +82,7 @@ class LatexTranslator(LatexWords):
 
     def _character(self, raw: Raw) -> None:
         if raw.is_character("{"):
-            self._group(raw)
+            self._group_or_time(raw)
         elif raw.is_character("^"):
             self._power(raw)
         elif raw.text and raw.text in ("'", "''"):
@@ -94,6 +95,16 @@ class LatexTranslator(LatexWords):
             self._emit("(" if raw.text == "[" else ")", raw)
         else:
             raise self._misplaced(raw)
+
+    def _group_or_time(self, raw: Raw) -> None:
+        pieces = time_argument([raw, *self._raw[self._place : self._place + 6]])
+        role = role_before(self._tokens, self._names) if pieces else None
+        if role == "parameter":
+            raise refusal("a parameter depends on time", raw.column, 'declare it in "functions" with the argument t')
+        if role == "coordinate":
+            self._place += pieces - 1
+        else:
+            self._group(raw)
 
     def _misplaced(self, raw: Raw) -> InputError:
         reasons = {
@@ -226,7 +237,7 @@ class LatexTranslator(LatexWords):
         self._emit(")", raw)
 
     def _fraction(self, raw: Raw) -> None:
-        if self._time_derivative(raw):
+        if self._time_derivative(raw) or self._time_operator(raw):
             return
         self._begin_factor(raw)
         self._argument(raw)
@@ -318,6 +329,36 @@ class LatexTranslator(LatexWords):
             return False
         self._emit_name(name, raw, order)
         return True
+
+    def _time_operator(self, raw: Raw) -> bool:
+        """\\frac{d}{dt} and \\frac{d^{2}}{dt^{2}} before an operand: taken as diff(u, t); else nothing is taken."""
+        start = self._place
+        order = self._operator_part()
+        if order < 1 or self._derivative_part() != ("t", order) or self._ahead.kind == "end":
+            self._place = start
+            return False
+        self._emit_name("diff", raw)
+        self._emit("(", raw, space=False)
+        self._operand()
+        for _ in range(order):
+            self._emit(",", raw)
+            self._emit_name("t", raw)
+        self._emit(")", raw)
+        return True
+
+    def _operand(self) -> None:
+        """A bracket, or one piece with the (t) that says that it depends on time."""
+        self._enter(self._ahead)
+        balance, started = 0, False
+        while (balance > 0 or not started) and self._ahead.kind != "end":
+            start, started = len(self._tokens), True
+            self._one()
+            balance += open_brackets(self._tokens[start:])
+        self._depth -= 1
+        self._skip_time_argument()
+
+    def _skip_time_argument(self) -> None:
+        self._place += time_argument(self._raw[self._place : self._place + 7])
 
 
 def _refused_function(name: str) -> str:

@@ -110,6 +110,13 @@ class LatexWords:
         order = first * self._small_power()
         return (name, order) if self._take().is_character("}") else ("", 0)
 
+    def _operator_part(self) -> int:
+        """The k of {d^k}, 0 if it is not one."""
+        if not self._take().is_character("{") or not self._differential():
+            return 0
+        order = self._small_power()
+        return order if self._take().is_character("}") else 0
+
     def _differential(self) -> bool:
         raw = self._take()
         if raw.is_command(*FONTS):

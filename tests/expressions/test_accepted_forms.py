@@ -157,6 +157,10 @@ LATEX = [
         "A(r1)*r1/2 + A(r1)*x^(1/3) + m*x^(1/3) + A(r1)*sqrt(x)",
     ),
     (r"\sin\frac{x}{2} + \exp\frac x2", "sin(x/2) + exp(x/2)"),
+    (r"\frac{d}{d t} x{\left(t \right)} + \frac{d^{2}}{d t^{2}} \phi{\left(t \right)}", "x' + phi''"),
+    (r"\left(\frac{d}{d t} x\right)^{2} \sin^{2}{\left(\phi{\left(t \right)} \right)}", "x'^2*sin(phi)^2"),
+    (r"x^{2}{\left(t \right)} F{\left(t \right)} \dot y", "x^2*F(t)*y'"),
+    (r"\frac{\mathrm{d}}{\mathrm{d}t}\left(t^2\dot x\right) + \frac{d}{dt} (m \dot{y})", "2*t*x' + t^2*x'' + m*y''"),
     (r"x(x - 2m) + m(\dot x - y)", "x*(x - 2*m) + m*(x' - y)"),
     (r"\frac{x(y + 1)}{m} + \dot x(x - y)", "x*(y + 1)/m + x'*(x - y)"),
     (r"\ell \dot\varphi.", "l*phi'"),
@@ -174,6 +178,7 @@ EQUATIONS = [
     (r"\begin{aligned} \ddot{x} &= -y \\ \ddot y &= x \end{aligned}", [("x''", "-y"), ("y''", "x")]),
     (r"\left\{\begin{array}{l} \ddot{x} = 1,\\ \ddot y = x \end{array}\right.", [("x''", "1"), ("y''", "x")]),
     (r"\begin{cases} \ddot x = y \\ \ddot y = 0 \end{cases}", [("x''", "y"), ("y''", "0")]),
+    (r"\frac{d^{2}}{d t^{2}} x{\left(t \right)} = y; \ddot y = x{\left(t \right)}", [("x''", "y"), ("y''", "x")]),
     (r"\begin{cases} \ddot x = y,\\[4pt] \ddot y = x \\ [-.5 em] \end{cases}", [("x''", "y"), ("y''", "x")]),
     ("x'' = -x, y'' = -y.", [("x''", "-x"), ("y''", "-y")]),
 ]
