@@ -112,12 +112,17 @@ class OperandParser(ABC):
         while self._stream.look(distance).kind != "end":
             token = self._stream.look(distance)
             open_groups += token.is_operator("(") - token.is_operator(")")
-            if token.kind == "name" and token.text == "t":
+            if token.kind == "name" and token.text == "t" and not self._only_names_time(distance, open_groups):
                 return True
             if open_groups == 0:
                 return False
             distance += 1
         return False
+
+    def _only_names_time(self, distance: int, open_groups: int) -> bool:
+        """Whether the t is that of diff(y, t), or of y(t) inside the bracket."""
+        before, after = self._stream.look(distance - 1), self._stream.look(distance + 1)
+        return before.is_operator(",") or (open_groups > 1 and before.is_operator("(") and after.is_operator(")"))
 
     def _arbitrary(self, name: str, token: Token) -> Expression:
         declared = self._names.functions[name]

@@ -115,6 +115,7 @@ TEXT = [
     ("diff(F(t), t)", "F'(t)"),
     ("x\n + y", "x + y"),
     ("\u2113 x.", "l*x"),
+    ("x (diff(y, t) + y(t))", "x*(y' + y)"),
     ("x + 2.", "x + 2"),
 ]
 
@@ -159,6 +160,7 @@ LATEX = [
     (r"\sin\frac{x}{2} + \exp\frac x2", "sin(x/2) + exp(x/2)"),
     (r"\frac{d}{d t} x{\left(t \right)} + \frac{d^{2}}{d t^{2}} \phi{\left(t \right)}", "x' + phi''"),
     (r"\left(\frac{d}{d t} x\right)^{2} \sin^{2}{\left(\phi{\left(t \right)} \right)}", "x'^2*sin(phi)^2"),
+    (r"x{\left(t \right)} \left(\frac{d}{d t} y{\left(t \right)} + 1\right)", "x*(y' + 1)"),
     (r"x^{2}{\left(t \right)} F{\left(t \right)} \dot y", "x^2*F(t)*y'"),
     (r"\frac{\mathrm{d}}{\mathrm{d}t}\left(t^2\dot x\right) + \frac{d}{dt} (m \dot{y})", "2*t*x' + t^2*x'' + m*y''"),
     (r"x(x - 2m) + m(\dot x - y)", "x*(x - 2*m) + m*(x' - y)"),
