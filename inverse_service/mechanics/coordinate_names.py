@@ -10,6 +10,8 @@ from inverse_service.expressions.reader import read_tokens
 from inverse_service.expressions.tokens import Token, joined, shorten
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES
 
+_LONGEST_ARGUMENTS = 400
+
 
 def inferred_coordinates(equations: Mapping[str, str] | Sequence[str] | str, declared: Names) -> tuple[str, ...]:
     """The keys, or the names with two time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
@@ -65,14 +67,19 @@ def accelerated_names(tokens: Sequence[Token]) -> list[str]:
     for place, token in enumerate(tokens):
         if token.kind != "name":
             continue
-        following = tokens[place + 1 : place + 12]
         if token.text in DERIVATIVE_NAMES:
-            found += _derived(following)
-        elif _primes(following) == 2:
+            found += _differentiated(tokens[place + 1 :], 2)
+        elif _primes(tokens[place + 1 : place + 4]) == 2:
             found.append(token.text)
         elif stem := _dotted_twice(token.text):
             found.append(stem)
     return found
+
+
+def differentiated_names(tokens: Sequence[Token], order: int) -> list[str]:
+    """The names of which a diff(…, t) makes a derivative of this order."""
+    places = [place for place, token in enumerate(tokens) if token.kind == "name" and token.text in DERIVATIVE_NAMES]
+    return [name for place in places for name in _differentiated(tokens[place + 1 :], order)]
 
 
 def _dotted_twice(word: str) -> str:
@@ -90,13 +97,41 @@ def _primes(tokens: Sequence[Token]) -> int:
     return order
 
 
-def _derived(tokens: Sequence[Token]) -> list[str]:
-    """The x of (x, t, t), (x, t, 2), (x, (t, 2)), each also with x(t)."""
-    words = [token.text for token in tokens]
-    if len(words) < 2 or words[0] != "(" or tokens[1].kind != "name":
+def _differentiated(tokens: Sequence[Token], order: int) -> list[str]:
+    """The x of (x, t, t), (x, t, 2), (x, (t, 2)), (x(t), t, 2) for order 2, and of (x', t), (m*x', t)."""
+    parts = _arguments(tokens[:_LONGEST_ARGUMENTS])
+    times = _times([token.text for part in parts[1:] for token in part])
+    if not 0 < times <= order:
         return []
-    rest = words[2:]
-    if rest[:3] == ["(", "t", ")"]:
-        rest = rest[3:]
-    twice = ([",", "t", ",", "t", ")"], [",", "t", ",", "2"], [",", "(", "t", ",", "2"])
-    return [words[1]] if any(rest[: len(form)] == form for form in twice) else []
+    first, missing = parts[0], order - times
+    if not missing:
+        alone = [token.text for token in first[1:]] in ([], ["(", "t", ")"])
+        return [first[0].text] if alone and first and first[0].kind == "name" else []
+    return [
+        token.text
+        for place, token in enumerate(first)
+        if token.kind == "name" and _primes(first[place + 1 : place + 4]) == missing
+    ]
+
+
+def _arguments(tokens: Sequence[Token]) -> list[list[Token]]:
+    """The arguments in the bracket that comes first; none where it is not closed."""
+    parts: list[list[Token]] = [[]]
+    depth = 0
+    for place, token in enumerate(tokens):
+        depth += token.is_operator("(") - token.is_operator(")")
+        if depth == 0:
+            return parts if place else []
+        if depth == 1 and token.is_operator(","):
+            parts.append([])
+        elif place:
+            parts[-1].append(token)
+    return []
+
+
+def _times(words: Sequence[str]) -> int:
+    """The order of a derivative by t, t and by t, 2 and by (t, 2); 0 where it is another."""
+    plain = [word for word in words if word not in ("(", ")", ",")]
+    if len(plain) == 2 and plain[0] == "t" and plain[1].isdigit():
+        return int(plain[1])
+    return len(plain) if all(word == "t" for word in plain) else 0

@@ -8,6 +8,7 @@ import pytest
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import TIME, Symbol, Velocity, number, substitute
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 
@@ -167,3 +168,26 @@ def test_dots_written_as_words_are_derivatives(twice: str) -> None:
     found = read_system(None, f"{twice} = -x_dot - xdot - x")
     assert found.coordinates == ("x",)
     assert found.accelerations == read_system(["x"], {"x": "-x' - x' - x"}).accelerations
+
+
+@pytest.mark.parametrize(
+    "equation",
+    [
+        "diff(t^2*x', t) = -t^2*x",
+        r"\frac{d}{dt}\left(t^2 \dot x\right) + t^2 x = 0",
+        "t^2*x''(t) + 2*t*x'(t) + t^2*x(t)",
+        "diff(x(t), (t, 2)) = -x - 2*x'/t",
+        r"\frac{d^{2}}{d t^{2}} x{\left(t \right)} = - x{\left(t \right)} - 2 \frac{d}{d t} x{\left(t \right)} / t",
+    ],
+)
+def test_coordinates_are_found_under_every_second_derivative(equation: str) -> None:
+    system = read_system(None, equation)
+    assert system.coordinates == ("x",)
+    place = {Symbol("x"): number(3), Velocity("x"): number(5), TIME: number(2)}
+    assert substitute(system.accelerations[0], place) == number(-8)
+
+
+@pytest.mark.parametrize("equation", ["diff(x, t) = 0", "diff(x', y) = 0", "diff(x', t", "diff()", "diff(, t)"])
+def test_other_derivatives_make_no_coordinate(equation: str) -> None:
+    with pytest.raises(InputError):
+        read_system(None, equation)

@@ -8,6 +8,7 @@ What was guessed is shown to the writer.
 from __future__ import annotations
 
 import difflib
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -16,6 +17,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_tokens
 from inverse_service.expressions.tokens import Token
 from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED, RESERVED
+from inverse_service.mechanics.coordinate_names import differentiated_names
 
 # Refused as functions, so they would be a strange guess for a parameter too.
 NEVER_GUESSED = RESERVED | REFUSED.keys() | {"e", "E"}
@@ -39,9 +41,11 @@ def guess_names(
     A text that cannot be read adds nothing: its fault is told where it is read.
     """
     tokens = [_tokens(text, coordinates, parameters) for text in texts]
+    declared = {*parameters, *functions}
     if not coordinates:
-        coordinates = tuple(dict.fromkeys(name for line in tokens for name in _derived(line, order)))
-    known = {*coordinates, *parameters, *functions, *NEVER_GUESSED}
+        derived = dict.fromkeys(name for line in tokens for name in _derived(line, order))
+        coordinates = tuple(name for name in derived if name not in declared)
+    known = {*coordinates, *declared, *NEVER_GUESSED}
     found_functions: dict[str, tuple[str, ...]] = {}
     found_parameters: dict[str, None] = {}
     for line in tokens:
@@ -70,16 +74,12 @@ def _derived(line: list[Token], order: int) -> list[str]:
     for place, token in enumerate(line):
         if token.kind != "name" or token.text in NEVER_GUESSED:
             continue
-        primes = 0
-        for following in line[place + 1 :]:
-            if following.kind != "prime":
-                break
-            primes += int(following.value)
-        followed = line[place + 1 + primes :][:1]
-        if primes >= order and not (followed and followed[0].is_operator("(")):
+        primes = list(itertools.takewhile(lambda following: following.kind == "prime", line[place + 1 :]))
+        after = [following.text for following in line[place + 1 + len(primes) :][:3]]
+        if sum(prime.value for prime in primes) >= order and (after[:1] != ["("] or after == ["(", "t", ")"]):
             found.append(token.text)
         found += [token.text.removesuffix(end) for end, k in ENDINGS if k >= order and _has_stem(token.text, end)][:1]
-    return found
+    return [*found, *differentiated_names(line, order)]
 
 
 def _has_stem(name: str, ending: str) -> bool:

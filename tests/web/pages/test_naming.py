@@ -27,6 +27,11 @@ def document(**fields: str) -> dict[str, object]:
         ("x'' = -k*x", ("x",), ("k",), {}),
         ("x'' = -a*x + b*y; y'' = -c*y + d*x", ("x", "y"), ("a", "b", "c", "d"), {}),
         ("m x'' + c x' + k x = 0", ("x",), ("m", "c", "k"), {}),
+        ("x''(t) = -k x(t)", ("x",), ("k",), {}),
+        ("diff(x, t, 2) = -k x", ("x",), ("k",), {}),
+        (r"\ddot r = \frac{M(r-2M)}{r^3}", ("r",), ("M",), {}),
+        (r"\frac{d^{2}}{d t^{2}} x{\left(t \right)} + \omega_0 x{\left(t \right)} = 0", ("x",), ("omega_0",), {}),
+        (r"\frac{d}{dt}\left(t^2 \dot y\right) + t^2 y^n = 0", ("y",), ("n",), {}),
         (r"\ddot{x} = -\omega^2 x", ("x",), ("omega",), {}),
         ("x_ddot = -x; y_ddot = x_dot", ("x", "y"), (), {}),
         ("r1'' = A(r1)*r1'", ("r1",), (), {"A": ("r1",)}),
@@ -51,6 +56,7 @@ def test_a_lagrangian_shows_its_coordinates_by_one_prime() -> None:
 
 
 def test_what_is_declared_is_not_guessed() -> None:
+    assert guess_names(["x'' = F''(t)"], (), (), ["F"], 2).coordinates == ("x",)
     found = document(equations="x'' = -k*x + c", parameters="k = 1/2", coordinates="x")
     assert found == {"coordinates": ["x"], "equations": "x'' = -k*x + c", "parameters": {"k": "1/2", "c": None}}
 
