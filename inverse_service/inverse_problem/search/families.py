@@ -75,7 +75,8 @@ def _short_metric(material: Material, factors: Factors) -> list[Monomial]:
     shapes_of_v = shapes.pairs(material)
     products_of_two = [key for key in position_monomials(material, 2) if all(e.denominator == 1 for _, e in key)]
     functions = distinct([*products_of_two, *factors.plain[:4]])
-    return products(factors.in_time, products(functions[: max(_FEW_FUNCTIONS, _MOST_SHORT // len(shapes_of_v))], shapes_of_v))
+    room = max(_FEW_FUNCTIONS, _MOST_SHORT // len(shapes_of_v))
+    return products(factors.in_time, products(functions[:room], shapes_of_v))
 
 
 def _fitting(material: Material, room: int) -> list[Monomial]:
