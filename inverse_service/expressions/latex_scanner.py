@@ -8,6 +8,7 @@ from typing import Literal
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.characters import GREEK, OPERATORS, PRIMES, SCRIPT_L, SPACES, describe
+from inverse_service.expressions.latex_lines import line_ends
 from inverse_service.expressions.limits import LIMITS, Limits
 from inverse_service.expressions.tokenizer import check_length
 from inverse_service.expressions.tokens import limit_passed, refusal
@@ -47,8 +48,9 @@ def scan(text: str, limits: Limits = LIMITS) -> list[Raw]:
     place, stop = _inside_wrappers(text)
     pieces: list[Raw] = []
     space = False
+    ends = line_ends(text, place, stop)
     while place < stop:
-        piece, place = _piece(text, place, space)
+        piece, place = (Raw("command", "\\", place + 1), place + 1) if place in ends else _piece(text, place, space)
         space = piece is None
         if piece:
             pieces.append(piece)

@@ -181,6 +181,10 @@ EQUATIONS = [
     (r"\left\{\begin{array}{l} \ddot{x} = 1,\\ \ddot y = x \end{array}\right.", [("x''", "1"), ("y''", "x")]),
     (r"\begin{cases} \ddot x = y \\ \ddot y = 0 \end{cases}", [("x''", "y"), ("y''", "0")]),
     (r"\frac{d^{2}}{d t^{2}} x{\left(t \right)} = y; \ddot y = x{\left(t \right)}", [("x''", "y"), ("y''", "x")]),
+    ("\\ddot x = \\dot y^2 - y\n\\ddot y = x\n", [("x''", "y'^2 - y"), ("y''", "x")]),
+    ("\\ddot x =\n - y\n + x\n\n-\\ddot y = \\frac{x}\n{2}\n", [("x''", "-y + x"), ("-y''", "x/2")]),
+    ("\\begin{cases}\n\\ddot x = (x\n + y) \\\\\n\\ddot y &= x\n\\end{cases}", [("x''", "x + y"), ("y''", "x")]),
+    ("\\left\\{\\begin{array}{l}\n\\ddot x = y\n\\ddot y = x;\n\\end{array}\\right.", [("x''", "y"), ("y''", "x")]),
     (r"\begin{cases} \ddot x = y,\\[4pt] \ddot y = x \\ [-.5 em] \end{cases}", [("x''", "y"), ("y''", "x")]),
     ("x'' = -x, y'' = -y.", [("x''", "-x"), ("y''", "-y")]),
 ]
