@@ -62,8 +62,13 @@ class Power:
 
 
 def darboux_powers(material: Material, factors: Factors, seed: int) -> list[Power]:
-    """Multipliers phi P^e, P of degree 1 to 3 in v; empty where none is found."""
+    """Multipliers phi P^e, P of degree 1 to 4 in v; empty where none is found.
+
+    Where df/dv = 0 they are first integrals, and g = 1 is one: none can spare the integral of f that g = 1 needs.
+    """
     found: dict[Power, None] = {}
+    if not derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
+        return []
     for degree, exponents in EXPONENTS:
         try:
             found.update(dict.fromkeys(_of_degree(material, factors, degree, exponents, seed)))
