@@ -15,6 +15,7 @@ from inverse_service.expressions.tokens import limit_passed, refusal
 
 RawKind = Literal["command", "letter", "digit", "character", "end"]
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
+_MARKS = re.compile(r"\\(?:nonumber|notag)(?![A-Za-z])|\\(?:label|tag\*?)\s*\{[^{}]*\}")
 _COMMAND = re.compile(r"\\([A-Za-z]+\*?|.)", re.DOTALL)
 _ENVIRONMENT = re.compile(r"\{\s*([a-z]+)\*?\s*\}(\s*\{[lcr| ]*\})?")
 _ENVIRONMENTS = frozenset(
@@ -106,6 +107,8 @@ def _not_accepted(character: str, column: int) -> InputError:
 
 
 def _command(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
+    if mark := _MARKS.match(text, place):
+        return None, mark.end()
     match = _COMMAND.match(text, place)
     if match is None:
         raise refusal("a backslash stands alone", place + 1, "write a command such as \\dot{x}")

@@ -283,7 +283,7 @@ class LatexTranslator(LatexWords):
         raw = self._ahead
         if raw.is_command("prime"):
             self._primes()
-        elif raw.is_character("{") and self._raw[self._place + 1].is_command("prime"):
+        elif raw.is_character("{") and _is_prime(self._raw[self._place + 1]):
             self._take()
             self._primes()
             if self._ahead.is_character("}"):
@@ -315,20 +315,33 @@ class LatexTranslator(LatexWords):
         self._emit(")", raw)
 
     def _primes(self) -> None:
-        while self._ahead.is_command("prime"):
+        while _is_prime(self._ahead):
             raw = self._take()
-            self._tokens.append(Token("prime", "'", raw.column, False, Fraction(1)))
+            order = 1 if raw.kind == "command" else len(raw.text)
+            self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
 
     def _time_derivative(self, raw: Raw) -> bool:
-        """\\frac{dx}{dt}, \\frac{d^2 x}{dt^2}: taken as x' and x''; else nothing is taken."""
-        start = self._place
+        """\\frac{dx}{dt} as x', \\frac{\\partial A}{\\partial x} as diff(A, x), A declared; else nothing is taken."""
+        start, partial = self._place, self._raw[self._place + 1].is_command("partial")
         name, order = self._derivative_part()
         variable, times = self._derivative_part() if name else ("", 0)
-        if variable != "t" or order < 1 or order != times:
+        declared = self._names.role(self._names.spelling(name)) == "function"
+        if 0 < order == times and declared and not (partial and variable == "t"):
+            self._emit_call(raw, name, *[variable] * order)
+        elif 0 < order == times and variable == "t" and not partial:
+            self._emit_name(name, raw, order)
+        else:
             self._place = start
             return False
-        self._emit_name(name, raw, order)
         return True
+
+    def _emit_call(self, raw: Raw, *names: str) -> None:
+        """diff(A, x) for \\frac{\\partial A}{\\partial x}, A a declared function."""
+        self._emit_name("diff", raw)
+        for separator, name in zip("(" + "," * len(names), names, strict=False):
+            self._emit(separator, raw, space=False)
+            self._emit_name(name, raw)
+        self._emit(")", raw)
 
     def _time_operator(self, raw: Raw) -> bool:
         """\\frac{d}{dt} and \\frac{d^{2}}{dt^{2}} before an operand: taken as diff(u, t); else nothing is taken."""
@@ -359,6 +372,10 @@ class LatexTranslator(LatexWords):
 
     def _skip_time_argument(self) -> None:
         self._place += time_argument(self._raw[self._place : self._place + 7])
+
+
+def _is_prime(raw: Raw) -> bool:
+    return raw.is_command("prime") or raw.is_character("'", "''")
 
 
 def _refused_function(name: str) -> str:

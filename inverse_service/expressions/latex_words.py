@@ -119,6 +119,8 @@ class LatexWords:
 
     def _differential(self) -> bool:
         raw = self._take()
+        if raw.is_command("partial"):
+            return True
         if raw.is_command(*FONTS):
             return self._name_part() == "d"
         return raw.kind == "letter" and raw.text == "d"

@@ -9,6 +9,7 @@ from inverse_service.expressions.printing_layout import Ratio, has_plain_argumen
 from inverse_service.expressions.printing_names import greek_letter, written
 from inverse_service.expressions.tree import (
     HALF,
+    TIME,
     Acceleration,
     Apply,
     Arbitrary,
@@ -17,6 +18,7 @@ from inverse_service.expressions.tree import (
     Power,
     Symbol,
     Velocity,
+    walk,
 )
 
 _COMMANDS = {name: f"\\{name}" for name in ("sin", "cos", "tan", "cot", "sec", "csc", "sinh", "cosh", "tanh", "coth")}
@@ -53,12 +55,19 @@ def _alone(coefficient: int, factors: Sequence[Expression]) -> str:
 
 def _factors(coefficient: int, factors: Sequence[Expression]) -> str:
     pieces = [str(coefficient)] if coefficient != 1 or not factors else []
+    before: Expression | None = None
     for factor in factors:
         piece = _factor(factor)
-        if pieces and piece[0].isdigit():
+        if pieces and (piece[0].isdigit() or _looks_like_a_call(before, piece, factor)):
             piece = "\\cdot " + piece
         pieces.append(piece)
+        before = factor
     return " ".join(pieces)
+
+
+def _looks_like_a_call(before: Expression | None, piece: str, factor: Expression) -> bool:
+    """Whether x (t + 1) would stand there, which could be x at another time."""
+    return piece.startswith("\\left(") and isinstance(before, Symbol | Velocity | Acceleration) and TIME in walk(factor)
 
 
 def _factor(factor: Expression) -> str:

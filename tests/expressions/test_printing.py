@@ -199,3 +199,9 @@ def test_nested_powers_cost_little_to_print(opening: str, closing: str) -> None:
     for show in (to_text, to_latex, to_mathml):
         show(tree)
     assert time.process_time() - begin < 0.5
+
+
+@pytest.mark.parametrize("text", ["x*(t + 1)", "-x*(x + t)", "x'*(t - x)*2", "t*(t - 1)*x"])
+def test_a_bracket_with_the_time_after_a_coordinate_is_read_back_as_a_factor(text: str) -> None:
+    tree = read_formula(text, NAMES)
+    assert to_text(read_formula("{" + to_latex(tree) + "}", NAMES)) == to_text(tree)
