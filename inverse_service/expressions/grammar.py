@@ -12,6 +12,8 @@ x^2y) the formula is refused with both ways to write it. Recursion is bounded by
 
 from __future__ import annotations
 
+import itertools
+
 from inverse_service.errors import InputError
 from inverse_service.expressions.checked import product, raised, reciprocal, sum_of
 from inverse_service.expressions.names import Names
@@ -140,7 +142,8 @@ class FormulaParser(OperandParser):
         """The 2 of sin^2 x; sin^-1 is refused, it is asin to some and 1/sin to others."""
         if not (caret := self._stream.take_operator("^")):
             return None
-        if self._stream.ahead.is_operator("-") or self._stream.look(1).is_operator("-"):
+        sign = next(k for k in itertools.count() if not self._stream.look(k).is_operator("("))
+        if self._stream.look(sign).is_operator("-") and (sign < 2 or self._stream.look(sign + 1).value == 1):
             name = token.text
             raise refusal(f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
         return self._base()

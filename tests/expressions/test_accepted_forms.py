@@ -162,6 +162,7 @@ LATEX = [
     (r"\left(\frac{d}{d t} x\right)^{2} \sin^{2}{\left(\phi{\left(t \right)} \right)}", "x'^2*sin(phi)^2"),
     (r"\frac{\partial B}{\partial x} + \frac{\partial^2 B}{\partial y^{2}}", "diff(B(x, y), x) + diff(B(x, y), y, y)"),
     (r"\frac{dA}{dr_1} + \frac{\mathrm dA}{\mathrm d t} + \frac{dF}{dt}", "A'(r1) + A'(r1)*r1' + F'(t)"),
+    (r"\sin^{-2} x + \tan(x)^{-1}", "1/sin(x)^2 + 1/tan(x)"),
     (r"x^{''} + y^{'}", "x'' + y'"),
     (r"x \label{eq:1} \tag{1} \notag + y \nonumber", "x + y"),
     (r"x{\left(t \right)} \left(\frac{d}{d t} y{\left(t \right)} + 1\right)", "x*(y' + 1)"),

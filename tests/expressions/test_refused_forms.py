@@ -139,6 +139,8 @@ REFUSED = [
     (r"\frac{\partial B}{\partial t}", 7, "diff(A"),
     (r"\frac{\partial B}{\partial x \partial y}", 7, "diff(A"),
     (r"\label{eq", 1, "label"),
+    (r"\tan^{-1} x", 5, "two meanings"),
+    (r"\sin^{-1}(x)", 5, "two meanings"),
     (r"\frac{d}{x} x", 7, "diff(u, t)"),
     (r"\frac{d}{dt}", 7, "diff(u, t)"),
     (r"m{\left(t \right)} x", 2, "functions"),
