@@ -57,6 +57,7 @@ WITH = {
     "damped, other coordinate": ("(-2*c*(1+3*x^2)*x'-w^2*(x+x^3)-6*x*x'^2)/(1+3*x^2)", "cw"),
     "damped with exponential factor": ("(-(1+2*x)^2*x'^2-x-x^2-2*x'^2)/(1+2*x)", ""),
     "tangent": ("-x'^2*tan(x)-sin(x)", ""),
+    "no velocity, several functions": ("atan(x)-1/tan(x)+sin(x)^2", ""),
 }
 WITHOUT = {
     "van der Pol": ("-(x^2-1)*x'-x", ""),

@@ -34,7 +34,15 @@ from inverse_service.inverse_problem.search.one_coordinate.darboux import darbou
 from inverse_service.inverse_problem.search.one_coordinate.kinetic import NotElementary, coefficients
 from inverse_service.inverse_problem.search.one_coordinate.lienard import inverse_multiplier
 from inverse_service.inverse_problem.search.one_coordinate.points import Samples, sampled, solved
-from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, terms_of, times, tree_of
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    TooManyTerms,
+    derivative_of_terms,
+    terms_of,
+    times,
+    tree_of,
+)
 
 _MOST_FACTORS = 5
 _MOST_LETTERS = 6
@@ -56,6 +64,8 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
     """
     factors = _simplified(material, factors)
     found = dict.fromkeys(LastMultiplier(phi, ()) for phi in position_factors(factors, Fraction(0)) if phi)
+    if not derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
+        found[LastMultiplier(EMPTY, ())] = None
     powers = [
         (power.factor, tree_of(dict(power.base)), power.exponent) for power in darboux_powers(material, factors, seed)
     ]
