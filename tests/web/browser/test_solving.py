@@ -201,8 +201,8 @@ def test_a_formula_casts_a_shadow_at_the_edge_past_which_it_goes_on(pages: Pages
 
 
 def _colours(formula: Locator) -> tuple[int, int]:
-    """How light the upper right corner is, and the place 60 pixels left of it."""
+    """How light it is near the upper right corner, and 60 pixels left of it."""
     picture = Image.open(io.BytesIO(formula.screenshot())).convert("L")
-    lightness = [picture.getpixel((picture.width - back, 1)) for back in (1, 60)]
+    lightness = [picture.getpixel((picture.width - back, 4)) for back in (1, 60)]
     assert all(isinstance(value, int) for value in lightness)
     return lightness[0], lightness[1]
