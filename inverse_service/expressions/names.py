@@ -84,7 +84,11 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     if follows == "(":
         close = difflib.get_close_matches(name, sorted(FUNCTIONS | set(names.functions)), 1)
         hint = f" (did you mean {close[0]}?)" if close else ""
-        return refusal(shown, column, f'declare it in "functions" with its arguments, or use a known function{hint}')
+        return refusal(
+            shown,
+            column,
+            f'declare it in "functions" with its arguments, use a known function{hint}, or write * before the bracket',
+        )
     hint = _meant(name, names)
     if hint:
         return refusal(shown, column, f'did you mean {hint}? else add it to "parameters"')

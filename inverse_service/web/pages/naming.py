@@ -21,6 +21,7 @@ from inverse_service.mechanics.coordinate_names import differentiated_names
 
 # Refused as functions, so they would be a strange guess for a parameter too.
 NEVER_GUESSED = RESERVED | REFUSED.keys() | {"e", "E"}
+FUNCTION_LETTERS = frozenset("fFhHUVW")
 ENDINGS = (("_ddot", 2), ("_dot", 1), ("ddot", 2), ("dot", 1))
 
 
@@ -55,7 +56,7 @@ def guess_names(
             arguments = _arguments(line, place + 1, coordinates)
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
-            elif not arguments and not _is_primed(line, place):
+            elif not arguments and not _is_primed(line, place) and not _may_be_called(line, place):
                 found_parameters[token.text] = None
     guessed = tuple(name for name in found_parameters if name not in found_functions)
     return Guess(tuple(coordinates), guessed, found_functions)
@@ -97,6 +98,12 @@ def _looks_like_a_function(name: str) -> bool:
 
 def _is_primed(line: list[Token], place: int) -> bool:
     return place + 1 < len(line) and line[place + 1].kind == "prime"
+
+
+def _may_be_called(line: list[Token], place: int) -> bool:
+    """Whether f (x - y) stands there: a function rather than a factor, so the writer is asked."""
+    after = line[place + 1 :][:1]
+    return line[place].text in FUNCTION_LETTERS and bool(after) and after[0].is_operator("(")
 
 
 def _arguments(line: list[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:

@@ -29,6 +29,8 @@ def document(**fields: str) -> dict[str, object]:
         ("m x'' + c x' + k x = 0", ("x",), ("m", "c", "k"), {}),
         ("x''(t) = -k x(t)", ("x",), ("k",), {}),
         ("diff(x, t, 2) = -k x", ("x",), ("k",), {}),
+        (r"\ddot x = -f(x-y) - k(x-y); \ddot y = f(x-y)", ("x", "y"), ("k",), {}),
+        ("x'' = -F*(x - 1)", ("x",), ("F",), {}),
         (r"\ddot r = \frac{M(r-2M)}{r^3}", ("r",), ("M",), {}),
         (r"\frac{d^{2}}{d t^{2}} x{\left(t \right)} + \omega_0 x{\left(t \right)} = 0", ("x",), ("omega_0",), {}),
         (r"\frac{d}{dt}\left(t^2 \dot y\right) + t^2 y^n = 0", ("y",), ("n",), {}),
