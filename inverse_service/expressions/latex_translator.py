@@ -327,6 +327,9 @@ class LatexTranslator(LatexWords):
         variable, times = self._derivative_part() if name else ("", 0)
         declared = self._names.role(self._names.spelling(name)) == "function"
         if 0 < order == times and declared and not (partial and variable == "t"):
+            if self._ahead.is_character("(") or self._ahead.is_command("left"):
+                instead = f"write {name}'({variable}), or \\cdot before a factor"
+                raise refusal("a bracket follows a derivative", self._ahead.column, instead)
             self._emit_call(raw, name, *[variable] * order)
         elif 0 < order == times and variable == "t" and not partial:
             self._emit_name(name, raw, order)
@@ -360,18 +363,25 @@ class LatexTranslator(LatexWords):
         return True
 
     def _operand(self) -> None:
-        """A bracket, or one piece with the (t) that says that it depends on time."""
+        """A bracket, or one piece with the (t) that says that it depends on time, or one piece that nothing follows."""
+        start = len(self._tokens)
         self._enter(self._ahead)
         balance, started = 0, False
         while (balance > 0 or not started) and self._ahead.kind != "end":
-            start, started = len(self._tokens), True
+            place, started = len(self._tokens), True
             self._one()
-            balance += open_brackets(self._tokens[start:])
+            balance += open_brackets(self._tokens[place:])
         self._depth -= 1
-        self._skip_time_argument()
+        bracket = self._tokens[start:] and self._tokens[start].is_operator("(")
+        pieces = time_argument(self._raw[self._place : self._place + 7])
+        self._place += pieces
+        if self._ahead.is_character("^") or not (bracket or pieces or self._ends_a_term()):
+            instead = "write \\frac{d}{dt}\\left( and \\right)"
+            raise refusal("where the derivative ends is not clear", self._ahead.column, instead)
 
-    def _skip_time_argument(self) -> None:
-        self._place += time_argument(self._raw[self._place : self._place + 7])
+    def _ends_a_term(self) -> bool:
+        ahead = self._ahead
+        return ahead.kind == "end" or ahead.is_character(*"+-=,;)]}.") or ahead.is_command("\\", "right")
 
 
 def _is_prime(raw: Raw) -> bool:
