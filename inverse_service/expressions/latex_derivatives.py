@@ -1,0 +1,106 @@
+r"""Derivatives written as fractions: \frac{dx}{dt}, \frac{\partial V}{\partial x}, \frac{d}{dt}\left( … \right)."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from fractions import Fraction
+
+from inverse_service.expressions.latex_scanner import Raw
+from inverse_service.expressions.latex_time import open_brackets, time_argument
+from inverse_service.expressions.latex_words import LatexWords
+from inverse_service.expressions.limits import Limits
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.tokens import Token, limit_passed, refusal
+
+
+class LatexDerivatives(LatexWords, ABC):
+    """What is translated so far, and how derivatives are; everything else is the business of the translator."""
+
+    __slots__ = ("_depth", "_tokens")
+
+    def __init__(self, raw: list[Raw], names: Names, limits: Limits) -> None:
+        super().__init__(raw, names, limits)
+        self._depth = 0
+        self._tokens: list[Token] = []
+
+    @abstractmethod
+    def _one(self) -> None:
+        """Translate what comes next."""
+
+    def _emit(self, text: str, raw: Raw, space: bool | None = None) -> None:
+        self._tokens.append(Token("operator", text, raw.column, raw.space_before if space is None else space))
+
+    def _emit_name(self, name: str, raw: Raw, order: int = 0) -> None:
+        if len(name) > self._limits.name_characters:
+            raise limit_passed("a name has too many characters", raw.column, self._limits.name_characters)
+        self._tokens.append(Token("name", name, raw.column, raw.space_before))
+        if order:
+            self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
+
+    def _enter(self, raw: Raw) -> None:
+        self._depth += 1
+        if self._depth > self._limits.depth:
+            raise limit_passed("the formula is nested too deeply", raw.column, self._limits.depth)
+
+    def _time_derivative(self, raw: Raw) -> bool:
+        """\\frac{dx}{dt} as x', \\frac{\\partial A}{\\partial x} as diff(A, x), A declared; else nothing is taken."""
+        start, partial = self._place, self._raw[self._place + 1].is_command("partial")
+        name, order = self._derivative_part()
+        variable, times = self._derivative_part() if name else ("", 0)
+        declared = self._names.role(self._names.spelling(name)) == "function"
+        if 0 < order == times and declared and not (partial and variable == "t"):
+            if self._ahead.is_character("(") or self._ahead.is_command("left"):
+                instead = f"write {name}'({variable}), or \\cdot before a factor"
+                raise refusal("a bracket follows a derivative", self._ahead.column, instead)
+            self._emit_call(raw, name, *[variable] * order)
+        elif 0 < order == times and variable == "t" and not partial:
+            self._emit_name(name, raw, order)
+        else:
+            self._place = start
+            return False
+        return True
+
+    def _emit_call(self, raw: Raw, *names: str) -> None:
+        """diff(A, x) for \\frac{\\partial A}{\\partial x}, A a declared function."""
+        self._emit_name("diff", raw)
+        for separator, name in zip("(" + "," * len(names), names, strict=False):
+            self._emit(separator, raw, space=False)
+            self._emit_name(name, raw)
+        self._emit(")", raw)
+
+    def _time_operator(self, raw: Raw) -> bool:
+        """\\frac{d}{dt} and \\frac{d^{2}}{dt^{2}} before an operand: taken as diff(u, t); else nothing is taken."""
+        start = self._place
+        order = self._operator_part()
+        if order < 1 or self._derivative_part() != ("t", order) or self._ahead.kind == "end":
+            self._place = start
+            return False
+        self._emit_name("diff", raw)
+        self._emit("(", raw, space=False)
+        self._operand()
+        for _ in range(order):
+            self._emit(",", raw)
+            self._emit_name("t", raw)
+        self._emit(")", raw)
+        return True
+
+    def _operand(self) -> None:
+        """A bracket, or one piece with the (t) that says that it depends on time, or one piece that nothing follows."""
+        start = len(self._tokens)
+        self._enter(self._ahead)
+        balance, started = 0, False
+        while (balance > 0 or not started) and self._ahead.kind != "end":
+            place, started = len(self._tokens), True
+            self._one()
+            balance += open_brackets(self._tokens[place:])
+        self._depth -= 1
+        bracket = self._tokens[start:] and self._tokens[start].is_operator("(")
+        pieces = time_argument(self._raw[self._place : self._place + 7])
+        self._place += pieces
+        if self._ahead.is_character("^") or not (bracket or pieces or self._ends_a_term()):
+            instead = "write \\frac{d}{dt}\\left( and \\right)"
+            raise refusal("where the derivative ends is not clear", self._ahead.column, instead)
+
+    def _ends_a_term(self) -> bool:
+        ahead = self._ahead
+        return ahead.kind == "end" or ahead.is_character(*"+-=,;)]}.") or ahead.is_command("\\", "right")
