@@ -66,13 +66,13 @@ class Echelon:
     count: int = 0
     inserted: int = 0
     pivot_of: Indices = field(default_factory=lambda: np.empty(0, np.int64))
-    starts: Indices = field(default_factory=lambda: np.zeros(64, np.int64))
-    columns: Columns = field(default_factory=lambda: np.empty(4096, np.int32))
-    values: Words = field(default_factory=lambda: np.empty(4096, np.uint64))
-    origin: Indices = field(default_factory=lambda: np.empty(64, np.int64))
-    use_starts: Indices = field(default_factory=lambda: np.zeros(64, np.int64))
-    use_rows: Columns = field(default_factory=lambda: np.empty(4096, np.int32))
-    use_factors: Words = field(default_factory=lambda: np.empty(4096, np.uint64))
+    starts: Indices = field(default_factory=lambda: np.zeros(512, np.int64))
+    columns: Columns = field(default_factory=lambda: np.empty(16_384, np.int32))
+    values: Words = field(default_factory=lambda: np.empty(16_384, np.uint64))
+    origin: Indices = field(default_factory=lambda: np.empty(512, np.int64))
+    use_starts: Indices = field(default_factory=lambda: np.zeros(512, np.int64))
+    use_rows: Columns = field(default_factory=lambda: np.empty(16_384, np.int32))
+    use_factors: Words = field(default_factory=lambda: np.empty(16_384, np.uint64))
     state: Indices = field(default_factory=lambda: np.zeros(4, np.int64))
 
     def widen(self, width: int) -> None:
@@ -100,9 +100,10 @@ class Echelon:
         if expected is None or not expected.any():
             self._settle(self._insert(np.arange(total), *given, most), *given)
         else:
-            later = self._insert(np.flatnonzero(~expected), *given, most)
-            self._settle(np.concatenate([later, np.flatnonzero(expected)]), *given)
-        dependent = np.ones(total, np.bool_)
+            later = self._insert((~expected).nonzero()[0], *given, most)
+            self._settle(np.concatenate([later, expected.nonzero()[0]]), *given)
+        dependent = np.empty(total, np.bool_)
+        dependent.fill(True)
         dependent[self.origin[first : self.count]] = False
         self.origin[first : self.count] += self.inserted
         self.inserted += total

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra.montgomery import compiled, leading_zeros, multiply, power
+from inverse_service.algebra.montgomery import GOLDEN, compiled, leading_zeros, mixed, multiply, power
 
 Words = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]
@@ -221,11 +221,8 @@ def solve_at_random(
     for column in range(len(solution)):
         row = pivot_of[column]
         if row < 0:
-            # splitmix64 (Steele, Lea and Flood, OOPSLA 2014): the values need no more than to be unforeseen.
-            state += np.uint64(0x9E3779B97F4A7C15)
-            word = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-            word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-            solution[column] = (word ^ (word >> np.uint64(31))) % prime
+            state += GOLDEN
+            solution[column] = mixed(state) % prime
             continue
         total = np.uint64(0)
         for k in range(basis_starts[row] + 1, basis_starts[row + 1]):

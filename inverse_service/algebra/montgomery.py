@@ -79,6 +79,18 @@ def power(
     return result
 
 
+# splitmix64 (Steele, Lea and Flood, OOPSLA 2014), for numbers that need no more than to be unforeseen.
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+
+
+@compiled
+def mixed(state: np.uint64) -> np.uint64:
+    """The random word of a state, to which GOLDEN is added for the next."""
+    word = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))
+
+
 @lru_cache(maxsize=256)
 def constants(prime: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """(P, -1/P modulo R, R modulo P, R^2 modulo P)."""

@@ -17,6 +17,7 @@ from inverse_service.inverse_problem.monomial_tables import Places, known_places
 Integers = npt.NDArray[np.int64]
 Exponents = npt.NDArray[np.int8]
 NO_DERIVATIVE = -1
+_NO_COLUMNS, _NO_VALUES = np.empty(0, np.int64), np.empty(0, np.uint64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,11 @@ def _emit(
     size: int, small: Words, prime: np.uint64, negative_inverse: np.uint64,
     counts: Integers, columns: Integers, values: Words,
 ) -> None:  # fmt: skip
-    """Entries of term * (d_a) g_ij in the rows of one degree, for all terms; counted or filled in."""
+    """Entries of term * (d_a) g_ij in the rows of one degree, for all terms; counted or filled in.
+
+    The entries of row k are counted in counts[k + 2]; then counts[k + 1], their sum before row k, is where its next
+    entry goes, and in the end where row k + 1 begins.
+    """
     for t in range(len(terms)):
         first_row, pair, along = terms[t, 0] * monomials[degree], terms[t, 3], terms[t, 4]
         for c in range(series_starts[terms[t, 1]], series_starts[terms[t, 1] + 1]):
@@ -102,7 +107,7 @@ def _emit(
             start = product_starts[degrees[c]] + places[c] * count
             if not fill:
                 for k in range(start, start + count):
-                    counts[first_row + products[k]] += 1
+                    counts[first_row + products[k] + 2] += 1
                 continue
             value = prime - series_values[c] if terms[t, 2] else series_values[c]
             for k in range(count):
@@ -113,10 +118,10 @@ def _emit(
                     above = raised_starts[low] + k * size + along
                     entry = column_starts[low + 1] + pair * monomials[low + 1] + raised[above]
                     factor = factors[entry] * exponents[above]
-                place = counts[first_row + products[start + k]]
+                place = counts[first_row + products[start + k] + 1]
                 columns[place] = entry_columns[entry]
                 values[place] = multiply(value, small[factor], prime, negative_inverse)
-                counts[first_row + products[start + k]] = place + 1
+                counts[first_row + products[start + k] + 1] = place + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,14 +139,14 @@ def rows_of_degree(table: TermTable, degree: int, prime: int) -> Rows:
     modulus, negative_inverse, _, _ = montgomery.constants(prime)
     # A factor is a product of three exponents of a monomial of degree degree + 3.
     small = montgomery.small_numbers(prime, (degree + 4) ** 3)
-    counts = np.zeros(table.equations * t.counts[degree] + 1, np.int64)
+    starts = np.zeros(table.equations * int(t.counts[degree]) + 2, np.int64)
     head = (
         degree, table.starts, table.places, table.values, table.degrees, table.terms, t.counts, t.product_starts,
         t.products, t.column_starts, t.columns, t.factors, t.raised_starts, t.raised, t.exponents, table.size,
-        small, modulus, negative_inverse,
+        small, modulus, negative_inverse, starts,
     )  # fmt: skip
-    _emit(False, *head, counts, np.empty(0, np.int64), np.empty(0, np.uint64))
-    starts = np.concatenate([[0], np.cumsum(counts[:-1])]).astype(np.int64)
+    _emit(False, *head, _NO_COLUMNS, _NO_VALUES)
+    starts.cumsum(out=starts)
     columns, values = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.uint64)
-    _emit(True, *head, starts.copy(), columns, values)
-    return Rows(starts, columns, values)
+    _emit(True, *head, columns, values)
+    return Rows(starts[:-1], columns, values)

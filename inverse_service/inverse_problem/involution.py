@@ -12,7 +12,7 @@ from flint import nmod_mat
 from inverse_service.algebra import montgomery
 from inverse_service.algebra.echelon import Echelon, SparseRows
 from inverse_service.algebra.echelon_kernels import Indices, Words
-from inverse_service.algebra.montgomery import compiled, multiply
+from inverse_service.algebra.montgomery import GOLDEN, compiled, mixed, multiply
 from inverse_service.inverse_problem.monomial_tables import raised_unknowns, unknown_exponents
 from inverse_service.inverse_problem.prolongation import Prolongation, unknown_block
 
@@ -126,9 +126,14 @@ def _prolonged(prolongation: Prolongation, degree: int, rows: SparseRows) -> int
 
 @compiled
 def _derive(
-    directions: Words, factors: Indices, small: Words, prime: np.uint64, negative_inverse: np.uint64, values: Words
-) -> None:
-    """values[k, m, a] = directions[k, a] * (the exponent of x_a in x_a m)."""
+    state: np.uint64, factors: Indices, small: Words, directions: Words, values: Words,
+    prime: np.uint64, negative_inverse: np.uint64,
+) -> None:  # fmt: skip
+    """values[k, m, a] = directions[k, a] * (the exponent of x_a in x_a m), the directions random."""
+    for k in range(directions.shape[0]):
+        for a in range(directions.shape[1]):
+            state += GOLDEN
+            directions[k, a] = mixed(state) % prime
     for k in range(values.shape[0]):
         for m in range(values.shape[1]):
             for a in range(values.shape[2]):
@@ -140,13 +145,12 @@ def _characters(prolongation: Prolongation, degree: int, rows: SparseRows, seed:
 
     The equations for the coefficient of a monomial m in D L, m of one degree less, v-degree >= 2.
     """
-    generator = random.Random(f"directions {seed}")
     prime, size = prolongation.local.ring.prime, prolongation.size
     step = raised_unknowns(size, prolongation.first_velocity, degree - 1)
-    directions = np.array([[generator.randrange(1, prime) for _ in range(size)] for _ in range(size)], np.uint64)
     modulus, negative_inverse, _, _ = montgomery.constants(prime)
-    values = np.empty((size, *step.places.shape), np.uint64)
-    _derive(directions, step.factors, montgomery.small_numbers(prime, degree + 3), modulus, negative_inverse, values)
+    values, directions = np.empty((size, *step.places.shape), np.uint64), np.empty((size, size), np.uint64)
+    small = montgomery.small_numbers(prime, degree + 3)
+    _derive(np.uint64(seed), step.factors, small, directions, values, modulus, negative_inverse)
     echelon = Echelon(prime)
     echelon.widen(len(prolongation.blocks[degree]))
     echelon.insert(rows.starts, rows.columns, rows.values)
