@@ -16,29 +16,28 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from heapq import heapify, heappop, heappush
+from functools import cache
+from heapq import heappop, heappush
 from itertools import accumulate, combinations_with_replacement, pairwise, product
 from typing import Any, Literal
 
 import mpmath
 
 FORMAT, RESULT_FORMAT = "inverse-service/certificate/1", "inverse-service/result/1"
-MAX_TEXT, MAX_DEPTH, MAX_DIGITS, MAX_EXPONENT, MAX_MEMBERS = 60_000, 100, 400, 1000, 1000
+MAX_TEXT, MAX_DEPTH, MAX_EXPONENT, MAX_MEMBERS = 60_000, 200, 1000, 1000
 MAX_COORDINATES, MAX_NAMES, MAX_ORDER, MAX_ROWS, MAX_MONOMIALS = 16, 200, 20, 200_000, 400_000
 PRECISIONS = ((480, 200, 90), (1440, 900, 400))  # bits; what is below 2^-200 is zero, above 2^-90 is not
-PRIMITIVE = ("exp", "log", "sin", "atan")
-DEFINED = {
-    "cos": "sin(u + pi/2)", "sqrt": "u^(1/2)", "tan": "sin(u)/cos(u)", "cot": "cos(u)/sin(u)", "sec": "1/cos(u)",
-    "csc": "1/sin(u)", "sinh": "(exp(u) - exp(-u))/2", "cosh": "(exp(u) + exp(-u))/2", "tanh": "sinh(u)/cosh(u)",
-    "coth": "cosh(u)/sinh(u)", "sech": "1/cosh(u)", "csch": "1/sinh(u)", "asin": "atan(u/sqrt(1 - u^2))",
-    "acos": "pi/2 - asin(u)", "asinh": "log(u + sqrt(u^2 + 1))", "acosh": "log(u + sqrt(u^2 - 1))",
-    "atanh": "log((1 + u)/(1 - u))/2"}  # fmt: skip
+DEFINED = {"cos": "sin(u + pi/2)", "sqrt": "u^(1/2)", "tan": "sin(u)/cos(u)", "cot": "cos(u)/sin(u)", "sec": "1/cos(u)",
+           "csc": "1/sin(u)", "sinh": "(exp(u) - exp(-u))/2", "cosh": "(exp(u) + exp(-u))/2", "tanh": "sinh(u)/cosh(u)",
+           "coth": "cosh(u)/sinh(u)", "sech": "1/cosh(u)", "csch": "1/sinh(u)", "asin": "atan(u/sqrt(1 - u^2))",
+           "acos": "pi/2 - asin(u)", "asinh": "log(u + sqrt(u^2 + 1))", "acosh": "log(u + sqrt(u^2 - 1))",
+           "atanh": "log((1 + u)/(1 - u))/2"}  # fmt: skip
 DERIVATIVE = re.compile(r"\bdiff\s*\(\s*(\w+)\s*\(([^()]*)\)\s*,([^()]*)\)", re.ASCII)
-IRRATIONAL = {"^", *PRIMITIVE, *DEFINED}  # tokens; an integral power is a token of another form
+IRRATIONAL = {"^", "exp", "log", "sin", "atan", *DEFINED}  # tokens; an integral power is a token of another form
 RESERVED = {"t", "pi", "diff", *IRRATIONAL}
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
 EXPONENT = r"\^[ \t\r\n]*(?:-?[0-9]{1,9}|\(-?[0-9]{1,9}\))(?![0-9.]|[ \t\r\n]*\^)"  # an integer: ^2, ^(-2)
-OPERAND = r"[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"  # 2.5, x, x', B[1,0]
+OPERAND = r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"  # 2.5, x'
 TOKEN = re.compile(rf"[ \t\r\n]*({OPERAND}|{EXPONENT}|[-+*/^(),]|\Z|(.))", re.DOTALL)
 NAME, TEXT = r"[A-Za-z][A-Za-z0-9_]{0,99}", rf"(?s:.{{0,{MAX_TEXT}}})"
 NUMBER = r"-?[0-9]{1,400}((\.[0-9]{1,400})?(e[-+]?[0-9]{1,2})?|/0{0,9}[1-9][0-9]{0,399})"
@@ -51,10 +50,8 @@ RESULT = {"format": RESULT_FORMAT, "system": {}, "question?": r"L\((t, )?q, q'\)
           "with_time?": {"verdict?": VERDICTS, "lagrangian?": {}}}  # fmt: skip
 
 Series = dict[int, int]  # coefficients of monomials: eight bits for each exponent, the total degree on top of them
-Table = dict[int, list[tuple[int, int, int, int, int, int]]]  # of a condition: see Expansion.table
+Table = dict[int, list[tuple[int, int, int, int, int, int]]]  # of a condition: see Expansion.condition
 Row = tuple[str, int, int, int]  # the name of a row: kind, i, j, alpha
-Formula = tuple[str, ...]  # tokens, the last one empty
-Work = Callable[["Expansion"], None]
 Tools = tuple[random.Random, float]  # and the end of the time, by time.monotonic
 
 
@@ -103,8 +100,8 @@ def check_shape(value: Any, shape: Any, where: str) -> None:
         check_shape(*part)
 
 
-def read_tokens(text: Any, where: str) -> Formula:
-    """The tokens of a formula, with B[1,0](x, y) for diff(B(x, y), x)."""
+def read_tokens(text: Any, where: str) -> tuple[str, ...]:
+    """The tokens of a formula, the last one empty, with B[1,0](x, y) for diff(B(x, y), x)."""
     def rewritten(found: re.Match[str]) -> str:
         names, by = ([name.strip() for name in part.split(",")] for part in (found[2], found[3]))
         good = all(re.fullmatch(rf"{NAME}'?", name) for name in names) and {*by} <= {*names}
@@ -113,16 +110,15 @@ def read_tokens(text: Any, where: str) -> Formula:
 
     check_shape(text, TEXT, where)
     tokens = list(TOKEN.finditer(DERIVATIVE.sub(rewritten, text)))
-    for token in tokens:
-        good = not token[2] and not (token[1][:1].isdigit() and len(token[1]) > MAX_DIGITS)
-        require(good, f"{where}: what stands at column {token.start(1) + 1} is no part of a formula.")
+    strange = next((token.start(2) + 1 for token in tokens if token[2]), 0)
+    require(not strange, f"{where}: what stands at column {strange} is no part of a formula.")
     return tuple(token[1] for token in tokens)
 
 
 class Reader:
     """Reads one formula by operator precedence, computing in a ring; names in `bound` have these values."""
 
-    def __init__(self, ring: Expansion, formula: Formula, **bound: Series) -> None:
+    def __init__(self, ring: Expansion, formula: tuple[str, ...], **bound: Series) -> None:
         self.ring, self.tokens, self.names, self.position = ring, formula, ring.names | bound, 0
         self.value = self.expression(0, 0)
         self.expect(not self.tokens[self.position], "an operator is expected")
@@ -130,15 +126,15 @@ class Reader:
     def expect(self, condition: object, what: str) -> None:
         require(condition, f"Formula {''.join(self.tokens[:9])[:40]}…: {what}, at token {self.position + 1}.")
 
-    def take(self, operators: str) -> bool:
-        """Whether the next token is one of the operators; then it is passed."""
-        found = self.tokens[self.position] in tuple(operators)
+    def take(self, operator: str) -> bool:
+        """Whether the next token is this one; then it is passed."""
+        found = self.tokens[self.position] == operator
         self.position += found
         return found
 
     def expression(self, floor: int, depth: int) -> Series:
         """What stands before an operator that binds no tighter than `floor`; -x^2 is -(x^2), x^y^z is x^(y^z)."""
-        self.expect(depth <= 2 * MAX_DEPTH, f"at most {2 * MAX_DEPTH} brackets and exponents may be nested")
+        self.expect(depth <= MAX_DEPTH, f"at most {MAX_DEPTH} brackets and exponents may be nested")
         minuses = 0
         while self.take("-"):
             minuses += 1
@@ -170,9 +166,7 @@ class Reader:
 
     def call(self, token: str, values: list[Series]) -> Series:
         """A(u), A'(u), B(u, w), B[1,0](u, w) or an elementary function."""
-        if token in DEFINED and len(values) == 1:
-            return Reader(self.ring, read_tokens(DEFINED[token], token), u=values[0]).value
-        if token in PRIMITIVE and len(values) == 1:
+        if token in IRRATIONAL and len(values) == 1:
             return self.ring.elementary(token, values[0])
         name, _, listed = token.rstrip("]").partition("[")
         orders = [int(order) for order in listed.split(",")] if listed else [name.count("'")]
@@ -188,9 +182,6 @@ class Arithmetic:
     def __init__(self, question: Question, prime: int = 0, bits: int = 0, cut: int = 0, gap: int = 0) -> None:
         self.question, self.prime, self.bits, self.one = question, prime, bits, 1 << bits
         self.cut, self.gap, self.noise = self.one >> cut, self.one >> gap, 1 << bits // 4
-        if not prime:
-            self.context = mpmath.mp.clone()
-            self.context.prec = bits + 64
 
     def draw(self) -> int:
         return self.question.generator.randrange(*((self.prime,) if self.prime else (-self.one, self.one)))
@@ -203,18 +194,15 @@ class Arithmetic:
         """The numbers without zeros (reals: what is far below every threshold); `shift` is `bits` for products."""
         if prime := self.prime:
             return {key: rest for key, value in raw.items() if (rest := value % prime)}
-        noise = self.noise
-        return {key: rest for key, value in raw.items() if abs(rest := value >> shift) > noise}
+        return {key: rest for key, value in raw.items() if abs(rest := value >> shift) > self.noise}
 
     def row(self, raw: Series, shift: int = 0, scale: int = 0) -> Series:
         """`settle` for a row of an elimination; with a `scale` the largest entry is made 1, or all are zero."""
         row = self.settle(raw, shift)
-        if self.prime or not row:
-            return row
-        if scale:
+        if row and scale and not self.prime:
             largest = max(map(abs, row.values()))
             row = {} if self.vanishes(largest, scale) else {key: (row[key] << self.bits) // largest for key in row}
-        return {key: value for key, value in row.items() if not self.vanishes(value, self.one)}
+        return row if self.prime else {key: value for key, value in row.items() if not self.vanishes(value, self.one)}
 
     def vanishes(self, value: int, scale: int) -> bool:
         """Whether the number is zero; reals: beside numbers of the size of `scale`."""
@@ -234,23 +222,17 @@ class Arithmetic:
         return pow(value, -1, self.prime) if self.prime else (self.one << self.bits) // value
 
     def power(self, value: int, exponent: int) -> int:
-        value, exponent = (self.inverse(value), -exponent) if exponent < 0 else (value, exponent)
-        if self.prime or not exponent:
-            return pow(value, exponent, self.prime) if self.prime else self.one
-        return int(value**exponent) >> self.bits * (exponent - 1)
+        return pow(value, exponent, self.prime or None) << self.bits >> self.bits * exponent  # not for exponent < 0
 
     def real(self, name: str, argument: int = 0) -> int:
         """An elementary function, or pi, as mpmath computes it; refused unless real and of moderate size."""
         if self.prime or abs(argument) >> 10 > self.one:
             raise Undefined
-        try:
-            content = getattr(self.context, name)
-            value = +content if name == "pi" else content(self.context.ldexp(argument, -self.bits))
-        except (ValueError, ArithmeticError) as error:
-            raise Undefined from error
-        if not isinstance(value, self.context.mpf) or not abs(value) < 1 << 64:
+        given = [] if name == "pi" else [mpmath.ldexp(argument, -self.bits)]
+        value = getattr(mpmath, "ln" if name == "log" else name)(*given, prec=self.bits + 64)
+        if not isinstance(value, mpmath.mpf) or not -1 << 64 < value < 1 << 64:
             raise Undefined
-        return int(self.context.ldexp(value, self.bits))
+        return int(mpmath.ldexp(value, self.bits))
 
 
 class Expansion:
@@ -260,12 +242,13 @@ class Expansion:
         self.question, self.arithmetic, self.degree = arithmetic.question, arithmetic, degree
         self.n, m = len(self.question.coordinates), len(self.question.variables)
         self.shift, self.units = 8 * m, [(1 << 8 * a) | (1 << 8 * m) for a in range(m)]
-        self.all, self.q, self.v = range(m), range(m - 2 * self.n, m - self.n), range(m - self.n, m)
-        self.jets = dict[tuple[str, ...], dict[tuple[int, ...], int]]()
-        self.curvature, self.tables = dict[tuple[int, int], Series](), dict[tuple[str, int, int], Table]()
+        self.q, self.v = range(m - 2 * self.n, m - self.n), range(m - self.n, m)
+        self.jets = dict[tuple[str, tuple[int, ...], tuple[int, ...]], int]()
+        self.phi, self.table, self.unknowns = cache(self.curvature), cache(self.condition), cache(self.coefficients)
         if math.comb(m + degree, degree) > MAX_MONOMIALS:
             raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
         self.names = {name: {0: value} for name, value in values.items()}
+        self.names |= {} if arithmetic.prime else {"pi": {0: arithmetic.real("pi")}}
         for name, unit in zip(self.question.variables, self.units, strict=True):
             self.names[name][unit] = arithmetic.one
         self.forces = [Reader(self, force).value for force in self.question.forces]
@@ -308,8 +291,8 @@ class Expansion:
         return self.arithmetic.settle(total, self.arithmetic.bits)
 
     def derivative(self, series: Series, variable: int) -> Series:
-        unit, powers = self.units[variable], ((key, self.exponent(key, variable)) for key in series)
-        return {key - unit: series[key] * power for key, power in powers if power}
+        unit = self.units[variable]
+        return {key - unit: part * power for key, part in series.items() if (power := self.exponent(key, variable))}
 
     def compose(self, arguments: list[Series], coefficient: Callable[..., int], *beta: int) -> Series:
         """sum over beta of coefficient(beta) (u - u_0)^beta by Horner's rule, for arguments u with values u_0."""
@@ -322,14 +305,16 @@ class Expansion:
         return result
 
     def power(self, u: Series, exponent: int) -> Series:
-        factors, start = [1], u.get(0, 0)  # binomial coefficients
+        field, start = self.arithmetic, u.get(0, 0)
         if abs(exponent) > MAX_EXPONENT or start.bit_length() * abs(exponent) > 1 << 21:
             raise Undefined
-        for k in range(self.degree):
-            factors.append(factors[-1] * (exponent - k) // (k + 1))
-        return self.compose([u], lambda k: factors[k] and factors[k] * self.arithmetic.power(start, exponent - k))
+        start = start if exponent >= 0 else field.inverse(start)
+        binomial = [*accumulate(range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1)]
+        return self.compose([u], lambda k: binomial[k] and binomial[k] * field.power(start, abs(exponent - k)))
 
     def elementary(self, name: str, u: Series) -> Series:
+        if name in DEFINED:
+            return Reader(self, read_tokens(DEFINED[name], name), u=u).value
         value = (field := self.arithmetic).real(name, start := u.get(0, 0))
         if name in ("log", "atan"):  # y with E(y) = w E(u), where E multiplies by the degree and w is the derivative
             below = u if name == "log" else self.add([{0: field.one}, self.multiply(u, u, self.degree)])
@@ -342,47 +327,41 @@ class Expansion:
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Series]) -> Series:
         """A derivative of a declared function: its Taylor coefficients are random, but the same at equal arguments."""
         field = self.arithmetic
-        near = [(argument.get(0, 0) + field.cut // 2) // field.cut for argument in arguments]
-        jet = self.jets.setdefault((name, *map(str, near)), {})
+        near = tuple((argument.get(0, 0) + field.cut // 2) // field.cut for argument in arguments)
         def coefficient(*beta: int) -> int:
-            value = jet.setdefault(tuple(map(sum, zip(beta, orders, strict=True))), field.draw())
+            value = self.jets.setdefault((name, near, tuple(map(sum, zip(beta, orders, strict=True)))), field.draw())
             return field.reduce(value * field.number(Fraction(1, math.prod(map(math.factorial, beta)))))
 
         return self.compose(arguments, coefficient)
 
-    def unknowns(self, degree: int) -> list[int]:
+    def coefficients(self, degree: int) -> list[int]:
         """The unknowns of a degree: total degree two more, v-degree at least two."""
         return [key for key in self.monomials(degree + 2) if sum(self.exponent(key, v) for v in self.v) >= 2]
 
-    def phi(self, k: int, j: int) -> Series:
+    def curvature(self, k: int, j: int) -> Series:
         """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
-        if (k, j) not in self.curvature:
-            pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
-            pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(self.n)]
-            terms = [self.derivative(self.forces[k], self.q[j]), *(self.multiply(*pair, self.degree) for pair in pairs)]
-            self.curvature[k, j] = self.add(terms, [-4] + [2] * len(self.field) + [-1] * self.n)
-        return self.curvature[k, j]
+        pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
+        pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(self.n)]
+        terms = [self.derivative(self.forces[k], self.q[j]), *(self.multiply(*pair, self.degree) for pair in pairs)]
+        return self.add(terms, [-4] + [2] * len(self.field) + [-1] * self.n)
 
-    def table(self, kind: str, i: int, j: int) -> Table:
+    def condition(self, kind: str, i: int, j: int) -> Table:
         """A condition as a sum of terms value x^part g_ab and value x^part d_c g_ab, by their parts; see row()."""
-        if (kind, i, j) not in self.tables:
-            terms = [(rate, i, j, 2, 8 * a, self.units[a]) for a, rate in enumerate(self.field) if kind == "H2"]
-            for k in range(self.n):
-                left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in (j, i))
-                for factor, b, sign in ((left, i, 1), (right, j, -1 if kind == "H3" else 1)):
-                    terms.append((factor, b, k, sign, self.shift + 8, 0))  # no exponent stands there
-            table = self.tables[kind, i, j] = Table()
-            for factor, b, k, weight, along, unit in terms:
-                first, second, lift = self.v[b], self.v[k], self.units[self.v[b]] + self.units[self.v[k]] + unit
-                for part, value in factor.items():
-                    entry = (value * weight, lift, 8 * first, 8 * second, int(first == second), along)
-                    table.setdefault(part, []).append(entry)
-        return self.tables[kind, i, j]
+        table, sign, nothing = Table(), -1 if kind == "H3" else 1, self.shift + 8  # no exponent stands there
+        terms = [(rate, i, j, 2, 8 * a, self.units[a]) for a, rate in enumerate(self.field) if kind == "H2"]
+        for k in range(self.n):
+            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in (j, i))
+            terms += [(left, i, k, 1, nothing, 0), (right, j, k, sign, nothing, 0)]
+        for factor, b, k, weight, along, unit in terms:
+            first, second, lift = self.v[b], self.v[k], self.units[self.v[b]] + self.units[self.v[k]] + unit
+            for part, value in factor.items():
+                table.setdefault(part, []).append((value * weight, lift, 8 * first, 8 * second, first == second, along))
+        return table
 
     def row(self, kind: str, i: int, j: int, alpha: int) -> Series:
         """The coefficient alpha of a condition, in the coefficients of L."""
-        table, row, exponents = self.table(kind, i, j), Series(), enumerate(self.exponent(alpha, a) for a in self.all)
-        powers = [[self.units[a] * e for e in range(most + 1)] for a, most in exponents if most]
+        table, row, exponents = self.table(kind, i, j), Series(), [alpha >> 8 * a & 255 for a in range(len(self.units))]
+        powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
         for rest in (alpha - sum(choice) for choice in product(*powers)):
             for value, lift, first, second, less, along in table.get(alpha - rest, ()):
                 key = rest + lift
@@ -403,12 +382,11 @@ class Expansion:
         followed, only says which to try: they themselves at another point, and their derivatives.
         """
         likely = list[Row]()
-        for name in self.rows(degree):
-            kind, i, j, alpha = name
-            if name in idle or not idle.isdisjoint((kind, i, j, alpha - unit) for unit in self.units):
-                likely.append(name)
-            elif not elimination.insert([self.row(*name)]):
-                idle.add(name)
+        for kind, i, j, alpha in self.rows(degree):
+            if not idle.isdisjoint((kind, i, j, alpha - unit) for unit in (0, *self.units)):
+                likely.append((kind, i, j, alpha))
+            elif not elimination.insert([self.row(kind, i, j, alpha)]):
+                idle.add((kind, i, j, alpha))
         solution = elimination.solution([key for k in range(degree + 1) for key in self.unknowns(k)])
         for name in likely:
             self.question.check_time()
@@ -422,23 +400,19 @@ class Expansion:
 
     def regular(self, series: Series) -> bool:
         """Whether the matrix of the second v-derivatives at the point is regular."""
-        matrix = [{b: self.derivative(self.derivative(series, a), b).get(0, 0) for b in self.v} for a in self.v]
+        matrix = [{b: series.get(self.units[a] + self.units[b], 0) * (1 + (a == b)) for b in self.v} for a in self.v]
         scale = max(abs(entry) for row in matrix for entry in row.values())
-        elimination = Elimination(self.arithmetic, 64)
-        elimination.insert(self.arithmetic.row(row, scale=scale) for row in matrix)
+        elimination = Elimination(self.arithmetic, 64, (self.arithmetic.row(row, scale=scale) for row in matrix))
         return len(elimination.rows) == self.n
-
-    def leaves_regular(self, elimination: Elimination) -> bool:
-        """Whether g(p) may be regular: two random ones are tried."""
-        return any(self.regular(elimination.solution(self.unknowns(0))) for _ in range(2))
 
 
 class Elimination:
     """Rows in echelon form without their pivots, which are 1; `order` numbers the rows by their pivots (monomials)."""
 
-    def __init__(self, arithmetic: Arithmetic, shift: int) -> None:
+    def __init__(self, arithmetic: Arithmetic, shift: int, rows: Iterable[Series] = ()) -> None:
         self.arithmetic, self.shift = arithmetic, shift
         self.rows, self.pivots, self.order = list[Series](), list[int](), dict[int, int]()
+        self.insert(rows)
 
     def insert(self, rows: Iterable[Series]) -> bool:
         """Reduce each row degree by degree until its part of the highest degree is new, then keep it; if any was."""
@@ -447,9 +421,10 @@ class Elimination:
             field.question.check_time()
             block: list[int] = []
             while row and not block:
-                top = max(row) >> self.shift
-                row = self.reduced(row, top)
-                block = [key for key in row if key >> self.shift == top]
+                first = max(row) >> self.shift << self.shift  # keys of the highest degree are not below
+                queue = sorted([self.order[key] for key in row if key >= first and key in self.order])  # a heap
+                row = self.reduced(row, first, queue) if queue else row
+                block = [key for key in row if key >= first]
             if block:
                 least = 0 if field.prime else max(abs(row[key]) for key in block) >> 20
                 pivot = min(key for key in block if abs(row[key]) >= least)
@@ -459,14 +434,10 @@ class Elimination:
                 self.rows.append(field.settle(rest, field.bits))
         return len(self.rows) > before
 
-    def reduced(self, row: Series, top: int) -> Series:
+    def reduced(self, row: Series, first: int, queue: list[int]) -> Series:
         """Without the pivots of one degree; a kept row holds no pivot of its degree older than itself."""
-        field, order, first = self.arithmetic, self.order, top << self.shift  # keys of this degree are not below
-        queue = [order[key] for key in row if key >= first and key in order]
-        if not queue:
-            return row
+        field, order = self.arithmetic, self.order
         raw = {key: value << field.bits for key, value in row.items()}
-        heapify(queue)
         while queue:
             number = heappop(queue)
             factor = field.reduce(raw.pop(self.pivots[number]))
@@ -481,9 +452,8 @@ class Elimination:
     def solution(self, columns: list[int]) -> Series:
         """A random solution in the columns, which are all up to some degree."""
         field, values = self.arithmetic, {column: self.arithmetic.draw() for column in columns}
-        pivots = [pivot for pivot in reversed(self.pivots) if pivot in values]
-        for pivot in sorted(pivots, key=lambda pivot: pivot >> self.shift):
-            row = self.rows[self.order[pivot]]
+        kept = [pair for pair in zip(reversed(self.pivots), reversed(self.rows), strict=True) if pair[0] in values]
+        for pivot, row in sorted(kept, key=lambda pair: pair[0] >> self.shift):
             values[pivot] = -field.reduce(sum([value * values[key] for key, value in row.items()]))
         return field.settle(values)
 
@@ -497,10 +467,9 @@ class Question:
         self.coordinates, self.parameters = document["coordinates"], document.get("parameters") or []
         self.functions, equations = document.get("functions") or {}, document["equations"]
         check_shape(list(self.functions.items()), [(NAME, [NAME, 6]), MAX_NAMES], "system.functions")
-        check_shape(equations, dict.fromkeys(self.coordinates, TEXT), "system.equations")
         names = [*self.coordinates, *self.parameters, *self.functions]
-        good = self.coordinates and all(self.functions.values()) and len({*names} - RESERVED) == len(names)
-        good = good and len(equations) == len(self.coordinates)
+        good = self.coordinates and all(self.functions.values()) and {*equations} == {*self.coordinates}
+        good = good and len({*names} - RESERVED) == len(names)
         require(good, "system has to declare names once, none with a meaning of its own, and an equation for each.")
         self.forces = [read_tokens(equations[name], f"system.equations.{name}") for name in self.coordinates]
         self.content = (self.coordinates, {*self.parameters}, self.functions, self.forces)
@@ -517,26 +486,24 @@ class Question:
         if not time.monotonic() < self.deadline:
             raise Ended("incomplete", "The time limit ended the check.")
 
-    def at_point(self, arithmetic: Arithmetic, degree: int, work: Work) -> None:
+    def at_point(self, arithmetic: Arithmetic, degree: int, work: Callable[[Expansion], None]) -> None:
         """Do the work at a random point where f is defined; a real one lies near what the certificate names."""
         for attempt in range(60):
             values = {name: arithmetic.draw() for name in ("pi", *sorted(self.names))}
             for name, value in values.items() if not arithmetic.prime else ():
                 spread = (3, 6, 10, 1)[attempt % 4] if name in self.near else 0
                 values[name] = arithmetic.number(self.near.get(name, Fraction(attempt % 2))) + (value >> spread)
-            values["pi"] = values["pi"] if arithmetic.prime else arithmetic.real("pi")
             try:
                 return work(Expansion(arithmetic, values, degree))
             except Undefined:
                 self.check_time()
         raise Ended("incomplete", "No point was found at which every formula is defined.")
 
-    def settle(self, degree: int, work: Work, lagrangian: Formula = ()) -> None:
+    def settle(self, degree: int, work: Callable[[Expansion], None], lagrangian: tuple[str, ...] = ()) -> None:
         """The work modulo two primes or in reals, with more digits where unsettled; of a Lagrangian three, both."""
         if self.rational and IRRATIONAL.isdisjoint(lagrangian):
             for _ in range(3 if lagrangian else 2):
-                while not mpmath.libmp.isprime(prime := self.generator.randrange(1 << 60, 1 << 61)):
-                    pass
+                prime = next(filter(mpmath.libmp.isprime, iter(lambda: self.generator.randrange(1 << 60, 1 << 61), 0)))
                 self.at_point(Arithmetic(self, prime), degree, work)
             return
         for precision in PRECISIONS:
@@ -553,38 +520,33 @@ class Question:
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
         require(self.timed or "t" not in formula, "The Lagrangian contains t, but the question does not.")
         def work(ring: Expansion) -> None:
-            field, lagrangian = ring.arithmetic, Reader(ring, formula).value
+            lagrangian, one = Reader(ring, formula).value, ring.arithmetic.one
+            rates = {unit: rate.get(0, 0) for unit, rate in zip(ring.units, ring.field, strict=True)} | {0: one}
             for v, q, name in zip(ring.v, ring.q, self.coordinates, strict=True):
-                momentum, terms = ring.derivative(lagrangian, v), [-lagrangian.get(ring.units[q], 0)]
-                for a, rate in enumerate(ring.field):
-                    terms.append(field.reduce(ring.derivative(momentum, a).get(0, 0) * rate.get(0, 0)))
-                zero = field.vanishes(sum(terms), max(field.one >> 60, *map(abs, terms)))
-                require(zero, f"The Euler-Lagrange equation of {name} does not hold.")
+                terms = ring.derivative(lagrangian, v) | {0: -lagrangian.get(ring.units[q], 0)}
+                require(ring.solved(terms, rates, one >> 60), f"The Euler-Lagrange equation of {name} does not hold.")
             require(ring.regular(lagrangian), "The Hessian of the Lagrangian is singular.")
 
         self.settle(2, work, formula)
         return "The Euler-Lagrange equations of the Lagrangian hold and its Hessian is regular."
 
     def multi_index(self, exponents: list[int], most: int) -> int:
-        good = len(exponents) == len(self.variables) and sum(exponents) <= most
-        require(good, f"A multi-index needs {len(self.variables)} exponents of total <= {most}.")
+        require(sum(exponents) <= most, f"A multi-index has to have a total of at most {most}.")
         return sum(exponent << 8 * a for a, exponent in enumerate([*exponents, sum(exponents)]))
 
     def nonexistence(self, document: dict[str, Any]) -> str:
         index, exponents, m = range(len(self.coordinates)), range(MAX_ORDER + 1), len(self.variables)
-        shape = {"order": exponents, "rows": [("H2|H3", index, index, [exponents, m]), MAX_ROWS]}
+        shape = {"order": exponents, "rows": [("H2|H3", index, index, (exponents,) * m), MAX_ROWS]}
         check_shape(document, shape, "certificate")
-        good = all(i < j or (kind == "H2" and i == j) for kind, i, j, alpha in document["rows"])
-        require(good, "A row of H2 needs i <= j, a row of H3 i < j.")
-        rows = [(kind, i, j, self.multi_index(alpha, document["order"] - (kind == "H2")))
-                for kind, i, j, alpha in document["rows"]]  # fmt: skip
+        order, listed = document["order"], document["rows"]
+        require(all(i < j + (kind == "H2") for kind, i, j, _ in listed), "A row of H2 needs i <= j, a row of H3 i < j.")
+        rows = [(kind, i, j, self.multi_index(alpha, order - (kind == "H2"))) for kind, i, j, alpha in listed]
         require(len(set(rows)) == len(rows), "A row is named twice.")
         degree = {row: (row[3] >> 8 * m) + (row[0] == "H2") for row in rows}
         rows.sort(key=lambda row: (degree[row], row[0], *(-index for index in row[1:])))  # this fills in least
         def work(ring: Expansion) -> None:
-            elimination = Elimination(ring.arithmetic, ring.shift)
-            elimination.insert(ring.row(*row) for row in rows)
-            require(not ring.leaves_regular(elimination), "The rows leave a regular multiplier g(p).")
+            echelon = Elimination(ring.arithmetic, ring.shift, (ring.row(*row) for row in rows))
+            require(not ring.regular(echelon.solution(ring.unknowns(0))), "The rows leave a regular multiplier g(p).")
 
         self.settle(max((degree[row] + 2 * (row[0] == "H3") for row in rows), default=0), work)
         return f"{len(rows)} rows leave no regular multiplier g(p)."
@@ -604,7 +566,7 @@ class Question:
                 kept = [pivot >> ring.shift for pivot in elimination.pivots]
                 found = list(accumulate(len(ring.unknowns(k)) - kept.count(k + 2) for k in degrees))
                 require(step < order or found == dimensions, "The dimensions are not those of this and the next order.")
-            require(ring.leaves_regular(elimination), "No multiplier g(p) that is left is regular.")
+            require(ring.regular(elimination.solution(ring.unknowns(0))), "No multiplier g(p) that is left is regular.")
             test_symbol(elimination, ring, degree, document["symbol"])
 
         self.settle(order + 3, work)
@@ -615,17 +577,14 @@ class Question:
         """The rows of the order that it claims vanish on the given coefficients, and g(p) is regular."""
         point = dict.fromkeys({*self.variables, *self.parameters}, NUMBER)
         shape = {"order": range(MAX_ORDER + 1), "prime?": range(1 << 127), "point": {**point, "pi?": NUMBER},
-                 "terms": [([range(MAX_ORDER + 3), len(self.variables)], NUMBER), MAX_ROWS]}  # fmt: skip
+                 "terms": [((range(MAX_ORDER + 3),) * len(self.variables), NUMBER), MAX_ROWS]}  # fmt: skip
         check_shape(series, shape, "certificate.series")
-        order, prime = series["order"], series.get("prime") or 0
+        order, prime, given = series["order"], series.get("prime") or 0, series["point"]
         good = not prime or (prime >> 30 and mpmath.libmp.isprime(prime) and self.rational)
         require(good, "series.prime has to be null, or, if f is rational, a prime above 2^30.")
-        unnamed = prime and series["point"].get("pi") is None and any("pi" in force for force in self.forces)
-        require(not unnamed, "Modulo a prime series.point has to name a value of pi.")
         field = Arithmetic(self, prime) if prime else Arithmetic(self, 0, 480, 80, 79)
         try:
-            values = {name: field.number(Fraction(series["point"].get(name) or 0)) for name in (*point, "pi")}
-            values["pi"] = values["pi"] if prime else field.real("pi")
+            values = {name: field.number(Fraction(x)) for name in (*point, "pi") if (x := given.get(name)) is not None}
             terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
             ring = Expansion(field, values, order + 2)
         except Undefined:
@@ -640,13 +599,12 @@ class Question:
 
 def test_symbol(system: Elimination, ring: Expansion, degree: int, claimed: dict[str, Any]) -> None:
     """Cartan's test: dim of the prolongation = sum_k dim of what k random derivatives kill."""
-    field, above, killed = system.arithmetic, *(Elimination(ring.arithmetic, ring.shift) for _ in range(2))
-    for pivot, row in zip(system.pivots, system.rows, strict=True):
-        if pivot >> ring.shift == degree + 2:
-            top = {pivot: field.one} | {key: value for key, value in row.items() if key >> ring.shift == degree + 2}
-            killed.insert([top])
-            above.insert(field.row({key + unit: value * (ring.exponent(key, a) + 1) for key, value in top.items()},
-                                   scale=field.one) for a, unit in enumerate(ring.units))  # fmt: skip
+    field, top = system.arithmetic, degree + 2
+    tops = [{pivot: field.one} | {key: value for key, value in row.items() if key >> ring.shift == top}
+            for pivot, row in zip(system.pivots, system.rows, strict=True) if pivot >> ring.shift == top]  # fmt: skip
+    killed, above = Elimination(field, ring.shift, tops), Elimination(field, ring.shift)
+    above.insert(field.row({key + unit: row[key] * (ring.exponent(key, a) + 1) for key in row}, scale=field.one)
+                 for row in tops for a, unit in enumerate(ring.units))  # fmt: skip
     left = [len(ring.unknowns(degree)) - len(killed.rows)]
     for _ in ring.units:
         direction = [(a, unit, field.draw()) for a, unit in enumerate(ring.units)]

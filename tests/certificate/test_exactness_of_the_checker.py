@@ -99,6 +99,14 @@ def test_numbers_beyond_the_bounds_make_incomplete(text: str, verdict: str) -> N
     assert check_certificate(lagrangian("free", f"x'^2/2 + 0*({text})"), seed=1).verdict == verdict
 
 
+@pytest.mark.parametrize("other", ["", " + 0*sin(x)"])
+def test_a_declared_function_is_taken_at_numbers_of_any_length(other: str) -> None:
+    """Of 16,000 digits, which Python does not write down."""
+    document = lagrangian("free", f"x'^2/2 + 0*A(((10^400)^20)^2){other}")
+    document["system"]["functions"] = {"A": ["x"]}
+    assert check_certificate(document, seed=1).verdict == "valid"
+
+
 @pytest.mark.parametrize("name", ["exp", "log", "sin", "cos", "atan", "pi"])
 def test_modulo_a_prime_no_elementary_function_has_a_value(name: str) -> None:
     asking: Any = None
