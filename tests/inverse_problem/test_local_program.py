@@ -28,6 +28,7 @@ SYSTEMS: list[tuple[dict[str, str], list[str], bool]] = [
     ({"x": "y*x'^2-x", "y": "x*y'+x^2"}, [], False),
     ({"x": "exp(y*x')*sin(x)", "y": "sqrt(x^2+y^2)*y'"}, [], True),
     ({"x": "A(x)*y'*z'", "y": "-x'*log(y)", "z": "atan(y)*z'^3/(1+x)"}, [], False),
+    ({"x": "A(x)-y", "y": "-x-y"}, [], False),
     ({"x": "-2*x+y", "y": "x-2*y+z", "z": "y-2*z+w", "w": "z-2*w+x'*y'"}, [], False),
 ]
 
@@ -106,3 +107,19 @@ def test_a_denominator_that_vanishes_everywhere_is_told(monkeypatch: pytest.Monk
     found = decide(system, False)
     assert found.verdict == "undetermined"
     assert "denominator vanishes" in found.reason
+
+
+@pytest.mark.parametrize(("equations_of", "parameters", "with_time"), SYSTEMS)
+def test_a_program_is_written_anew_for_a_higher_order(
+    equations_of: dict[str, str], parameters: list[str], with_time: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Arbitrary functions are expanded to the order a program is written for, and no further."""
+    system = system_of(equations_of, parameters)
+    expected = decide(system, with_time)
+    monkeypatch.setattr(room, "_SECOND_ORDER", 1)
+    assert told(decide(system, with_time)) == told(expected)
+
+
+def test_one_of_these_systems_needs_more_than_the_first_order_of_an_arbitrary_function() -> None:
+    found = [decide(system_of(f, p), t) for f, p, t in SYSTEMS if any("A(" in one for one in f.values())]
+    assert any(decision.order > 1 for decision in found)

@@ -28,6 +28,7 @@ DECISION_TESTS = tuple(
         "points_of_the_decision",
         "involution",
         "prolongation",
+        "local_program",
         "decision",
         "certify",
     )
