@@ -102,8 +102,7 @@ class Echelon:
         else:
             later = self._insert((~expected).nonzero()[0], *given, most)
             self._settle(np.concatenate([later, expected.nonzero()[0]]), *given)
-        dependent = np.empty(total, np.bool_)
-        dependent.fill(True)
+        dependent = np.ones(total, np.bool_)
         dependent[self.origin[first : self.count]] = False
         self.origin[first : self.count] += self.inserted
         self.inserted += total
@@ -139,28 +138,10 @@ class Echelon:
         place = 0
         while True:
             place = reduce_rows(
-                place,
-                most,
-                rows,
-                later,
-                row_starts,
-                columns,
-                values,
-                work,
-                touched,
-                self.pivot_of,
-                self.starts,
-                self.columns,
-                self.values,
-                self.origin,
-                self.use_starts,
-                self.use_rows,
-                self.use_factors,
-                self.state,
-                prime,
-                negative_inverse,
-                one,
-            )
+                place, most, rows, later, row_starts, columns, values, work, touched,
+                self.pivot_of, self.starts, self.columns, self.values, self.origin,
+                self.use_starts, self.use_rows, self.use_factors, self.state, prime, negative_inverse, one,
+            )  # fmt: skip
             if place == len(rows):
                 break
             self._grow()

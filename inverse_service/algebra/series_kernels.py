@@ -17,18 +17,17 @@ Words = npt.NDArray[np.uint64]
 Integers = npt.NDArray[np.int64]
 Places = npt.NDArray[np.int32]
 
-CLEAR = 0  # out := 0
-CONSTANT = 1  # out := out + c
-VARIABLE = 2  # out := out + displacement number a
-ADD = 3  # out := out + c a, to the order less `cut`
-PRODUCT = 4  # out := out + c a b, to the order less `cut`
-DERIVATIVE = 5  # out := the partial derivative of a by displacement number b
-WITHOUT_CONSTANT = 6  # out := out less its constant term
-INVERSE = 7  # out := 1/a
-POWER = 8  # out := a^c with the constant term c + 1
-EXPONENTIAL = 9  # out := exp a with the constant term c
-CIRCULAR = 10  # out, b := sin a, cos a with the constant terms c, c + 1
-PRIMITIVE = 11  # out := y with b E y = E a (log a for b = a) and the constant term c
+CONSTANT = 0  # out := out + c
+VARIABLE = 1  # out := out + displacement number a
+ADD = 2  # out := out + c a, to the order less `cut`
+PRODUCT = 3  # out := out + c a b, to the order less `cut`
+DERIVATIVE = 4  # out := the partial derivative of a by displacement number b
+WITHOUT_CONSTANT = 5  # out := out less its constant term
+INVERSE = 6  # out := 1/a
+POWER = 7  # out := a^c with the constant term c + 1
+EXPONENTIAL = 8  # out := exp a with the constant term c
+CIRCULAR = 9  # out, b := sin a, cos a with the constant terms c, c + 1
+PRIMITIVE = 10  # out := y with b E y = E a (log a for b = a) and the constant term c
 WIDTH = 6
 
 # stride, order, counts, starts, product_starts, products: the words between registers and the `SeriesTables`.
@@ -192,10 +191,26 @@ def _primitive(
 
 
 @compiled
-def _reciprocal(values: Words, tops: Integers, a: int, one: np.uint64, layout: Layout, field: Field) -> np.uint64:
-    """1/a_0, or 0 where a_0 is."""
-    value = values[a * layout[0]] if tops[a] >= 0 else np.uint64(0)
-    return power(value, field[0] - np.uint64(2), one, field[0], field[1])
+def _divide(
+    operation: int, out: int, a: int, b: int, c: int, constants: Words, values: Words, tops: Integers,
+    one: np.uint64, layout: Layout, field: Field,
+) -> bool:  # fmt: skip
+    """The operations that divide by a constant term; False where it is 0."""
+    prime, negative_inverse, _, _ = field
+    divisor = b if operation == PRIMITIVE else a
+    if tops[divisor] < 0 or values[divisor * layout[0]] == np.uint64(0):
+        return False
+    inverse = power(values[divisor * layout[0]], prime - np.uint64(2), one, prime, negative_inverse)
+    if operation == INVERSE:
+        _start(values, tops, out, inverse, layout)
+        _power(values, tops, out, a, prime - one, inverse, layout, field)
+    elif operation == POWER:
+        _start(values, tops, out, constants[c + 1], layout)
+        _power(values, tops, out, a, constants[c], inverse, layout, field)
+    else:
+        _start(values, tops, out, constants[c], layout)
+        _primitive(values, tops, out, a, b, inverse, layout, field)
+    return True
 
 
 @compiled
@@ -212,9 +227,7 @@ def run(
         at = WIDTH * number
         operation, out, a, b = instructions[at], instructions[at + 1], instructions[at + 2], instructions[at + 3]
         c, limit = instructions[at + 4], order - instructions[at + 5]
-        if operation == CLEAR:
-            tops[out] = -1
-        elif operation == CONSTANT:
+        if operation == CONSTANT:
             _extend(values, tops, out, 0, layout)
             total = values[out * stride] + constants[c]
             values[out * stride] = total - prime if total >= prime else total
@@ -237,20 +250,8 @@ def run(
             _start(values, tops, out, constants[c], layout)
             _start(values, tops, b, constants[c + 1], layout)
             _circular(values, tops, out, b, a, layout, field)
-        else:
-            divisor = b if operation == PRIMITIVE else a
-            inverse = _reciprocal(values, tops, divisor, one, layout, field)
-            if inverse == np.uint64(0):
-                return number
-            if operation == INVERSE:
-                _start(values, tops, out, inverse, layout)
-                _power(values, tops, out, a, prime - one, inverse, layout, field)
-            elif operation == POWER:
-                _start(values, tops, out, constants[c + 1], layout)
-                _power(values, tops, out, a, constants[c], inverse, layout, field)
-            else:
-                _start(values, tops, out, constants[c], layout)
-                _primitive(values, tops, out, a, b, inverse, layout, field)
+        elif not _divide(operation, out, a, b, c, constants, values, tops, one, layout, field):
+            return number
     return -1
 
 
