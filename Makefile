@@ -39,17 +39,18 @@ nightly: install
 
 lint: install
 	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 
 # docs/paper.md and its figures: every statement of the paper computed anew.
 paper: install
-	.venv/bin/inverse-service paper --output docs
+	.venv/bin/python -m paper --output docs
 
 # The decision, the peers that are installed, the search, the integrators; docs/benchmarks.md has a run.
 bench: install
-	.venv/bin/python -m inverse_service.benchmark --limit 10 --random 2 --largest 7 --output build/bench
-	.venv/bin/python -m inverse_service.benchmark lagrangians --count 60 --seed 1
-	.venv/bin/python -m inverse_service.benchmark simulation
+	.venv/bin/python -m benchmarks --limit 10 --random 2 --largest 7 --output build/bench
+	.venv/bin/python -m benchmarks lagrangians --count 60 --seed 1
+	.venv/bin/python -m benchmarks simulation
 
 # 26,000 cases on all cores; interrupted, it goes on where it was.
 soundness: install

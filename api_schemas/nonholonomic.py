@@ -48,14 +48,14 @@ Families = Annotated[
 class NonholonomicDocument(Document):
     """A Lagrangian with constraints linear in the velocities.
 
-    `constraints`: formulas that are zero, or equations; a list, or one text with semicolons.
-    `associated`: which associated system is decided; left out: first, second and third.
-    `multiples`: what is added to the accelerations of the associated system (the first, if none is
-    `search`: with "associated": "search", which families and how many members of each.
-    The other keys are those of a System document.
- coordinate a formula that vanishes on the constraints; a list of such objects is a
-    list of systems, each decided.
-    The other keys are those of a System document.
+       `constraints`: formulas that are zero, or equations; a list, or one text with semicolons.
+       `associated`: which associated system is decided; left out: first, second and third.
+       `multiples`: what is added to the accelerations of the associated system (the first, if none is
+       `search`: with "associated": "search", which families and how many members of each.
+       The other keys are those of a System document.
+    coordinate a formula that vanishes on the constraints; a list of such objects is a
+       list of systems, each decided.
+       The other keys are those of a System document.
     """
 
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""

@@ -168,5 +168,3 @@ class SceneDocument(Document):
     circle: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
     step_sizes: Annotated[list[Value], Field(min_length=1, max_length=MAX_STEP_SIZES)] | None = None
     repeats: Annotated[int, Field(ge=1, le=50), BeforeValidator(_whole)] = 5
-
-

@@ -25,7 +25,7 @@ def solve(document: Mapping[str, Any], *, time_limit: float = 60.0, seed: int = 
     of a document asks for less time and another seed. Raises `inverse_service.errors.InputError`.
     """
     from inverse_service.inverse_problem.options import SolveOptions
-    from inverse_service.service.documents import solve_document
+    from inverse_service.service.documents.documents import solve_document
     from inverse_service.service.jobs.options import JobOptions, read_options, split_options
 
     alone, given = split_options(_plain(document))
@@ -39,7 +39,7 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
     `verdict` is `valid`, `invalid` or `incomplete`; `reasons` are sentences. The system of the certificate
     is compared with `document`, or else with the document that the result carries as `system.given`.
     """
-    from inverse_service.service.checking import check_document, check_plain
+    from inverse_service.service.documents.checking import check_document, check_plain
     from inverse_service.service.jobs.options import split_options
 
     given = None if document is None else split_options(_plain(document))[0]
@@ -50,7 +50,7 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
 
 def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str, Any]:
     """The summary of a scene: for each method its outcome and every observed quantity. Raises InputError."""
-    from inverse_service.service.simulating import simulate as run
+    from inverse_service.service.scenes.simulating import simulate as run
 
     return run(_plain(scene), time_limit=time_limit)
 
@@ -58,7 +58,7 @@ def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str
 def _read(text: str) -> Any:
     """The value of a JSON text; None, which is no result, where it is not one that is read here."""
     from inverse_service.errors import InputError
-    from inverse_service.service.reading import read_json
+    from inverse_service.service.documents.reading import read_json
 
     try:
         return read_json(text)
@@ -71,7 +71,7 @@ def _plain(document: Mapping[str, Any]) -> Any:
     import json
 
     from inverse_service.errors import InputError
-    from inverse_service.service.reading import read_json
+    from inverse_service.service.documents.reading import read_json
 
     try:
         text = json.dumps(document)

@@ -60,8 +60,14 @@ def _add_row(
 
 @compiled
 def _scale(
-    row: int, factor: np.uint64, basis_starts: Indices, basis_values: Words, use_starts: Indices, use_factors: Words,
-    prime: np.uint64, negative_inverse: np.uint64,
+    row: int,
+    factor: np.uint64,
+    basis_starts: Indices,
+    basis_values: Words,
+    use_starts: Indices,
+    use_factors: Words,
+    prime: np.uint64,
+    negative_inverse: np.uint64,
 ) -> None:
     """Multiply a basis row that is still as it was reduced."""
     for k in range(basis_starts[row], basis_starts[row + 1]):
@@ -71,8 +77,14 @@ def _scale(
 
 @compiled
 def _normalise(
-    row: int, basis_starts: Indices, basis_values: Words, use_starts: Indices, use_factors: Words,
-    prime: np.uint64, negative_inverse: np.uint64, one: np.uint64,
+    row: int,
+    basis_starts: Indices,
+    basis_values: Words,
+    use_starts: Indices,
+    use_factors: Words,
+    prime: np.uint64,
+    negative_inverse: np.uint64,
+    one: np.uint64,
 ) -> None:
     """Make the pivot of a basis row 1: before it is first subtracted, the others are all done at the end."""
     pivot = basis_values[basis_starts[row]]
@@ -83,8 +95,15 @@ def _normalise(
 
 @compiled
 def _subtract_basis_row(
-    used: int, factor: np.uint64, work: Words, touched: Words,
-    basis_starts: Indices, basis_columns: Columns, basis_values: Words, prime: np.uint64, negative_inverse: np.uint64,
+    used: int,
+    factor: np.uint64,
+    work: Words,
+    touched: Words,
+    basis_starts: Indices,
+    basis_columns: Columns,
+    basis_values: Words,
+    prime: np.uint64,
+    negative_inverse: np.uint64,
 ) -> None:
     for k in range(basis_starts[used], basis_starts[used + 1]):
         product = multiply(factor, basis_values[k], prime, negative_inverse)
@@ -94,9 +113,21 @@ def _subtract_basis_row(
 
 @compiled
 def _reduce(
-    top: int, most: int, work: Words, touched: Words, pivot_of: Indices, basis_starts: Indices,
-    basis_columns: Columns, basis_values: Words, use_starts: Indices, use_rows: Columns, use_factors: Words,
-    state: Indices, prime: np.uint64, negative_inverse: np.uint64, one: np.uint64,
+    top: int,
+    most: int,
+    work: Words,
+    touched: Words,
+    pivot_of: Indices,
+    basis_starts: Indices,
+    basis_columns: Columns,
+    basis_values: Words,
+    use_starts: Indices,
+    use_rows: Columns,
+    use_factors: Words,
+    state: Indices,
+    prime: np.uint64,
+    negative_inverse: np.uint64,
+    one: np.uint64,
 ) -> int:
     """Reduce `work` by the basis as far as its pivot, with `most` multiples at most, and record these."""
     uses = state[USES]
@@ -157,11 +188,27 @@ def _clear(top: int, work: Words, touched: Words) -> None:
 
 @compiled
 def reduce_rows(
-    start: int, most: int, rows: Indices, later: Indices, row_starts: Indices, columns: Indices, values: Words,
-    work: Words, touched: Words,
-    pivot_of: Indices, basis_starts: Indices, basis_columns: Columns, basis_values: Words, origin: Indices,
-    use_starts: Indices, use_rows: Columns, use_factors: Words, state: Indices,
-    prime: np.uint64, negative_inverse: np.uint64, one: np.uint64,
+    start: int,
+    most: int,
+    rows: Indices,
+    later: Indices,
+    row_starts: Indices,
+    columns: Indices,
+    values: Words,
+    work: Words,
+    touched: Words,
+    pivot_of: Indices,
+    basis_starts: Indices,
+    basis_columns: Columns,
+    basis_values: Words,
+    origin: Indices,
+    use_starts: Indices,
+    use_rows: Columns,
+    use_factors: Words,
+    state: Indices,
+    prime: np.uint64,
+    negative_inverse: np.uint64,
+    one: np.uint64,
 ) -> int:
     """Insert rows[start], rows[start + 1], …; stop early (returning the place) where an array is full.
 
@@ -175,8 +222,21 @@ def reduce_rows(
             _clear(top, work, touched)
             return place
         pivot = _reduce(
-            top, most, work, touched, pivot_of, basis_starts, basis_columns, basis_values,
-            use_starts, use_rows, use_factors, state, prime, negative_inverse, one,
+            top,
+            most,
+            work,
+            touched,
+            pivot_of,
+            basis_starts,
+            basis_columns,
+            basis_values,
+            use_starts,
+            use_rows,
+            use_factors,
+            state,
+            prime,
+            negative_inverse,
+            one,
         )
         if pivot == _TOO_LONG:
             _clear(top, work, touched)
@@ -195,8 +255,16 @@ def reduce_rows(
 
 @compiled
 def normalise_rows(
-    first: int, last: int, products: Words, basis_starts: Indices, basis_values: Words,
-    use_starts: Indices, use_factors: Words, prime: np.uint64, negative_inverse: np.uint64, one: np.uint64,
+    first: int,
+    last: int,
+    products: Words,
+    basis_starts: Indices,
+    basis_values: Words,
+    use_starts: Indices,
+    use_factors: Words,
+    prime: np.uint64,
+    negative_inverse: np.uint64,
+    one: np.uint64,
 ) -> None:
     """As `_normalise` for rows first … last - 1, with one inversion (Montgomery's trick); `products` is scratch."""
     product = one
@@ -214,8 +282,14 @@ def normalise_rows(
 
 @compiled
 def solve_at_random(
-    solution: Words, state: np.uint64, pivot_of: Indices, basis_starts: Indices, basis_columns: Columns,
-    basis_values: Words, prime: np.uint64, negative_inverse: np.uint64,
+    solution: Words,
+    state: np.uint64,
+    pivot_of: Indices,
+    basis_starts: Indices,
+    basis_columns: Columns,
+    basis_values: Words,
+    prime: np.uint64,
+    negative_inverse: np.uint64,
 ) -> None:
     """A random vector on which all rows of the basis vanish; their pivots are 1. `state` seeds it."""
     for column in range(len(solution)):
@@ -233,8 +307,14 @@ def solve_at_random(
 
 @compiled
 def keep_those_that_do_not_vanish(
-    rows: Indices, row_starts: Indices, columns: Indices, values: Words, solution: Words, kept: Indices,
-    prime: np.uint64, negative_inverse: np.uint64,
+    rows: Indices,
+    row_starts: Indices,
+    columns: Indices,
+    values: Words,
+    solution: Words,
+    kept: Indices,
+    prime: np.uint64,
+    negative_inverse: np.uint64,
 ) -> int:
     """Put into `kept` the rows that do not vanish on the vector; their number."""
     count = 0
@@ -251,8 +331,12 @@ def keep_those_that_do_not_vanish(
 
 @compiled
 def trace_weights(
-    weights: Words, use_starts: Indices, use_rows: Columns, use_factors: Words,
-    prime: np.uint64, negative_inverse: np.uint64,
+    weights: Words,
+    use_starts: Indices,
+    use_rows: Columns,
+    use_factors: Words,
+    prime: np.uint64,
+    negative_inverse: np.uint64,
 ) -> None:
     """Turn weights on basis rows into weights on original rows, last inserted first (in place)."""
     for k in range(len(weights) - 1, -1, -1):
@@ -268,8 +352,14 @@ def trace_weights(
 
 @compiled
 def cut(
-    numbers: Indices, first: int, basis_starts: Indices, basis_columns: Columns, basis_values: Words,
-    starts: Indices, columns: Indices, values: Words,
+    numbers: Indices,
+    first: int,
+    basis_starts: Indices,
+    basis_columns: Columns,
+    basis_values: Words,
+    starts: Indices,
+    columns: Indices,
+    values: Words,
 ) -> None:
     """The entries from column `first` on of those basis rows; each row ends with its smallest column."""
     entries = 0

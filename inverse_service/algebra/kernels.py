@@ -105,6 +105,8 @@ def is_even_root(node: Expression) -> bool:
 
 def is_root(node: Expression) -> bool:
     """Whether the node is a power with a fractional exponent."""
-    return isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value != Fraction(
-        node.exponent.value.numerator
+    return (
+        isinstance(node, Power)
+        and isinstance(node.exponent, Number)
+        and node.exponent.value != Fraction(node.exponent.value.numerator)
     )

@@ -26,6 +26,7 @@ Exponents = tuple[tuple[int, int], ...]
 class TooLarge(ArithmeticError):
     """A computation passed its budget of terms or of time; its text is the reason for the reader."""
 
+
 # What a step costs beside its terms.
 _WORK_OF_A_STEP = 20
 

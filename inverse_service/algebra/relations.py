@@ -138,9 +138,7 @@ def _exponential_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns)
     if solution is None:
         return ExponentialRule(atom, True)
     first, second = len(exponentials), len(exponentials) + len(logarithms)
-    of_logs = tuple(
-        (_argument(log), c) for log, c in zip(logarithms, solution[first:second], strict=True) if c
-    )
+    of_logs = tuple((_argument(log), c) for log, c in zip(logarithms, solution[first:second], strict=True) if c)
     for argument, c in of_logs:
         if c.denominator % 2 == 0:
             samples.require_positive(argument)
@@ -195,9 +193,7 @@ def _constant_factor(
     return constant, root
 
 
-def _constant_power(
-    atom: Apply, linear: Sequence[tuple[Expression, Fraction]], root: int, point: Point
-) -> int:
+def _constant_power(atom: Apply, linear: Sequence[tuple[Expression, Fraction]], root: int, point: Point) -> int:
     """w^root / prod (e^u_j)^(a_j root) at a point."""
     value = pow(evaluate(atom.argument, point), root, point.prime)
     for u, a in linear:
@@ -216,7 +212,7 @@ def _angle_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Ru
     if solution is None:
         return AngleRule(atom.argument, True)
     by_angle = tuple((u, a) for u, a in zip(angles, solution, strict=False) if a)
-    rest = solution[len(angles):]
+    rest = solution[len(angles) :]
     by_atan = tuple((u, a) for u, a in zip(arctangents, rest, strict=False) if a)
     if any(a.denominator != 1 for _, a in by_atan):
         raise IrreducibleAtoms("a fraction of an arctangent occurs as an angle")
@@ -272,4 +268,3 @@ def _argument(atom: Expression) -> Expression:
 
 def _flat(rows: Sequence[Sequence[int]]) -> list[int]:
     return [x for row in rows for x in row]
-

@@ -187,9 +187,7 @@ def antiderivative(ring: SeriesRing, slope: Series, start: int) -> Series:
     return (ring.context.constant(start), *tail)
 
 
-def compose(
-    ring: SeriesRing, arguments: Sequence[Series], jet: Callable[[tuple[int, ...]], int]
-) -> Series:
+def compose(ring: SeriesRing, arguments: Sequence[Series], jet: Callable[[tuple[int, ...]], int]) -> Series:
     """A(arguments) for an arbitrary function with partial derivatives jet(orders) at their values."""
     moved = [subtract(u, ring.constant(value_at_point(u))) for u in arguments]
     powers = [_powers(ring, u) for u in moved]

@@ -102,6 +102,7 @@ def check_shape(value: Any, shape: Any, where: str) -> None:
 
 def read_tokens(text: Any, where: str) -> tuple[str, ...]:
     """The tokens of a formula, the last one empty, with B[1,0](x, y) for diff(B(x, y), x)."""
+
     def rewritten(found: re.Match[str]) -> str:
         names, by = ([name.strip() for name in part.split(",")] for part in (found[2], found[3]))
         good = all(re.fullmatch(rf"{NAME}'?", name) for name in names) and {*by} <= {*names}
@@ -328,6 +329,7 @@ class Expansion:
         """A derivative of a declared function: its Taylor coefficients are random, but the same at equal arguments."""
         field = self.arithmetic
         near = tuple((argument.get(0, 0) + field.cut // 2) // field.cut for argument in arguments)
+
         def coefficient(*beta: int) -> int:
             value = self.jets.setdefault((name, near, tuple(map(sum, zip(beta, orders, strict=True)))), field.draw())
             return field.reduce(value * field.number(Fraction(1, math.prod(map(math.factorial, beta)))))
@@ -519,6 +521,7 @@ class Question:
         """L_(v_i v_j) f^j + L_(v_i q_j) v^j + L_(v_i t) = L_(q_i), and the matrix L_(v_i v_j) is regular."""
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
         require(self.timed or "t" not in formula, "The Lagrangian contains t, but the question does not.")
+
         def work(ring: Expansion) -> None:
             lagrangian, one = Reader(ring, formula).value, ring.arithmetic.one
             rates = {unit: rate.get(0, 0) for unit, rate in zip(ring.units, ring.field, strict=True)} | {0: one}
@@ -544,6 +547,7 @@ class Question:
         require(len(set(rows)) == len(rows), "A row is named twice.")
         degree = {row: (row[3] >> 8 * m) + (row[0] == "H2") for row in rows}
         rows.sort(key=lambda row: (degree[row], row[0], *(-index for index in row[1:])))  # this fills in least
+
         def work(ring: Expansion) -> None:
             echelon = Elimination(ring.arithmetic, ring.shift, (ring.row(*row) for row in rows))
             require(not ring.regular(echelon.solution(ring.unknowns(0))), "The rows leave a regular multiplier g(p).")
@@ -559,6 +563,7 @@ class Question:
         order, degree, dimensions = document["order"], document["degree"], list(document["dimensions"])
         require(degree <= order, "degree has to be at most order.")
         idle = set[Row]()
+
         def work(ring: Expansion) -> None:
             elimination, degrees = Elimination(ring.arithmetic, ring.shift), range(degree + 1)
             for step in range(order + 2):
@@ -638,6 +643,7 @@ def check_result(result: object, time_limit: float = 60.0, seed: int | None = No
 
 def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
     """The verdict on the JSON text of a result or of a certificate; never raises."""
+
     def members(pairs: list[tuple[str, object]]) -> dict[str, object]:
         if len(dict(pairs)) < len(pairs):
             raise ValueError

@@ -144,21 +144,6 @@ def work_precision(
 
 
 @application.command()
-def paper(
-    output: Annotated[Path, typer.Option("--output", help="Directory for paper.md, paper.html and figures.")] = Path(
-        "paper"
-    ),
-) -> None:
-    """The paper computed anew.
-
-    Every proposition, example and figure, in one report that says where it agrees. Exit 1 where one differs.
-    """
-    from inverse_service.cli.papering import write_paper
-
-    sys.exit(write_paper(output))
-
-
-@application.command()
 def catalogue(
     name: Annotated[str | None, typer.Argument(help="One system; without it, all names.")] = None,
     format: Annotated[CatalogueFormat | None, typer.Option(help="Default: text for the list, json for one.")] = None,

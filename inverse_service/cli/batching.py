@@ -10,8 +10,8 @@ from pathlib import Path
 
 from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.solving import time_limit_or
-from inverse_service.service.batch import BatchPlan, Summary, run_batch
-from inverse_service.service.batch_files import Line, count_lines
+from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
+from inverse_service.service.jobs.batch_files import Line, count_lines
 from inverse_service.service.jobs.options import JobOptions
 from inverse_service.settings import read_settings
 

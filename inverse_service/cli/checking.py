@@ -5,11 +5,11 @@ from __future__ import annotations
 from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.files import read_bytes
 from inverse_service.errors import InputError
-from inverse_service.service import tasks
-from inverse_service.service.alone import run_alone
+from inverse_service.service.documents.reading import decode, read_document, read_json
+from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.alone import run_alone
 from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.options import split_options
-from inverse_service.service.reading import decode, read_document, read_json
 from inverse_service.settings import read_settings
 
 MAX_RESULT_BYTES = 200_000_000
@@ -32,7 +32,7 @@ def check_file(name: str, document: str | None = None) -> ExitCode:
     if outcome.status in ("deadline", "memory"):
         print(f"incomplete\nThe check was stopped at its {outcome.status} limit.")
         return ExitCode.OPEN
-    from inverse_service.service.answers import value_of
+    from inverse_service.service.documents.answers import value_of
 
     found = value_of(outcome)
     print("\n".join([found["verdict"], *found["reasons"]]))

@@ -12,8 +12,8 @@ from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.files import read_bytes
 from inverse_service.cli.simulating import made_folder, value_in_time
 from inverse_service.cli.solving import time_limit_or
-from inverse_service.service import simulation_tasks
-from inverse_service.service.reading import read_document
+from inverse_service.service.documents.reading import read_document
+from inverse_service.service.scenes import simulation_tasks
 
 DEFAULT_SECONDS = 300.0
 COLUMNS = (

@@ -12,9 +12,9 @@ from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.files import read_bytes
 from inverse_service.cli.solving import time_limit_or
 from inverse_service.errors import InputError, WorkerFailed
-from inverse_service.service import simulation_tasks
-from inverse_service.service.alone import run_alone
-from inverse_service.service.reading import read_document
+from inverse_service.service.documents.reading import read_document
+from inverse_service.service.jobs.alone import run_alone
+from inverse_service.service.scenes import simulation_tasks
 from inverse_service.settings import read_settings
 
 DEFAULT_SECONDS = 600.0
@@ -46,7 +46,7 @@ def value_in_time(task: Any, document: Any, limit: float) -> Any:
     outcome = run_alone(task, (document, limit), limit, read_settings().memory_limit)
     if outcome.status == "deadline":
         raise WorkerFailed(f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit.")
-    from inverse_service.service.answers import value_of
+    from inverse_service.service.documents.answers import value_of
 
     return value_of(outcome)
 

@@ -10,10 +10,10 @@ from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.files import read_bytes
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service import tasks
-from inverse_service.service.alone import run_alone
+from inverse_service.service.documents.reading import read_document
+from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.alone import run_alone
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
-from inverse_service.service.reading import read_document
 from inverse_service.settings import read_settings
 
 MAX_TIME_LIMIT = 86_400.0
@@ -49,7 +49,7 @@ def _solve(document: Any, options: SolveOptions, memory_limit: int) -> dict[str,
     outcome = run_alone(tasks.solve_task, (document, options), options.time_limit, memory_limit, report)
     if report is not None:
         report("")
-    from inverse_service.service.answers import UNDERSTAND_DEADLINE, result_document, with_understood
+    from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, result_document, with_understood
 
     if outcome.status in ("deadline", "memory"):
         understood = run_alone(tasks.understand_task, (document,), UNDERSTAND_DEADLINE, memory_limit)

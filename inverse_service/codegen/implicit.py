@@ -213,8 +213,7 @@ class Blocks:
             label = self._begin_loop(block.unknowns, [])
             values = e.write(formulas)
             change = [
-                w.binary("-", e.value(symbol(name)), value)
-                for name, value in zip(block.unknowns, values, strict=True)
+                w.binary("-", e.value(symbol(name)), value) for name, value in zip(block.unknowns, values, strict=True)
             ]
             settled = self._apply(block.unknowns, change, block.scales, ROUND_OFF)
             w.write(f"{tag}_settled", settled)

@@ -185,4 +185,3 @@ class Kernel:
             w.store("memory", place, w.read(name))
         for place, name in enumerate(CONTROL):
             w.store_counter("control", place, w.read_counter(name))
-

@@ -12,11 +12,10 @@ from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.errors import CertificateRefused, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, walk
-from inverse_service.inverse_problem import certify
-from inverse_service.inverse_problem.analysis import Analysis, analyse
-from inverse_service.inverse_problem.decision import Decision, Limits, decide
-from inverse_service.inverse_problem.explanation import explain_negative
-from inverse_service.inverse_problem.finding import (
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
+from inverse_service.inverse_problem.explanation.finding import (
     existence_steps,
     hamiltonian_of,
     legendre_steps,
@@ -25,15 +24,16 @@ from inverse_service.inverse_problem.finding import (
     series_steps,
     verification_steps,
 )
-from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
+from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
+from inverse_service.inverse_problem.explanation.negative import explain_negative
+from inverse_service.inverse_problem.explanation.printed_conditions import printed_conditions
+from inverse_service.inverse_problem.explanation.shared_letters import with_shared_letters
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
-from inverse_service.inverse_problem.printed_conditions import printed_conditions
 from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.divergence import is_free_of_divergence
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.ladder import search
-from inverse_service.inverse_problem.shared_letters import with_shared_letters
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
@@ -92,9 +92,7 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     return Solution(system, autonomous, with_time, printed, provenance)
 
 
-def _unreduced(
-    system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str
-) -> Solution:
+def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:
     answer = Answer("undetermined", reason=reason)
     autonomous = None if system.depends_on_time or options.time_dependent is True else answer
     with_time = None if options.time_dependent is False and not system.depends_on_time else answer
@@ -164,9 +162,7 @@ def _decide(work: _Work, with_time: bool) -> Decision:
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
     limits = Limits(deadline=work.deadline)
-    decision = decide(
-        work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis
-    )
+    decision = decide(work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis)
     work.seconds[stage] = decision.seconds
     work.points.extend(decision.points)
     return decision

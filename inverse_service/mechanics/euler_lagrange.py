@@ -36,9 +36,7 @@ def hessian(lagrangian: Expression, coordinates: Sequence[str]) -> Matrix:
         for i in range(len(coordinates))
         for j in range(i + 1)
     }
-    return tuple(
-        tuple(table[max(i, j), min(i, j)] for j in range(len(coordinates))) for i in range(len(coordinates))
-    )
+    return tuple(tuple(table[max(i, j), min(i, j)] for j in range(len(coordinates))) for i in range(len(coordinates)))
 
 
 def euler_lagrange_residual(

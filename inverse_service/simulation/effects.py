@@ -1,6 +1,6 @@
 """The parts of a Lagrangian that can be left out of a scene: potential, magnetic part, further terms.
 
-    L = T(q, v) + b_i(q) v^i - V(q):   kinetic part, "magnetic" (linear in v), "potential" (free of v)
+L = T(q, v) + b_i(q) v^i - V(q):   kinetic part, "magnetic" (linear in v), "potential" (free of v)
 """
 
 from __future__ import annotations

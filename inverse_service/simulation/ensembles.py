@@ -67,9 +67,7 @@ def run_ensemble(
         raise InputError("The grids of an ensemble must have the same steps and record_every.")
     formulas = Formulas(problem)
     members = _members(formulas, choices, _spread(starts, size), grids, _spread(values, size))
-    results = {
-        k: failed_start(item.start, why) for k, item in enumerate(members) if (why := _refusal(formulas, item))
-    }
+    results = {k: failed_start(item.start, why) for k, item in enumerate(members) if (why := _refusal(formulas, item))}
     groups = _groups(choices, [k for k in range(size) if k not in results], lanes_here())
     observed = observation or Observation()
     with ThreadPoolExecutor(cores()) as pool:
@@ -92,9 +90,7 @@ def _members(
 
 
 def _refusal(formulas: Formulas, member: Member) -> Outcome | None:
-    return member.begin.missing or refusal(
-        formulas, member.choice, member.begin, member.grid, member.parameters
-    )
+    return member.begin.missing or refusal(formulas, member.choice, member.begin, member.grid, member.parameters)
 
 
 def _run_group(formulas: Formulas, group: Sequence[Member], observation: Observation) -> list[Trajectory]:
@@ -124,4 +120,3 @@ def _groups(choices: Sequence[MethodChoice], members: Sequence[int], lanes: int)
         alpha = choices[k].alpha
         kinds.setdefault(alpha if alpha in (0.0, 0.5, 1.0) else -1.0, []).append(k)
     return [same[first : first + lanes] for same in kinds.values() for first in range(0, len(same), lanes)]
-

@@ -106,9 +106,7 @@ def _with_one_direction(found: ExactMotion) -> ExactMotion | NoExactMotion:
     return found
 
 
-def _mass(
-    lagrangian: Expression, inertia: Matrix, names: tuple[str, ...], values: Mapping[str, float]
-) -> Array | None:
+def _mass(lagrangian: Expression, inertia: Matrix, names: tuple[str, ...], values: Mapping[str, float]) -> Array | None:
     rates = [Velocity(name) for name in names]
     table: dict[Expression, float] = {Symbol(name): value for name, value in values.items()}
     kinetic = add(

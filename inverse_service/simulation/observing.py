@@ -1,14 +1,14 @@
 """What a scene observes: formulas for the kernel, and numbers made of the recorded points.
 
-    energy        E = v L_v - L of the original system; max_energy_error = max |E_k/E_0 - 1|, E_0 that of the initial
-                  data, over all steps at the point and velocity of the discrete Lagrangian (of order 2 at best),
-                  max_energy_error_at_points at the recorded points with the velocities of the momenta
-    constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all steps, and
-                  max_constraint_at_points = max |w(q_k) v_k| with v_k from the momenta of a variational method
-    momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k - p_0|
-    matching_circle   circles of the first and last revolution, distance to the exact circle
-    phase         angle by which the chords of the path are ahead of those of the true path
-    error         max |q_k - q(t_k)| against the exact solution or the reference, coordinate by coordinate
+energy        E = v L_v - L of the original system; max_energy_error = max |E_k/E_0 - 1|, E_0 that of the initial
+              data, over all steps at the point and velocity of the discrete Lagrangian (of order 2 at best),
+              max_energy_error_at_points at the recorded points with the velocities of the momenta
+constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all steps, and
+              max_constraint_at_points = max |w(q_k) v_k| with v_k from the momenta of a variational method
+momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k - p_0|
+matching_circle   circles of the first and last revolution, distance to the exact circle
+phase         angle by which the chords of the path are ahead of those of the true path
+error         max |q_k - q(t_k)| against the exact solution or the reference, coordinate by coordinate
 """
 
 from __future__ import annotations
@@ -86,9 +86,7 @@ def observables(scene: Scene) -> tuple[Observable, ...]:
 def observation_of(scene: Scene) -> Observation:
     """What the integrator records for a scene."""
     momenta_used = bool({"momenta", "energy", "constraints"} & set(scene.observe))
-    return Observation(
-        momenta=momenta_used, velocities="velocities" in scene.observe, observables=observables(scene)
-    )
+    return Observation(momenta=momenta_used, velocities="velocities" in scene.observe, observables=observables(scene))
 
 
 def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:

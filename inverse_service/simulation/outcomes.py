@@ -43,9 +43,7 @@ def trajectory_of(
     carried = _with_start(columns, begin, [f"{letter}{k}" for k in range(size)])
     velocities = carried if letter == "v" else _velocities(columns, begin, card, size)
     series = {name: _headed(columns[f"observed_{k}"]) for k, name in enumerate(card.observed)}
-    maxima = {
-        name: float(run.memory[card.layout.place(f"maximum_{k}"), lane]) for k, name in enumerate(card.observed)
-    }
+    maxima = {name: float(run.memory[card.layout.place(f"maximum_{k}"), lane]) for k, name in enumerate(card.observed)}
     taken = int(run.memory[card.layout.place("clock"), lane]) if halt is None else halt.step
     return Trajectory(
         times=np.concatenate([[0.0], steps * grid.step]),
@@ -166,9 +164,7 @@ def _vanished(
     return None
 
 
-def _way(
-    f: Formulas, card: Card, run: Run, lane: int, grid: Grid, begin: Initial
-) -> list[dict[str, float]]:
+def _way(f: Formulas, card: Card, run: Run, lane: int, grid: Grid, begin: Initial) -> list[dict[str, float]]:
     """(q, v) a step before the last good point, at it, and where its velocity leads in a step and a half."""
     layout = card.layout
     table = {name: float(run.memory[layout.argument_place(name), lane]) for name in layout.arguments if name != "h"}

@@ -1,8 +1,8 @@
 """What each effect and each observed quantity adds to a step: measured with it and without it, in the same scene.
 
-    step_ns      time of a step of the whole scene, best of several runs over the first steps of the scene
-    operations   floating-point instructions and calls in the text of its kernel, which no load changes
-    of a part    the difference to the same scene without it; below zero where the scene is cheaper with it
+step_ns      time of a step of the whole scene, best of several runs over the first steps of the scene
+operations   floating-point instructions and calls in the text of its kernel, which no load changes
+of a part    the difference to the same scene without it; below zero where the scene is cheaper with it
 """
 
 from __future__ import annotations

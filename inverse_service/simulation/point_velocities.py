@@ -44,9 +44,7 @@ def _velocities(
     return None
 
 
-def _from_hamiltonian(
-    scene: Scene, hamiltonian: Expression, trajectory: Trajectory, values: dict[str, float]
-) -> Array:
+def _from_hamiltonian(scene: Scene, hamiltonian: Expression, trajectory: Trajectory, values: dict[str, float]) -> Array:
     assert trajectory.momenta is not None
     table = table_of(scene.coordinates, trajectory.positions, None, values, trajectory.times)
     names = [Symbol(f"p_{name}") for name in scene.coordinates]

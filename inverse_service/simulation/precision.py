@@ -189,9 +189,7 @@ def _repeated(
             if found is not None:
                 times[k].append(found)
     return [
-        replace(s, best=min(times[k]), median=statistics.median(times[k]), repeats=len(times[k]))
-        if times.get(k)
-        else s
+        replace(s, best=min(times[k]), median=statistics.median(times[k]), repeats=len(times[k])) if times.get(k) else s
         for k, s in enumerate(settings)
     ]
 

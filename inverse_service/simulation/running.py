@@ -159,9 +159,7 @@ def values_of(scene: Scene, requested: Requested, free: FreeLagrangian | None) -
     return dict(scene.values) | (dict(free.constants) if free else {}) | dict(requested.constants)
 
 
-def start_of(
-    scene: Scene, requested: Requested, free: FreeLagrangian | None, values: Mapping[str, float]
-) -> Start:
+def start_of(scene: Scene, requested: Requested, free: FreeLagrangian | None, values: Mapping[str, float]) -> Start:
     """The start of a method: momenta where L~ gives them itself (they may be 0/0 in the velocities)."""
     positions, velocities = tuple(map(float, scene.positions)), tuple(map(float, scene.velocities))
     momenta = None

@@ -138,9 +138,7 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Pro
         raise InputError("The modified method needs constraints.")
     q, d, alpha = f.symbols("q"), f.symbols("d"), alpha_of(choice)
     base = [k for k in range(f.size) if k not in f.dependent]
-    if len(parts_of(choice)) == 2 or any(
-        contains(value, q[k]) for value in f.dependent.values() for k in f.dependent
-    ):
+    if len(parts_of(choice)) == 2 or any(contains(value, q[k]) for value in f.dependent.values() for k in f.dependent):
         return _modified_in_full(f, choice, observation, base)
     pair = _pair(f, q, d, alpha)
     slopes = {k: (_on_constraints(f, f.free_lagrangian.diff(q[k])), _momentum(f, k)) for k in base}

@@ -29,9 +29,7 @@ class Initial:
     missing: Outcome | None = None
 
 
-def initial(
-    f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]
-) -> Initial:
+def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]) -> Initial:
     """State of the kernel at t = 0."""
     parameters = {**parameters, str(MOMENT): 0.0}
     _require(start, f.size)

@@ -124,5 +124,3 @@ def reference_run(
     start = Start(tuple(scene.positions), velocities=tuple(scene.velocities))
     plain = observation or Observation(momenta=False, velocities=False)
     return run(problem, choice, start, finer, dict(scene.values), plain)
-
-

@@ -7,8 +7,8 @@ from typing import Any
 from starlette.requests import ClientDisconnect, Request
 
 from inverse_service.errors import InputError
-from inverse_service.service.outcome import Place
-from inverse_service.service.reading import read_json
+from inverse_service.service.documents.reading import read_json
+from inverse_service.service.jobs.outcome import Place
 from inverse_service.web.problems import Refusal
 
 

@@ -10,19 +10,19 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, ParamSpec, TypeVar
 
-from inverse_service.service import tasks
-from inverse_service.service.answers import value_of
+from inverse_service.service.documents.answers import value_of
+from inverse_service.service.documents.refusals import DocumentRefused
+from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.cleaning import Cleaner
 from inverse_service.service.jobs.identity import batch_id
 from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.model import Batch, BatchLine, Bounds, Job, JobRequest, StoreUnavailable
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.options import JobOptions
+from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
-from inverse_service.service.outcome import Call, Outcome
-from inverse_service.service.refusals import DocumentRefused
-from inverse_service.service.workers import Executor, Workers
+from inverse_service.service.jobs.workers import Executor, Workers
 from inverse_service.settings import Settings
 from inverse_service.web.hub import Hub, until_set
 from inverse_service.web.problems import Refusal

@@ -9,8 +9,8 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response
 
+from inverse_service.service.documents.problem_documents import as_bytes, problem_document
 from inverse_service.service.jobs.model import Batch, Job
-from inverse_service.service.problem_documents import as_bytes, problem_document
 from inverse_service.web.engine import Engine
 from inverse_service.web.problems import MEDIA_TYPE
 

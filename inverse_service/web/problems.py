@@ -14,10 +14,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from inverse_service.errors import InputError, NoWorker, WorkerFailed
+from inverse_service.service.documents.problem_documents import as_bytes, problem_document
+from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
-from inverse_service.service.outcome import Place
-from inverse_service.service.problem_documents import as_bytes, problem_document
-from inverse_service.service.refusals import DocumentRefused
+from inverse_service.service.jobs.outcome import Place
 from inverse_service.web.headers import HEADERS
 
 log = logging.getLogger(__name__)

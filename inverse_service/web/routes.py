@@ -13,9 +13,9 @@ from api_schemas import sizes
 from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer, ParseAnswer
 from inverse_service import catalogue
 from inverse_service.expressions.limits import LIMITS
-from inverse_service.service.batch_files import MAX_LINE_BYTES
+from inverse_service.service.documents.reading import decode
+from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
 from inverse_service.service.jobs.options import split_options
-from inverse_service.service.reading import decode
 from inverse_service.web.bodies import as_json, read_body, read_json_body
 from inverse_service.web.clients import require_client
 from inverse_service.web.describing import BAD_BODY, SYSTEM_BODY, refusals

@@ -184,9 +184,7 @@ def test_a_square_in_disguise_is_the_absolute_value_of_its_root(root: str, squar
         assert evaluate(found, point) == real_sign(base, table) * evaluate(base, point) % point.prime
 
 
-@pytest.mark.parametrize(
-    "text", ["sqrt(x+y+1+2*sqrt(x)*sqrt(y)+2*sqrt(x)+2*sqrt(y))", "sqrt(x^(1/2)+1+2*x^(1/4))"]
-)
+@pytest.mark.parametrize("text", ["sqrt(x+y+1+2*sqrt(x)*sqrt(y)+2*sqrt(x)+2*sqrt(y))", "sqrt(x^(1/2)+1+2*x^(1/4))"])
 def test_a_square_of_three_roots_is_refused_and_never_taken_for_independent(text: str) -> None:
     with pytest.raises(IrreducibleAtoms, match="denest it by hand"):
         reduced(text)

@@ -9,7 +9,7 @@ from typing import Any
 import mpmath
 import sympy
 
-from inverse_service.benchmark.sympy_form import to_sympy
+from benchmarks.sympy_form import to_sympy
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.mechanics.parameter_values import parameter_values, with_values

@@ -13,8 +13,8 @@ import mpmath
 import pytest
 import sympy
 
+from benchmarks.sympy_form import velocity
 from inverse_service import catalogue
-from inverse_service.benchmark.sympy_form import velocity
 from tests.catalogue.symbolic import DIGITS, Point, Reader, opaque_atoms, random_point, value
 
 ASSOCIATED = [name for name in catalogue.names() if "associated_with" in catalogue.entry(name)]

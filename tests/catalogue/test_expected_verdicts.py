@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service import catalogue
-from inverse_service.inverse_problem.decision import decide
+from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.mechanics.reading import read_system
 
 

@@ -8,8 +8,8 @@ import mpmath
 import pytest
 import sympy
 
+from benchmarks.sympy_form import velocity
 from inverse_service import catalogue
-from inverse_service.benchmark.sympy_form import velocity
 from tests.catalogue.symbolic import DIGITS, Reader, opaque_atoms, random_point, value
 
 TIME = sympy.Symbol("t")

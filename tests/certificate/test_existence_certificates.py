@@ -58,9 +58,7 @@ REFERENCES: dict[str, Forces] = {
 
 
 @pytest.mark.parametrize(("name", "order", "dimensions", "symbol", "question"), RIGHT)
-def test_right_data_are_valid(
-    name: str, order: int, dimensions: list[int], symbol: list[int], question: str
-) -> None:
+def test_right_data_are_valid(name: str, order: int, dimensions: list[int], symbol: list[int], question: str) -> None:
     found = check_certificate(existence(name, order, dimensions, symbol, question), seed=1)
     assert found.verdict == "valid", found.reasons
 
@@ -85,9 +83,7 @@ def test_the_right_data_are_those_of_the_definition(
 
 
 @pytest.mark.parametrize(("name", "order", "dimensions", "symbol", "question"), RIGHT)
-def test_every_number_matters(
-    name: str, order: int, dimensions: list[int], symbol: list[int], question: str
-) -> None:
+def test_every_number_matters(name: str, order: int, dimensions: list[int], symbol: list[int], question: str) -> None:
     document = existence(name, order, dimensions, symbol, question)
     for k in range(len(dimensions)):
         for wrong in (dimensions[k] + 1, dimensions[k] - 1):

@@ -28,9 +28,7 @@ def split() -> Document:
         "lagrangian": {"text": DAMPED},
     }
     proof = nonexistence("damped-henon-heiles", 2)
-    return result(
-        "damped-henon-heiles", "not_variational", proof, verdict_with_time="variational", with_time=timed
-    )
+    return result("damped-henon-heiles", "not_variational", proof, verdict_with_time="variational", with_time=timed)
 
 
 def refuted(question: str = TIMED) -> Document:

@@ -10,7 +10,7 @@ import pytest
 
 from inverse_service import catalogue
 from inverse_service.cli.application import run
-from inverse_service.service import tasks
+from inverse_service.service.jobs import tasks
 
 EDGE = """
 coordinates: [phi, x, y]

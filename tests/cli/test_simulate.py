@@ -20,7 +20,7 @@ SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 @pytest.fixture(scope="module", autouse=True)
 def engine() -> None:
     """Processes are forked from this one: load the engine once, not in each of them."""
-    import inverse_service.service.work_precision  # noqa: F401
+    import inverse_service.service.scenes.work_precision  # noqa: F401
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_without_a_directory_the_summary_is_printed(call: Any) -> None:
 def test_yaml_scenes_are_read(call: Any, tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(
-        "system: {coordinates: [x], lagrangian: \"x'^2/2 - x^2/2\"}\n"
+        'system: {coordinates: [x], lagrangian: "x\'^2/2 - x^2/2"}\n'
         "initial: {positions: {x: 1}, velocities: {x: 0}}\nstep: 0.1\nsteps: 5\nmethods: [variational]\n"
     )
     code, out, _ = call("simulate", str(path))

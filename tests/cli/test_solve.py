@@ -15,7 +15,7 @@ import pytest
 
 from inverse_service import __version__
 from inverse_service.cli.application import run
-from inverse_service.service import tasks
+from inverse_service.service.jobs import tasks
 
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
 DISK = {
@@ -165,7 +165,7 @@ def test_a_bad_setting_is_exit_2(call: Any, tmp_path: Path, monkeypatch: pytest.
 def test_a_fault_of_the_program_is_exit_3_and_no_traceback(
     call: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from inverse_service.service import solving
+    from inverse_service.service.documents import solving
 
     monkeypatch.setattr(solving, "solve", lambda *arguments: 1 // 0)
     found = call("solve", written(tmp_path, OSCILLATOR))

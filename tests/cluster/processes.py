@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from inverse_service.service.isolation import die_with_parent
+from inverse_service.service.jobs.isolation import die_with_parent
 
 DASK = [sys.executable, "-m", "dask"]
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}

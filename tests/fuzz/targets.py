@@ -19,8 +19,8 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_latex, to_mathml, to_text
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
-from inverse_service.service import tasks
-from inverse_service.service.reading import read_json, read_toml, read_yaml
+from inverse_service.service.documents.reading import read_json, read_toml, read_yaml
+from inverse_service.service.jobs import tasks
 
 SETTINGS = settings(
     max_examples=60, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)

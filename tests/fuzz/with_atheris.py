@@ -10,7 +10,11 @@ import sys
 import atheris
 
 # Only what reads is watched: lines of libraries would lead the search astray.
-WATCHED = ["inverse_service.expressions", "inverse_service.service.reading", "inverse_service.mechanics.reading"]
+WATCHED = [
+    "inverse_service.expressions",
+    "inverse_service.service.documents.reading",
+    "inverse_service.mechanics.reading",
+]
 
 
 def main() -> None:

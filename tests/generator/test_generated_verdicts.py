@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.inverse_problem.decision import decide
+from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.mechanics.reading import read_system
 from tests.generator import GeneratedSystem, disguised, random_right_sides, random_systems
 

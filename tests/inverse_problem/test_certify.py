@@ -12,9 +12,9 @@ import pytest
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.text import parse
-from inverse_service.inverse_problem import certify
-from inverse_service.inverse_problem.analysis import analyse
-from inverse_service.inverse_problem.decision import Decision, decide
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.mechanics.reading import read_system
 from tests.generator import random_right_sides, random_systems
 

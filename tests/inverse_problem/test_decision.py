@@ -20,7 +20,7 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.inverse_problem.decision import Decision, Limits, decide
+from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -189,9 +189,7 @@ def test_verdict_and_dimensions_survive_renaming_and_exchange(
 ) -> None:
     given = plane_system(first, second)
     table: dict[Expression, Expression] = {
-        kind(old): kind(new)
-        for kind in (Symbol, Velocity)
-        for old, new in zip(given.coordinates, names, strict=True)
+        kind(old): kind(new) for kind in (Symbol, Velocity) for old, new in zip(given.coordinates, names, strict=True)
     }
     forces = tuple(substitute(force, table) for force in given.accelerations)
     renamed, exchanged = SecondOrderSystem(names, forces), SecondOrderSystem(names[::-1], forces[::-1])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from inverse_service.inverse_problem.decision import decide
+from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.mechanics.reading import read_system
 
 

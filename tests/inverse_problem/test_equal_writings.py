@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from inverse_service.inverse_problem.decision import Decision, decide
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.mechanics.reading import read_system
 
 # Of the multiplier of the Henon-Heiles system, by degree: it is constant, and unique up to a factor.

@@ -8,10 +8,10 @@ from inverse_service import catalogue
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.text import parse
-from inverse_service.inverse_problem import certify
-from inverse_service.inverse_problem.analysis import analyse
-from inverse_service.inverse_problem.decision import decide
-from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.deciding import decide
+from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

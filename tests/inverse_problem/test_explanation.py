@@ -14,11 +14,11 @@ from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, number, walk
-from inverse_service.inverse_problem.analysis import analyse
-from inverse_service.inverse_problem.explanation import entry_symbols, explain_negative
-from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
-from inverse_service.inverse_problem.verification import explain_positive
-from inverse_service.inverse_problem.wording import Explanation
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
+from inverse_service.inverse_problem.explanation.negative import entry_symbols, explain_negative
+from inverse_service.inverse_problem.explanation.verification import explain_positive
+from inverse_service.inverse_problem.explanation.wording import Explanation
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

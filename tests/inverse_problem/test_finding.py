@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.expressions.printing import to_text
-from inverse_service.inverse_problem.finding import not_found
+from inverse_service.inverse_problem.explanation.finding import not_found
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.search.found import SearchOutcome

@@ -12,8 +12,8 @@ from inverse_service.catalogue.reading import document, entry, names
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.text import parse
-from inverse_service.inverse_problem.analysis import analyse
-from inverse_service.inverse_problem.hierarchy import (
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.explanation.hierarchy import (
     ConditionName,
     all_singular,
     equation_terms,
@@ -24,7 +24,7 @@ from inverse_service.inverse_problem.hierarchy import (
     unique_direction,
     unknowns,
 )
-from inverse_service.inverse_problem.pointwise import local_motion
+from inverse_service.inverse_problem.explanation.pointwise import local_motion
 from inverse_service.mechanics.conditions import ExactMotion, exact_motion
 from inverse_service.mechanics.curvature import connection, curvature, jacobi_endomorphism, nabla_of_curvature
 from inverse_service.mechanics.reading import read_system

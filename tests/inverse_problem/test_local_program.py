@@ -11,13 +11,13 @@ from inverse_service.algebra.point import Expansion, Variable
 from inverse_service.algebra.series_program import TooLarge, constants_at
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem import decision as room
-from inverse_service.inverse_problem.analysis import analyse
-from inverse_service.inverse_problem.decision import Decision, decide
-from inverse_service.inverse_problem.emission import rows_of_degree
-from inverse_service.inverse_problem.equations import Equations
-from inverse_service.inverse_problem.local_program import local_program
-from inverse_service.inverse_problem.prolongation import equations, local_system
+from inverse_service.inverse_problem.decision import deciding as room
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
+from inverse_service.inverse_problem.decision.emission import rows_of_degree
+from inverse_service.inverse_problem.decision.equations import Equations
+from inverse_service.inverse_problem.decision.local_program import local_program
+from inverse_service.inverse_problem.decision.prolongation import equations, local_system
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from inverse_service.algebra.monomials import exponents_of_degree
-from inverse_service.inverse_problem.monomial_tables import (
+from inverse_service.inverse_problem.decision.monomial_tables import (
     entry_columns,
     known_places,
     products_of_degree,

@@ -14,7 +14,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, multiply
 from inverse_service.inverse_problem.families import family_search
 from inverse_service.inverse_problem.families.family_search import FamilyOptions, search_families
-from inverse_service.inverse_problem.nonholonomic_study import (
+from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     AssociatedAnswer,
     MotionReport,
     associated_systems,

@@ -11,10 +11,10 @@ import pytest
 
 from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.series import SingularPoint
-from inverse_service.inverse_problem import decision
-from inverse_service.inverse_problem.analysis import analyse
-from inverse_service.inverse_problem.decision import Limits, decide
-from inverse_service.inverse_problem.prolongation import LocalSystem
+from inverse_service.inverse_problem.decision import deciding as decision
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.deciding import Limits, decide
+from inverse_service.inverse_problem.decision.prolongation import LocalSystem
 from inverse_service.mechanics.reading import read_system
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})

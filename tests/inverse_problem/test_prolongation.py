@@ -16,8 +16,8 @@ from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem import prolongation as room
-from inverse_service.inverse_problem.prolongation import (
+from inverse_service.inverse_problem.decision import prolongation as room
+from inverse_service.inverse_problem.decision.prolongation import (
     LocalSystem,
     Prolongation,
     advance,

@@ -9,11 +9,11 @@ import pytest
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.tree import Symbol, Velocity
-from inverse_service.inverse_problem import certify
-from inverse_service.inverse_problem.analysis import Analysis, analyse
-from inverse_service.inverse_problem.decision import Decision, decide
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
+from inverse_service.inverse_problem.decision.rational_series import RationalSeries, rational_series
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.rational_series import RationalSeries, rational_series
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem import certify, decision, involution
-from inverse_service.inverse_problem.analysis import analyse
-from inverse_service.inverse_problem.decision import Decision, Limits, decide
-from inverse_service.inverse_problem.prolongation import LocalSystem
+from inverse_service.inverse_problem.decision import certify, involution
+from inverse_service.inverse_problem.decision import deciding as decision
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
+from inverse_service.inverse_problem.decision.prolongation import LocalSystem
 from inverse_service.mechanics.reading import read_system
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
@@ -40,9 +41,7 @@ FIRST = Decision("variational", False, 3, history=((1,), (1, 2)))
         replace(FIRST, history=((1,), (1, 3))),
     ],
 )
-def test_two_points_that_do_not_agree_leave_it_undetermined(
-    second: Decision, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_points_that_do_not_agree_leave_it_undetermined(second: Decision, monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter((FIRST, second, FIRST, FIRST))
     monkeypatch.setattr(decision, "_decide_once", lambda _: next(answers))
     found = decide(OSCILLATORS, False)

@@ -9,7 +9,7 @@ import pytest
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.errors import CertificateRefused
 from inverse_service.inverse_problem import solving
-from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.search.found import SearchOutcome

@@ -7,7 +7,7 @@ import pytest
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import Velocity, walk
-from inverse_service.inverse_problem.finding import hamiltonian_of
+from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service import tasks
-from inverse_service.service.reading import read_json, read_toml, read_yaml
+from inverse_service.service.documents.reading import read_json, read_toml, read_yaml
+from inverse_service.service.jobs import tasks
 
 SETTINGS = settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 WORDS = (

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.batch_files import MAX_LINE_BYTES, count_lines, finished_keys, read_lines
+from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES, count_lines, finished_keys, read_lines
 
 
 def lines(*texts: str) -> list[tuple[object, ...]]:

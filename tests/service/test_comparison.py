@@ -14,8 +14,8 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import negate
 from inverse_service.mechanics import reading
 from inverse_service.mechanics.agreement import Canonical
-from inverse_service.service import translate
-from inverse_service.service.comparison import compared_with_document
+from inverse_service.service.documents import translate
+from inverse_service.service.documents.comparison import compared_with_document
 
 TWO = ["x", "y"]
 DISK = {

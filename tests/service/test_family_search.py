@@ -11,7 +11,7 @@ from inverse_service.cli.latex_page import latex_page
 from inverse_service.cli.text_page import text_page
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.nonholonomic import solve_nonholonomic
+from inverse_service.service.documents.nonholonomic import solve_nonholonomic
 
 PARTICLE = {
     "coordinates": ["x", "y", "z"],

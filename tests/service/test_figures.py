@@ -13,7 +13,7 @@ from inverse_service.service.figures.drawing import draw_simulation
 from inverse_service.service.figures.paths import path_figure
 from inverse_service.service.figures.series import series_figure
 from inverse_service.service.figures.style import look, shown
-from inverse_service.service.simulating import simulate_tables
+from inverse_service.service.scenes.simulating import simulate_tables
 
 DISK = json.loads((Path(__file__).parents[2] / "docs" / "scenes" / "disk-table.json").read_text())
 

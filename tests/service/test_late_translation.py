@@ -6,9 +6,9 @@ import pytest
 
 from inverse_service import catalogue
 from inverse_service.algebra.rational_functions import TooLarge
-from inverse_service.inverse_problem.nonholonomic_study import motion_report
+from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import motion_report
 from inverse_service.mechanics.nonholonomic.geometry import Geometry
-from inverse_service.service.translate_nonholonomic import _class, to_nonholonomic, to_nonholonomic_schema
+from inverse_service.service.documents.translate_nonholonomic import _class, to_nonholonomic, to_nonholonomic_schema
 
 
 def test_the_class_is_named_after_the_time_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:

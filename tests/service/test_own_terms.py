@@ -9,9 +9,9 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.checking import check_document
-from inverse_service.service.solving import parse_document, solve_document
-from inverse_service.service.translate import to_ansatz, to_schema, to_system
+from inverse_service.service.documents.checking import check_document
+from inverse_service.service.documents.solving import parse_document, solve_document
+from inverse_service.service.documents.translate import to_ansatz, to_schema, to_system
 
 PARTICLE = {
     "coordinates": ["x", "y"],

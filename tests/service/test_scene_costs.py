@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.scene_reading import read_scene
-from inverse_service.service.scene_refusals import scene_schema
-from inverse_service.service.simulating import simulate
+from inverse_service.service.scenes.scene_reading import read_scene
+from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.service.scenes.simulating import simulate
 from tests.service.test_scene_refusals import DISK
 
 FALLING: dict[str, Any] = {

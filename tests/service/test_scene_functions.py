@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.simulating import simulate
+from inverse_service.service.scenes.simulating import simulate
 
 # x'' = -k A(x): the system, and a Lagrangian of it, name the same function.
 SCENE: dict[str, Any] = {

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.scene_reading import read_scene
-from inverse_service.service.scene_refusals import scene_schema
+from inverse_service.service.scenes.scene_reading import read_scene
+from inverse_service.service.scenes.scene_refusals import scene_schema
 
 DISK: dict[str, Any] = {
     "system": {"catalogue": "vertically-rolling-disk"},

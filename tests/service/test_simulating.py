@@ -14,11 +14,11 @@ import pytest
 
 from inverse_service.codegen.compiled import kernel_text
 from inverse_service.errors import InputError
-from inverse_service.service.reading import read_json
-from inverse_service.service.scene_lagrangian import finder
-from inverse_service.service.scene_reading import read_scene
-from inverse_service.service.scene_refusals import scene_schema
-from inverse_service.service.simulating import MOST_POINTS, run_document, simulate, simulate_tables
+from inverse_service.service.documents.reading import read_json
+from inverse_service.service.scenes.scene_lagrangian import finder
+from inverse_service.service.scenes.scene_reading import read_scene
+from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.service.scenes.simulating import MOST_POINTS, run_document, simulate, simulate_tables
 from inverse_service.simulation.derivation import derive, problem_of
 from inverse_service.simulation.formulas import Formulas
 from inverse_service.simulation.observing import ENERGY_START, observation_of
@@ -219,7 +219,7 @@ def test_the_third_lagrangian_keeps_the_constraint_through_zero() -> None:
 
 def test_a_solve_result_is_simulated_with_its_lagrangian() -> None:
     from inverse_service.inverse_problem.options import SolveOptions
-    from inverse_service.service.solving import solve_document
+    from inverse_service.service.documents.solving import solve_document
 
     result = solve_document({"coordinates": ["x"], "equations": {"x": "-4*x"}}, SolveOptions(time_limit=20))
     document = {

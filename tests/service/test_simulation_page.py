@@ -10,8 +10,8 @@ from typing import get_args
 import pytest
 
 from api_schemas.scene import MethodName, Observed, SceneDocument
-from inverse_service.service.reading import read_json
-from inverse_service.service.simulating import simulate
+from inverse_service.service.documents.reading import read_json
+from inverse_service.service.scenes.simulating import simulate
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "simulation.md").read_text(encoding="utf-8")

@@ -16,7 +16,7 @@ from inverse_service.cli.application import application
 from inverse_service.cli.latex_page import latex_page
 from inverse_service.cli.text_page import text_page
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.solving import solve_document
+from inverse_service.service.documents.solving import solve_document
 
 OSCILLATORS = {
     "coordinates": ["x", "y"],

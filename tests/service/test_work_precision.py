@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from inverse_service.service.documents.reading import read_json
 from inverse_service.service.figures.precision import precision_figure
-from inverse_service.service.reading import read_json
-from inverse_service.service.work_precision import work_precision
+from inverse_service.service.scenes.work_precision import work_precision
 from inverse_service.simulation.choices import MethodChoice
 from inverse_service.simulation.precision import Setting, _with_floor
 from inverse_service.simulation.precision_reading import measured_order, seconds_to

@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from inverse_service.service import tasks
-from inverse_service.service import workers as workers_module
-from inverse_service.service.alone import run_alone
-from inverse_service.service.outcome import Call, Outcome, outcome_of_exit
-from inverse_service.service.workers import Workers
+from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs import workers as workers_module
+from inverse_service.service.jobs.alone import run_alone
+from inverse_service.service.jobs.outcome import Call, Outcome, outcome_of_exit
+from inverse_service.service.jobs.workers import Workers
 
 MEMORY = 2048
 
@@ -123,7 +123,7 @@ def test_urgent_tasks_go_first(workers: Workers) -> None:
 
 
 def test_workers_are_replaced_after_many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("inverse_service.service.workers.TASKS_PER_WORKER", 2)
+    monkeypatch.setattr("inverse_service.service.jobs.workers.TASKS_PER_WORKER", 2)
     pool = Workers(1, MEMORY)
     pool.start()
     pids = [pool.run(tasks.guard, (os.getpid,), 30.0).value for _ in range(4)]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inverse_service.benchmark.hard_cases import disk_start, particle_start
-from inverse_service.benchmark.problems import DISK, DISK_ENERGY, PARTICLE, PENDULUM
+from benchmarks.hard_cases import disk_start, particle_start
+from benchmarks.problems import DISK, DISK_ENERGY, PARTICLE, PENDULUM
 from inverse_service.errors import InputError
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.ensembles import run_ensemble

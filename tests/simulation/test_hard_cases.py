@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from inverse_service.benchmark.hard_cases import (
+from benchmarks.hard_cases import (
     ALPHAS,
     STEPS,
     HardCase,
@@ -23,7 +23,7 @@ from inverse_service.benchmark.hard_cases import (
     starts,
     stiff,
 )
-from inverse_service.benchmark.problems import DISK, KNIFE, PENDULUM
+from benchmarks.problems import DISK, KNIFE, PENDULUM
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.choices import Grid, MethodChoice, Start
 from inverse_service.simulation.methods import run

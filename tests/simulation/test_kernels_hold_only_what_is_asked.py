@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.benchmark.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, ROBOT, problem
-from inverse_service.benchmark.scene_effects import operations, scene_of
+from benchmarks.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, ROBOT, problem
+from benchmarks.scene_effects import operations, scene_of
 from inverse_service.codegen.compiled import card_of, kernel_text
 from inverse_service.simulation.choices import MethodChoice, Observation
 from inverse_service.simulation.formulas import Formulas

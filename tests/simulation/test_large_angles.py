@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.benchmark.problems import DISK
+from benchmarks.problems import DISK
 from inverse_service.simulation.choices import Grid, MethodChoice, Start
 from inverse_service.simulation.methods import run
 

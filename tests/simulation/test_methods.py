@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from inverse_service.benchmark.hard_cases import contact_start, disk_start, particle_start
-from inverse_service.benchmark.problems import (
+from benchmarks.hard_cases import contact_start, disk_start, particle_start
+from benchmarks.problems import (
     CHAIN,
     CONTACT,
     DISK,
@@ -55,9 +55,7 @@ def test_raw_form_and_hamiltonian_form_agree(what: Problem, start: Start, alpha:
     [(DOUBLE_PENDULUM, Start((1.0, 1.5), (0.0, 0.3))), (CHAIN, Start((0.0, 0.1, 0.2, 0.3), (0.2, -0.2, 0.2, -0.2)))],
     ids=["double pendulum", "chain"],
 )
-def test_without_constraints_all_methods_are_one(
-    what: Problem, start: Start, alpha: float, symmetrised: bool
-) -> None:
+def test_without_constraints_all_methods_are_one(what: Problem, start: Start, alpha: float, symmetrised: bool) -> None:
     """Raw, Hamiltonian and nonholonomic form of a system with L~ = L and no constraints."""
     grid = Grid(0.01, 300)
     choices = [

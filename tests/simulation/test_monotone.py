@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inverse_service.benchmark.problems import PENDULUM, problem, read
+from benchmarks.problems import PENDULUM, problem, read
 from inverse_service.codegen.algebra import names_of, translate
 from inverse_service.simulation.choices import Grid, MethodChoice, Start
 from inverse_service.simulation.methods import MONOTONE, NO_GUARD, run

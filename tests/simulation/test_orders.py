@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from inverse_service.benchmark.hard_cases import contact_start, disk_start, particle_start
-from inverse_service.benchmark.problems import CONTACT, DISK, PARTICLE, PENDULUM, ROBOT
+from benchmarks.hard_cases import contact_start, disk_start, particle_start
+from benchmarks.problems import CONTACT, DISK, PARTICLE, PENDULUM, ROBOT
 from inverse_service.simulation.choices import Grid, MethodChoice, Start
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.problem import Problem

@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from inverse_service.benchmark.hard_cases import contact_start
-from inverse_service.benchmark.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
+from benchmarks.hard_cases import contact_start
+from benchmarks.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
 from inverse_service.integrators.trajectory import FloatArray
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation

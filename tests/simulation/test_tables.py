@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from inverse_service.benchmark.hard_cases import particle_start
-from inverse_service.benchmark.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, KNIFE, PARTICLE
+from benchmarks.hard_cases import particle_start
+from benchmarks.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, KNIFE, PARTICLE
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.matching_circle import circle_drift
 from inverse_service.simulation.methods import run

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.simulating import simulate
+from inverse_service.service.scenes.simulating import simulate
 
 W = 2.0
 FORCED: dict[str, Any] = {
@@ -87,9 +87,7 @@ def test_a_driven_constrained_system_keeps_constraint_and_order(method: dict[str
         "initial": {"positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 1}},
         "methods": [method], "observe": ["error", "constraints"],
     }  # fmt: skip
-    coarse, fine = (
-        simulate(driven | {"step": 5 / steps, "steps": steps})["methods"][0] for steps in (200, 400)
-    )
+    coarse, fine = (simulate(driven | {"step": 5 / steps, "steps": steps})["methods"][0] for steps in (200, 400))
     assert np.log2(coarse["max_error"] / fine["max_error"]) == pytest.approx(order, abs=0.15)
     if method["method"] == "nonholonomic":
         assert fine["max_constraint"] < 1e-14

@@ -10,9 +10,9 @@ from typing import Any
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.inverse_problem import certify
-from inverse_service.inverse_problem.analysis import Analysis, analyse
-from inverse_service.inverse_problem.decision import Decision, Limits, decide
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
 from inverse_service.mechanics.reading import read_system
 from tests.generator import disguised, random_right_side, random_system
 from tests.generator.systems import GeneratedSystem

@@ -43,9 +43,7 @@ def rewritten(system: SecondOrderSystem, seed: int) -> dict[str, str]:
     """The equations with some of their parts written otherwise, at least one factor 1 among them."""
     rng = random.Random(f"rewritten/{seed}")
     names = [*system.coordinates, *(f"{name}'" for name in system.coordinates)]
-    equations = {
-        name: written(f, rng) for name, f in zip(system.coordinates, system.accelerations, strict=True)
-    }
+    equations = {name: written(f, rng) for name, f in zip(system.coordinates, system.accelerations, strict=True)}
     chosen = rng.choice(system.coordinates)
     one = _put(rng.choice(ONES), u=rng.choice(names))
     equations[chosen] = f"({equations[chosen]})*{one}"

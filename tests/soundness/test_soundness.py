@@ -12,7 +12,7 @@ import pytest
 
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
-from inverse_service.inverse_problem.decision import decide
+from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.mechanics.reading import read_system
 from tests.soundness import campaign, cases
 from tests.soundness.__main__ import main

@@ -13,10 +13,10 @@ from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import CertificateRefused, InputError
-from inverse_service.inverse_problem.decision import Limits
+from inverse_service.inverse_problem.decision.deciding import Limits
 from inverse_service.inverse_problem.families.forked import forked_map
 from inverse_service.inverse_problem.families.shared import SharedLetters
-from inverse_service.inverse_problem.hamiltonisation import Hamiltonisation, hamiltonise
+from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Verdict
 from inverse_service.inverse_problem.solving import solve
@@ -142,10 +142,10 @@ def search_families(
     counts = tuple(_count(work, family, found) for family, found in zip(families, taken, strict=True))
     variational = list(_variational(work, families, taken, known))
     end = began + options.time_limit
-    carried = _carried_on(work, motion, variational[:options.carried], end)
+    carried = _carried_on(work, motion, variational[: options.carried], end)
     return FamilySearch(
         counts,
-        (*carried, *variational[options.carried:]),
+        (*carried, *variational[options.carried :]),
         len(work.verdicts),
         max(0, len(variational) - options.carried),
         time.monotonic() - began,

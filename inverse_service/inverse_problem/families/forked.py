@@ -115,9 +115,7 @@ def _prepare(streams: Sequence[int]) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def _work(
-    function: Callable[[T], R], items: Sequence[T], part: tuple[int, int], deadline: float, stream: int
-) -> None:
+def _work(function: Callable[[T], R], items: Sequence[T], part: tuple[int, int], deadline: float, stream: int) -> None:
     batch: list[tuple[int, R]] = []
     sent = time.monotonic()
     for k in range(part[0], len(items), part[1]):

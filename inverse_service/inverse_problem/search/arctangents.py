@@ -1,6 +1,6 @@
 """Circular functions of arctangents written as algebraic functions.
 
-    cos(k atan u) + i sin(k atan u) = ((1 + i u)/sqrt(1 + u^2))^k,    k a whole number
+cos(k atan u) + i sin(k atan u) = ((1 + i u)/sqrt(1 + u^2))^k,    k a whole number
 """
 
 from __future__ import annotations

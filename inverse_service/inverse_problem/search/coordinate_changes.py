@@ -1,10 +1,10 @@
 """Changes of coordinates that the right-hand sides themselves suggest.
 
-    new = W(old), old = psi(new), one or two coordinates at a time:
-    shear        X = x + g(y, …) where x + g, or its rate x' + g_y y' + …, stands in f as a sum
-    rotation     X = a x + b y, Y = a y - b x where a x + b y stands in f
-    exponential  X = e^x where e^x stands in f
-    polar        X = r cos u, Y = r sin u where u stands in f under sine and cosine only
+new = W(old), old = psi(new), one or two coordinates at a time:
+shear        X = x + g(y, …) where x + g, or its rate x' + g_y y' + …, stands in f as a sum
+rotation     X = a x + b y, Y = a y - b x where a x + b y stands in f
+exponential  X = e^x where e^x stands in f
+polar        X = r cos u, Y = r sin u where u stands in f under sine and cosine only
 """
 
 from __future__ import annotations
@@ -115,9 +115,7 @@ def _integrated(terms: Terms) -> Terms | None:
     return found
 
 
-def _shears(
-    form: Form, names: Iterable[str]
-) -> Iterator[tuple[str, Expression]]:
+def _shears(form: Form, names: Iterable[str]) -> Iterator[tuple[str, Expression]]:
     """(x, g) with the form a multiple of x + g, g without x."""
     table = dict(form)
     for name in names:
@@ -138,9 +136,7 @@ def _shear(x: str, rest: Expression) -> Change:
     return Change("shear", {x: add(Symbol(x), rest)}, {x: subtract(Symbol(x), rest)})
 
 
-def _directions(
-    form: Form, names: tuple[str, ...]
-) -> Iterator[tuple[str, str, Fraction]]:
+def _directions(form: Form, names: tuple[str, ...]) -> Iterator[tuple[str, str, Fraction]]:
     """(x, y, c) for the part x + c y of a linear form, 0 < c up to a turn by a right angle."""
     single = {Symbol(name): name for name in names}
     linear = {single[p]: value for key, value in form for p, e in key if len(key) == 1 and e == 1 and p in single}

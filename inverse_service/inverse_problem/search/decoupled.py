@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, walk
-from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

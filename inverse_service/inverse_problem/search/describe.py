@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.expressions.tree import Apply, Expression, Number, Power, Symbol, Velocity, walk
-from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.outcome import Lagrangian, Matrix
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import hessian

@@ -19,7 +19,7 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Apply, Expression
-from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism, tensors_of
 from inverse_service.inverse_problem.search.sampling import Sampler, letter_table, make_sampler

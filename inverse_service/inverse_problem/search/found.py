@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.decision.analysis import Analysis
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ from inverse_service.expressions.tree import (
     power,
     substitute,
 )
-from inverse_service.inverse_problem.analysis import analyse, variables_of
+from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.search.choice import as_tree, regular_members
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.complex_trees import (

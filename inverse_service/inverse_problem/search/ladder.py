@@ -9,7 +9,7 @@ from dataclasses import replace
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Apply, Expression
-from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.choice import as_tree
 from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until, within
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors

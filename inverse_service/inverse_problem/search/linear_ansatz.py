@@ -93,15 +93,11 @@ def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], can
     result = np.zeros((len(values) * table.by_velocity.shape[2], len(candidates)), np.uint64)
     arrays = (table.along, table.by_velocity, table.mixed, table.by_position)
     along, by_velocity, mixed, by_position = (to_montgomery(array, prime) for array in arrays)
-    _fill(
-        values, starts, places, exponents, along, by_velocity, mixed, by_position, result, modulus, negative_inverse
-    )
+    _fill(values, starts, places, exponents, along, by_velocity, mixed, by_position, result, modulus, negative_inverse)
     return result
 
 
-def exponent_lists(
-    letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int
-) -> tuple[Any, Any, Words]:
+def exponent_lists(letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int) -> tuple[Any, Any, Words]:
     """(starts, letter numbers, exponents in Montgomery form): the letters of each candidate in a row."""
     index = {letter: k for k, letter in enumerate(letters)}
     starts, places, exponents = [0], [], []

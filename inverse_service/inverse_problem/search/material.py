@@ -27,7 +27,7 @@ from inverse_service.expressions.tree import (
     number,
     walk,
 )
-from inverse_service.inverse_problem.analysis import Analysis
+from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.motion import MotionTerms, has_velocity, split_velocities
 from inverse_service.inverse_problem.search.quadratic_letters import quadratic_antiderivatives

@@ -18,7 +18,7 @@ from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.expressions.tree import Expression, walk
-from inverse_service.inverse_problem.prolongation import local_system
+from inverse_service.inverse_problem.decision.prolongation import local_system
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.linear_ansatz import (
@@ -69,9 +69,7 @@ def helmholtz_matrix(
     result = np.zeros((len(values) * n * n, len(terms)), np.uint64)
     arrays = (table.along, table.by_velocity, table.mixed, table.hessian, table.third)
     along, by_velocity, mixed, hessian, third = (to_montgomery(array, prime) for array in arrays)
-    connection, endomorphism = (
-        to_montgomery(np.array([pair[k] for pair in pairs], np.uint64), prime) for k in (0, 1)
-    )
+    connection, endomorphism = (to_montgomery(np.array([pair[k] for pair in pairs], np.uint64), prime) for k in (0, 1))
     work = (np.empty(n, np.uint64), np.empty(n, np.uint64), np.empty((n, n), np.uint64), np.empty((n, n), np.uint64))
     _fill(
         values, starts, places, exponents, along, by_velocity, mixed, hessian, third, connection, endomorphism,

@@ -32,7 +32,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.coordinate_changes import Change, suggested
 from inverse_service.inverse_problem.search.deadline import check, end
 from inverse_service.inverse_problem.search.found import Ladder

@@ -30,7 +30,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.search.choice import inertia
 from inverse_service.inverse_problem.search.deadline import OutOfTime, within
 from inverse_service.inverse_problem.search.found import Ladder

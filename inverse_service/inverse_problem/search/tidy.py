@@ -121,9 +121,7 @@ def _without_squares(terms: Terms, parameters: frozenset[Symbol]) -> Terms:
     return {times(key, common, -1): value for key, value in terms.items()}
 
 
-def _part(
-    outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrderSystem, budget: Budget
-) -> Expression:
+def _part(outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrderSystem, budget: Budget) -> Expression:
     plain = tree_of(inner)
     moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
     constant, rates = monomial_tree(outer - moving), monomial_tree(moving)

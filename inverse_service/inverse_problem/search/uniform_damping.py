@@ -13,8 +13,8 @@ from fractions import Fraction
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import TIME, Apply, Expression, Velocity, add, children, multiply, walk
-from inverse_service.inverse_problem.analysis import analyse
-from inverse_service.inverse_problem.decision import Limits, decide
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.deciding import Limits, decide
 from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.divergence import divergence_factor
 from inverse_service.inverse_problem.search.found import Ladder

@@ -26,9 +26,9 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.analysis import Analysis, analyse
-from inverse_service.inverse_problem.decision import Limits, decide
-from inverse_service.inverse_problem.hierarchy import smallest_sufficient_set
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.deciding import Limits, decide
+from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.outcome import Verdict
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.special_cases.of_lagrangian import regularity
@@ -249,4 +249,3 @@ def _positive(question: Question, analysis: Analysis, with_time: bool) -> tuple[
     except (TooLarge, ZeroDivisionError, KeyError):
         return (), False
     return found.ideals, found.proved
-

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.rational_functions import Budget, Quotient
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
-from inverse_service.inverse_problem.elimination import expanded_determinant
+from inverse_service.inverse_problem.explanation.elimination import expanded_determinant
 from inverse_service.inverse_problem.special_cases.side_conditions import Ideal, Reader
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace
 from inverse_service.mechanics.euler_lagrange import hessian
@@ -27,9 +27,7 @@ class Regularity:
     proved: bool
 
 
-def regularity(
-    system: SecondOrderSystem, lagrangian: Expression, space: ParameterSpace, budget: Budget
-) -> Regularity:
+def regularity(system: SecondOrderSystem, lagrangian: Expression, space: ParameterSpace, budget: Budget) -> Regularity:
     """For a Lagrangian of the system; raises TooLarge or ZeroDivisionError."""
     entries = hessian(lagrangian, system.coordinates)
     names = system.coordinates
@@ -48,4 +46,3 @@ def _denominators(reader: Reader) -> list[Ideal]:
     """Where a denominator of L vanishes identically."""
     found = [Quotient(reader.ring.field, denominator, ()) for denominator in reader.ring.field.denominators]
     return [ideal for quotient in found for ideal in reader.ideals(quotient)]
-

@@ -30,11 +30,11 @@ from inverse_service.expressions.tree import (
     children,
     walk,
 )
-from inverse_service.inverse_problem.analysis import Analysis
-from inverse_service.inverse_problem.elimination import Linear, eliminate
-from inverse_service.inverse_problem.explanation import collected
-from inverse_service.inverse_problem.hierarchy import EquationName, equation_terms, hierarchy, tensors_at
-from inverse_service.inverse_problem.pointwise import local_motion
+from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.explanation.elimination import Linear, eliminate
+from inverse_service.inverse_problem.explanation.hierarchy import EquationName, equation_terms, hierarchy, tensors_at
+from inverse_service.inverse_problem.explanation.negative import collected
+from inverse_service.inverse_problem.explanation.pointwise import local_motion
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, factors
 from inverse_service.mechanics.conditions import exact_motion
 

@@ -120,9 +120,7 @@ def _linear_choices(equations: Sequence[fmpq_mpoly]) -> Iterator[tuple[tuple[int
                 yield (0 if high.is_constant() else len(high), len(low) + len(high), index), place, index
 
 
-def _solved_linear(
-    equations: Sequence[fmpq_mpoly], stratum: Stratum, others: Sequence[fmpq_mpoly]
-) -> list[_Open]:
+def _solved_linear(equations: Sequence[fmpq_mpoly], stratum: Stratum, others: Sequence[fmpq_mpoly]) -> list[_Open]:
     """A a + B = 0 solved for a; A = B = 0 beside it. Empty where none of `equations` is linear in a parameter."""
     choice = min(_linear_choices(equations), default=None)
     if choice is None:

@@ -60,9 +60,7 @@ def split(function: Expression, names: Sequence[str], momenta: Mapping[str, Symb
 def without(monomial: Monomial, names: Collection[str]) -> Monomial:
     """The monomial without its bare velocities of `names`."""
     return tuple(
-        (base, exponent)
-        for base, exponent in monomial
-        if not (isinstance(base, Velocity) and base.coordinate in names)
+        (base, exponent) for base, exponent in monomial if not (isinstance(base, Velocity) and base.coordinate in names)
     )
 
 

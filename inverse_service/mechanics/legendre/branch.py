@@ -28,7 +28,5 @@ Solver = Callable[[Expression, Sequence[str], Mapping[str, Symbol]], Iterator[Br
 
 def resolved(velocities: Sequence[Expression], names: Sequence[str]) -> tuple[Expression, ...]:
     """The velocities of a branch over (t, q, p) alone: no Velocity of `names` is left."""
-    table: dict[Expression, Expression] = {
-        Velocity(name): tree for name, tree in zip(names, velocities, strict=True)
-    }
+    table: dict[Expression, Expression] = {Velocity(name): tree for name, tree in zip(names, velocities, strict=True)}
     return tuple(substitute(tree, table) for tree in velocities)

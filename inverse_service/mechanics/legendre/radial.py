@@ -170,9 +170,7 @@ def _holds_s(tree: Expression) -> bool:
     return differentiate(tree, _S) != ZERO
 
 
-def _of_root(
-    block: Block, radial: _Radial, k: Expression, b: Expression, s: Expression
-) -> Iterator[Branch]:
+def _of_root(block: Block, radial: _Radial, k: Expression, b: Expression, s: Expression) -> Iterator[Branch]:
     """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
     momenta = [block.momenta[name] for name in block.names]
     form = quadratic_form(radial.inverse, momenta)
@@ -181,9 +179,7 @@ def _of_root(
     for sign in (1, -1):
         energy = multiply(number(sign), square_root(square))
         scale = simplified(divide(multiply(number(-2), b), s))
-        rates = [
-            multiply(scale, _row(row, momenta), power(energy, -1)) for row in radial.inverse.entries
-        ]
+        rates = [multiply(scale, _row(row, momenta), power(energy, -1)) for row in radial.inverse.entries]
         condition = multiply(number(-sign), lead)
         if not (isinstance(condition, Number) and condition.value < 0):
             yield _shifted(radial, rates, energy, momenta, (condition,))
@@ -221,9 +217,7 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]
         for inner in solve(substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
             known: dict[Expression, Expression] = {_PI_W: multiply(number(e * d), length)}
             w, energy = (substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
-            rates = [
-                multiply(number(d), w, power(length, -1), _row(row, momenta)) for row in radial.inverse.entries
-            ]
+            rates = [multiply(number(d), w, power(length, -1), _row(row, momenta)) for row in radial.inverse.entries]
             size = square_root(multiply(number(e), whole))
             slope = substitute(differentiate(radial.function, _S), {_S: multiply(HALF, whole)})
             conditions = [*(substitute(c, {_W: size, **known}) for c in inner.conditions), multiply(number(d), slope)]

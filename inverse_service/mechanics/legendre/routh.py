@@ -96,9 +96,7 @@ def _shifted(momenta: Sequence[Symbol], parts: _Parts) -> dict[Expression, Expre
     return {p: subtract(p, a) for p, a in zip(momenta, parts.linear, strict=True) if a != ZERO}
 
 
-def _joined(
-    block: Block, ignored: Sequence[str], left: Sequence[str], parts: _Parts, inner: Branch
-) -> Branch:
+def _joined(block: Block, ignored: Sequence[str], left: Sequence[str], parts: _Parts, inner: Branch) -> Branch:
     shifted = [subtract(block.momenta[name], a) for name, a in zip(ignored, parts.linear, strict=True)]
     velocities = dict(zip(left, inner.velocities, strict=True))
     for name, row in zip(ignored, parts.inverse.entries, strict=True):

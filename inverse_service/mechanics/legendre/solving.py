@@ -56,9 +56,7 @@ def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:
         yield from elimination_branches(block)
 
 
-def solve(
-    function: Expression, names: Sequence[str], momenta: Mapping[str, Symbol], reach: Reach
-) -> Iterator[Branch]:
+def solve(function: Expression, names: Sequence[str], momenta: Mapping[str, Symbol], reach: Reach) -> Iterator[Branch]:
     """Candidates for any function of the velocities: products of those of its blocks."""
     parts = split(function, names, momenta)
     found = [_up_to_certain(block, reach) for block in parts.blocks]
@@ -85,8 +83,6 @@ def _up_to_certain(block: Block, reach: Reach) -> list[Branch]:
     return found
 
 
-def momentum_shifts(
-    linear: Mapping[str, Expression], momenta: Mapping[str, Symbol]
-) -> dict[Expression, Expression]:
+def momentum_shifts(linear: Mapping[str, Expression], momenta: Mapping[str, Symbol]) -> dict[Expression, Expression]:
     """p -> p - A for the terms A v of a Lagrangian."""
     return {momenta[name]: subtract(momenta[name], a) for name, a in linear.items()}

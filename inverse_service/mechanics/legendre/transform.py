@@ -155,9 +155,7 @@ def _best(block: Block, points: Sequence[Point], reach: Reach) -> _Chosen | None
 def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
     """Each branch after the same with roots of products taken apart, where that is shorter; both are checked."""
     for branch in branches:
-        apart = Branch(
-            tuple(map(roots_apart, branch.velocities)), roots_apart(branch.hamiltonian), branch.conditions
-        )
+        apart = Branch(tuple(map(roots_apart, branch.velocities)), roots_apart(branch.hamiltonian), branch.conditions)
         if size(apart.hamiltonian) < size(branch.hamiltonian):
             yield apart
         yield branch
@@ -222,9 +220,7 @@ def _no_closed_form(groups: Sequence[Sequence[str]]) -> str:
     )
 
 
-def on_branch(
-    closed: LegendreTransform, conditions: tuple[Expression, ...], names: Sequence[str]
-) -> LegendreTransform:
+def on_branch(closed: LegendreTransform, conditions: tuple[Expression, ...], names: Sequence[str]) -> LegendreTransform:
     """The transform with these conditions, and a note that says so."""
     return _noted(replace(closed, conditions=conditions), _branch_note(conditions, names))
 
@@ -238,9 +234,7 @@ def _branch_note(conditions: Sequence[Expression], names: Sequence[str]) -> str:
     return f"p = dL/dv has more than one inverse; this H belongs to the branch on which {named}."
 
 
-def _degenerate(
-    implicit: LegendreTransform, parts: Parts, names: Sequence[str], points: Sequence[Point]
-) -> InputError:
+def _degenerate(implicit: LegendreTransform, parts: Parts, names: Sequence[str], points: Sequence[Point]) -> InputError:
     """The refusal of a Lagrangian whose momenta do not determine the velocities."""
     detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
     lost = [name for name in names if not any(velocities_in(p, [name]) for p in implicit.momenta)]

@@ -166,9 +166,7 @@ def _combined(row: Row, factors: Sequence[Expression]) -> Expression:
     return add(ZERO, *(multiply(entry, factor) for entry, factor in zip(row, factors, strict=True) if entry != ZERO))
 
 
-def _carried_back(
-    other: LegendreTransform, implicit: LegendreTransform, inverse: Sequence[Row]
-) -> LegendreTransform:
+def _carried_back(other: LegendreTransform, implicit: LegendreTransform, inverse: Sequence[Row]) -> LegendreTransform:
     """K and w(pi) with pi = A^-T p, v = A^-1 w."""
     table = _momenta_table(other, implicit, inverse)
     rates = [substitute(rate, table) for rate in other.velocities or ()]

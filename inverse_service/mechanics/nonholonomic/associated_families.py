@@ -210,9 +210,7 @@ def products(source: Source) -> Family:
 
 def forces(source: Source, depth: int) -> Family:
     """Products, and each velocity-free term times ratios to powers of at most `depth`."""
-    slots = [
-        _product_slot(source, term) if term.factors else _power_slot(source, term, depth) for term in source.terms
-    ]
+    slots = [_product_slot(source, term) if term.factors else _power_slot(source, term, depth) for term in source.terms]
     text = f"products, and each force times powers from -{depth} to {depth} of the ratios that are 1 on the constraints"
     return _family(source, "forces", text, slots)
 

@@ -27,9 +27,9 @@ from inverse_service.service.cluster import remote
 from inverse_service.service.cluster.fingerprint import Fingerprint, difference, fingerprint
 from inverse_service.service.cluster.orders import Order
 from inverse_service.service.cluster.remote import Terms
-from inverse_service.service.outcome import Call, Outcome
-from inverse_service.service.worker_process import Report
-from inverse_service.service.workers import Running
+from inverse_service.service.jobs.outcome import Call, Outcome
+from inverse_service.service.jobs.worker_process import Report
+from inverse_service.service.jobs.workers import Running
 
 log = logging.getLogger(__name__)
 LOOK = 0.5

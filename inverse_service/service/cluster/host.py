@@ -17,8 +17,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from inverse_service.service.cluster.orders import DONE, REPORT, Cancel, Order
-from inverse_service.service.outcome import Outcome
-from inverse_service.service.workers import Running, Workers
+from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.workers import Running, Workers
 
 
 class Host:

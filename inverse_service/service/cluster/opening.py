@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 from inverse_service.errors import InputError
-from inverse_service.service.workers import Executor
+from inverse_service.service.jobs.workers import Executor
 
 SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 

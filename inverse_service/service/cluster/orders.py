@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from inverse_service.service.outcome import Call
+from inverse_service.service.jobs.outcome import Call
 
 REPORT: Final = "report"
 DONE: Final = "done"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from inverse_service.service.jobs.identity import job_id, write_json
+from inverse_service.service.jobs.kinds import KINDS
 from inverse_service.service.jobs.model import INTERACTIVE, JobRequest
 from inverse_service.service.jobs.options import JobOptions
-from inverse_service.service.kinds import KINDS
 
 
 def request_of(

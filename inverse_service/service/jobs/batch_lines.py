@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.service.batch_files import Line, line_of, marked, read_lines
+from inverse_service.service.documents.problem_documents import as_bytes, of_input_error
+from inverse_service.service.documents.reading import read_json
 from inverse_service.service.jobs.asking import request_of
+from inverse_service.service.jobs.batch_files import Line, line_of, marked, read_lines
 from inverse_service.service.jobs.model import BULK, BatchLine
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
-from inverse_service.service.problem_documents import as_bytes, of_input_error
-from inverse_service.service.reading import read_json
 
 
 def lines_of_ndjson(body: bytes) -> Iterator[Line]:

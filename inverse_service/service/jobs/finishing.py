@@ -8,15 +8,16 @@ from dataclasses import replace
 from typing import Any
 
 from inverse_service.errors import InverseServiceError
-from inverse_service.service import problem_documents, tasks
-from inverse_service.service.answers import UNDERSTAND_DEADLINE, result_document, with_understood
+from inverse_service.service.documents import problem_documents
+from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, result_document, with_understood
+from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.kinds import KINDS, label_of, solve_options
 from inverse_service.service.jobs.model import Job, Usage
 from inverse_service.service.jobs.options import JobOptions, stored_options
+from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.states import MAX_CRASHES, MAX_UNSTARTED
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.kinds import KINDS, label_of, solve_options
-from inverse_service.service.outcome import Call, Outcome
-from inverse_service.service.workers import Executor
+from inverse_service.service.jobs.workers import Executor
 
 log = logging.getLogger(__name__)
 LIMITS = ("deadline", "memory")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from inverse_service.service.documents.problem_documents import as_bytes, problem_document
 from inverse_service.service.jobs.model import BatchAnswer
-from inverse_service.service.problem_documents import as_bytes, problem_document
 
 
 def answer_line(answer: BatchAnswer) -> bytes:

@@ -17,16 +17,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from inverse_service.errors import InverseServiceError
-from inverse_service.service import tasks
-from inverse_service.service.jobs import finishing
+from inverse_service.service.jobs import finishing, tasks
 from inverse_service.service.jobs.event_log import EventLog
 from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.model import Job, StoreUnavailable
 from inverse_service.service.jobs.options import stored_options
+from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.states import MAX_RESTARTS
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.outcome import Call, Outcome
-from inverse_service.service.workers import Executor, Running
+from inverse_service.service.jobs.workers import Executor, Running
 
 log = logging.getLogger(__name__)
 FINISHERS = 4

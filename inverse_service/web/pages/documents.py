@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from inverse_service.errors import InputError
-from inverse_service.service.reading import read_document, read_json, refuse_surrogates
+from inverse_service.service.documents.reading import read_document, read_json, refuse_surrogates
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.naming import Guess, guess_names
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import mpmath
 import sympy
 
-from inverse_service.benchmark.sympy_form import to_sympy, velocity
+from benchmarks.sympy_form import to_sympy, velocity
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.outcome import Hamiltonian, Lagrangian
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

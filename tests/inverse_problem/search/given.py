@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.ladder import _sampler
 from inverse_service.inverse_problem.search.linear_ansatz import LagrangianSpace, solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather

@@ -11,8 +11,8 @@ from fractions import Fraction
 import pytest
 import sympy
 
-from inverse_service.benchmark.sympy_form import to_sympy, velocity
-from inverse_service.inverse_problem.analysis import analyse
+from benchmarks.sympy_form import to_sympy, velocity
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.darboux.cofactors import cofactors, divergences
 from inverse_service.inverse_problem.search.darboux.forms import darboux_polynomials

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until, within
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.mechanics.reading import read_system

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.expressions.tree import subtract
-from inverse_service.inverse_problem.analysis import variables_of
-from inverse_service.inverse_problem.identities import vanish
+from inverse_service.inverse_problem.decision.analysis import variables_of
+from inverse_service.inverse_problem.hamiltonisation.identities import vanish
 from inverse_service.inverse_problem.search.darboux.cofactors import divergences
 from inverse_service.inverse_problem.search.terms import tree_of
 from inverse_service.mechanics.reading import read_system

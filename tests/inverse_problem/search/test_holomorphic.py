@@ -10,7 +10,7 @@ from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import Expression, Symbol
-from inverse_service.inverse_problem.analysis import analyse, variables_of
+from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.search.complex_trees import ComplexTree, NotAnalytic, continued
 from inverse_service.inverse_problem.search.holomorphic import (
     complex_logarithm_lagrangians,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy
 
-from inverse_service.benchmark.sympy_form import to_sympy
+from benchmarks.sympy_form import to_sympy
 from inverse_service.inverse_problem.search.terms import tree_of
 from inverse_service.mechanics.reading import read_system
 from tests.inverse_problem.search.forty_digits import motion_of, same_value

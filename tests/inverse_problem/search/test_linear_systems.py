@@ -15,7 +15,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.analysis import analyse, variables_of
+from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.search.ladder import search_smaller
 from inverse_service.inverse_problem.search.linear_systems.autonomous import separate_lagrangians
 from inverse_service.inverse_problem.search.linear_systems.modes import invariant_multipliers

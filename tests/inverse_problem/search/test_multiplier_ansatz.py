@@ -6,7 +6,7 @@ import pytest
 
 from inverse_service.algebra.point import evaluate
 from inverse_service.expressions.tree import Symbol, Velocity
-from inverse_service.inverse_problem.decision import decide
+from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.search.ladder import _sampler
 from inverse_service.inverse_problem.search.linear_ansatz import LagrangianSpace
 from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism, solve_multiplier

@@ -16,7 +16,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.text import parse
 from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity, power, walk
-from inverse_service.inverse_problem.analysis import analyse, variables_of
+from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.one_coordinate.kinetic import NotElementary, Place, double_integral

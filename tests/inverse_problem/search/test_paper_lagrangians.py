@@ -17,8 +17,8 @@ from functools import lru_cache
 import pytest
 import sympy
 
+from benchmarks.sympy_form import to_sympy, velocity
 from inverse_service import catalogue
-from inverse_service.benchmark.sympy_form import to_sympy, velocity
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve

@@ -7,8 +7,8 @@ import time
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem import certify
-from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.mechanics.reading import read_system
 

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem.certify import of_lagrangian
+from inverse_service.inverse_problem.decision.certify import of_lagrangian
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.shapes import velocities_times_roots, velocity_degrees
 from tests.inverse_problem.search.given import material, monomial_of, tree

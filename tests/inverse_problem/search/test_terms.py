@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy
 
-from inverse_service.benchmark.sympy_form import to_sympy
+from benchmarks.sympy_form import to_sympy
 from inverse_service.expressions.tree import Symbol, Velocity, add, multiply, power
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,

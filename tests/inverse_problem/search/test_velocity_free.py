@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.inverse_problem.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import gather
 from inverse_service.inverse_problem.search.velocity_free import may_be_velocity_free

@@ -14,7 +14,7 @@ from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.solving import solve_document
+from inverse_service.service.documents.solving import solve_document
 from inverse_service.web.pages.exports import curl_of, latex_of, python_call
 from inverse_service.web.pages.sympy_code import sympy_program, to_sympy
 

@@ -10,7 +10,7 @@ import pytest
 from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.solving import parse_document, solve_document
+from inverse_service.service.documents.solving import parse_document, solve_document
 from inverse_service.web.pages import answers, typesetting
 from inverse_service.web.pages.latex_mathml import UnknownLatex, latex_to_mathml, low_fences
 

@@ -78,9 +78,7 @@ def _rate(motion: MotionTerms, letter: Expression) -> Terms:
 def _eigenvalues(motion: MotionTerms) -> list[Terms]:
     """The eigenvalues of B that are rational in the atoms of f, up to a bound on the size of formulas."""
     names = motion.coordinates
-    entries = [
-        [tree_of(coefficient(f, monomial(w))) for w in motion.velocities] for f in motion.forces
-    ]
+    entries = [[tree_of(coefficient(f, monomial(w))) for w in motion.velocities] for f in motion.forces]
     try:
         trees = [tree for row in entries for tree in row]
         ring = exact_ring(trees, names, 0, Budget(_TERMS, end(), _WORK), further=(EIGENVALUE,))

@@ -99,9 +99,7 @@ def _of_quadratic(form: Form, linear: Sequence[Form]) -> Iterator[Monomial]:
         yield times(whole, _product(p), -1)
 
 
-def _functions(
-    material: Material, factors: Factors, forms: Sequence[Form]
-) -> tuple[list[Monomial], list[Monomial]]:
+def _functions(material: Material, factors: Factors, forms: Sequence[Form]) -> tuple[list[Monomial], list[Monomial]]:
     """1 and the factors of the polynomials; integrating factors and products of letters."""
     own = [times(EMPTY, form.factor, e) for form in forms for e in (1, -1)]
     quotients = [times(a, b) for a, b in itertools.combinations(dict.fromkeys(own), 2)]

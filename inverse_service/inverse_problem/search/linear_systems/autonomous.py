@@ -30,7 +30,7 @@ from inverse_service.expressions.tree import (
     square_root,
     subtract,
 )
-from inverse_service.inverse_problem.analysis import variables_of
+from inverse_service.inverse_problem.decision.analysis import variables_of
 from inverse_service.inverse_problem.search.linear_systems.coordinates import (
     Separate,
     linear_form,

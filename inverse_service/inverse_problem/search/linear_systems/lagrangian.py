@@ -20,7 +20,7 @@ from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import ZERO, Expression, add, multiply, power
-from inverse_service.inverse_problem.elimination import common_factor
+from inverse_service.inverse_problem.explanation.elimination import common_factor
 from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
 from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
 from inverse_service.inverse_problem.search.linear_systems.modes import Branch

@@ -11,7 +11,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import Expression, Sum, add, negate
-from inverse_service.inverse_problem.analysis import variables_of
+from inverse_service.inverse_problem.decision.analysis import variables_of
 from inverse_service.inverse_problem.search.choice import scaled
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.factors import find_factors

@@ -1,0 +1,187 @@
+"""A batch on this machine's own pool and on a Dask cluster on loopback: lines a second, efficiency.
+
+    python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR]
+
+The pool and the cluster take turns, so that a machine that is busy with other things is so for both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import json
+import os
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks import families
+from benchmarks.tables import table
+
+LIMIT = 1800.0
+Machines = contextlib.AbstractContextManager[tuple[str, list[int]]]
+# The first lines also pay for processes that load the engine.
+WARM = 0.2
+# The last ones end while the batch gives its processes up.
+LAST = 0.97
+LOADS = {"n = 2": (2, 1.0), "n = 4": (4, 0.4)}
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterRow:
+    """Lines a second once everything is warm, the medians of all rounds.
+
+    `efficiency`: against the pool of one process, times the number of workers; the pool's own row
+    says what the machine itself gives. `processor`: milliseconds of processor time a line, of all
+    processes together (Linux only); unlike the rate it does not depend on what else the machine does.
+    """
+
+    load: str
+    where: str
+    workers: int
+    lines: int
+    rate: float
+    efficiency: float
+    processor: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Lines a second and milliseconds of processor time a line, of one run."""
+
+    rate: float
+    processor: float
+
+
+def measure(lines: int, rounds: int, most: int) -> list[ClusterRow]:
+    """Each load on pool and cluster with 1 to `most` workers."""
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for load, (size, share) in LOADS.items():
+            source = folder / f"{load}.ndjson"
+            count = max(20, int(lines * share))
+            _write(source, size, count)
+            rows += _rows(load, source, count, rounds, most)
+    return rows
+
+
+def _rows(load: str, source: Path, count: int, rounds: int, most: int) -> list[ClusterRow]:
+    cases = [(where, workers) for workers in range(1, most + 1) for where in ("pool", "cluster")]
+    samples: dict[tuple[str, int], list[Sample]] = {case: [] for case in cases}
+    for turn in range(rounds):
+        for where, workers in cases:
+            sample = _run(source, count, where, workers)
+            samples[where, workers].append(sample)
+            told = f"{sample.rate:.3g} lines/s, {sample.processor:.3g} ms of processor time a line"
+            print(f"{load}, round {turn + 1}: {where} of {workers}: {told}", file=sys.stderr, flush=True)
+    rates = {case: statistics.median(sample.rate for sample in found) for case, found in samples.items()}
+    spent = {case: statistics.median(sample.processor for sample in found) for case, found in samples.items()}
+    one = rates["pool", 1]
+    return [ClusterRow(load, *case, count, rates[case], rates[case] / (one * case[1]), spent[case]) for case in cases]
+
+
+def _write(path: Path, n: int, count: int) -> None:
+    documents = ({"id": k, **families.random_natural(n, k)} for k in range(count))
+    path.write_text("".join(json.dumps(document) + "\n" for document in documents), encoding="utf-8")
+
+
+def _run(source: Path, count: int, where: str, workers: int) -> Sample:
+    """Between the first WARM of the answers and the last one."""
+    output = source.with_suffix(f".{time.monotonic_ns()}.out")
+    command = [sys.executable, "-m", "inverse_service.cli", "batch", str(source), "--output", str(output)]
+    alone: Machines = contextlib.nullcontext(("", []))
+    machines: Machines = _cluster(source.parent, workers) if where == "cluster" else alone
+    with machines as found:
+        address, sessions = found
+        more = ["--cluster", address] if address else ["--workers", str(workers)]
+        with subprocess.Popen([*command, *more], stderr=subprocess.DEVNULL, start_new_session=True) as process:
+            try:
+                return _sample(output, count, {process.pid, *sessions})
+            finally:
+                process.terminate()
+
+
+def _sample(output: Path, count: int, sessions: set[int]) -> Sample:
+    end, first, began, spent = time.monotonic() + LIMIT, 0, 0.0, 0.0
+    while time.monotonic() < end:
+        done = output.read_bytes().count(b"\n") if output.exists() else 0
+        if not first and done >= WARM * count:
+            first, began, spent = done, time.monotonic(), _processor_time(sessions)
+        if done >= LAST * count:
+            lines = done - first
+            processor = 1000 * (_processor_time(sessions) - spent) / lines
+            return Sample(lines / (time.monotonic() - began), processor)
+        time.sleep(0.01)
+    raise TimeoutError(f"the batch did not end within {LIMIT:g} s")
+
+
+def _processor_time(sessions: set[int]) -> float:
+    """Seconds of all processes of these sessions and of their dead children; nan where there is no /proc."""
+    ticks, seen = 0, False
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError, IndexError):
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+            if int(fields[3]) in sessions:
+                ticks, seen = ticks + sum(map(int, fields[11:15])), True
+    return ticks / os.sysconf("SC_CLK_TCK") if seen else float("nan")
+
+
+@contextlib.contextmanager
+def _cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[int]]]:
+    """A scheduler and single-threaded workers on loopback: the address, and the sessions of the processes."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    dask, quiet = [sys.executable, "-m", "dask"], ["--no-dashboard", "--host", "127.0.0.1"]
+    commands = [[*dask, "scheduler", "--port", str(port), *quiet]]
+    local = ["--nthreads", "1", "--local-directory", str(folder)]
+    commands += [[*dask, "worker", address, *local, *quiet]] * workers
+    started: list[subprocess.Popen[bytes]] = []
+    try:
+        for command in commands:
+            quiet_process = subprocess.Popen(
+                command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+            )
+            started.append(quiet_process)
+        yield address, [process.pid for process in started]
+    finally:
+        for process in reversed(started):
+            process.terminate()
+        for process in started:
+            process.wait(30)
+
+
+def markdown(rows: Sequence[ClusterRow]) -> str:
+    """The table of docs/scaling.md."""
+    head = ["load", "where", "workers", "lines", "lines a second", "efficiency", "processor ms a line"]
+    return table(head, [_cells(row) for row in rows])
+
+
+def _cells(row: ClusterRow) -> list[str]:
+    figures = [f"{row.rate:.3g}", f"{100 * row.efficiency:.0f} %", f"{row.processor:.3g}"]
+    return [row.load, row.where, str(row.workers), str(row.lines), *figures]
+
+
+def main(arguments: Sequence[str]) -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks cluster", description=__doc__)
+    parser.add_argument("--lines", type=int, default=500, help="lines of the small load (default 500)")
+    parser.add_argument("--rounds", type=int, default=3, help="turns; the median counts (default 3)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="most workers (default: cores)")
+    parser.add_argument("--output", type=Path, help="folder for cluster.md and cluster.json")
+    chosen = parser.parse_args(arguments)
+    rows = measure(chosen.lines, chosen.rounds, chosen.workers)
+    load = f"load average of the machine {os.getloadavg()[1]:.1f}\n" if hasattr(os, "getloadavg") else ""
+    print(markdown(rows) + load)
+    if chosen.output:
+        chosen.output.mkdir(parents=True, exist_ok=True)
+        (chosen.output / "cluster.md").write_text(markdown(rows), encoding="utf-8")
+        found = [dataclasses.asdict(row) for row in rows]
+        (chosen.output / "cluster.json").write_text(json.dumps(found, indent=1), encoding="utf-8")

@@ -1,0 +1,88 @@
+"""How cost grows: time and memory against n, and against the order of prolongation."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from benchmarks.decision_benchmark import read
+from benchmarks.families import GROWING, Document
+from benchmarks.isolated import measure
+from inverse_service.algebra.point import Expansion
+from inverse_service.algebra.tower import draw_point
+from inverse_service.expressions.tree import Symbol, Velocity
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.prolongation import LocalSystem, advance, local_system, start
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class SizeRow:
+    """One family at one n; `verdict` is None past the time limit."""
+
+    family: str
+    n: int
+    verdict: str | None
+    order: int
+    seconds: float | None
+    megabytes: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class OrderRow:
+    """One order at one point: unknown coefficients, and the seconds from nothing up to this order."""
+
+    name: str
+    n: int
+    order: int
+    unknowns: int
+    seconds: float
+
+
+def against_size(largest: int, limit: float, report: Report) -> list[SizeRow]:
+    """Each family for n = 1 to `largest`, each in a process of its own; a family ends at its first timeout."""
+    rows = []
+    for family, make in GROWING.items():
+        for n in range(1, largest + 1):
+            report(f"{family}, n = {n}")
+            row = _size_row(family, n, make(n), limit)
+            rows.append(row)
+            if row.verdict is None:
+                break
+    return rows
+
+
+def _size_row(family: str, n: int, document: Document, limit: float) -> SizeRow:
+    found = measure("benchmarks.ours", [], document, limit)
+    if found is None:
+        return SizeRow(family, n, None, 0, None, None)
+    return SizeRow(family, n, found["verdict"], found["order"], found["seconds"], found["megabytes"])
+
+
+def against_order(document: Document, highest: int, limit: float, report: Report) -> list[OrderRow]:
+    """Orders 0 to `highest` one after the other, whether or not a lower one decides; ends past `limit` seconds."""
+    analysis = analyse(read(document))
+    rows: list[OrderRow] = []
+    for order in range(highest + 1):
+        report(f"{document['name']}, order {order}")
+        began = time.perf_counter()
+        prolongation = start(_local(analysis, order))
+        for _ in range(order + 1):
+            advance(prolongation)
+        seconds = time.perf_counter() - began
+        n = len(analysis.system.coordinates)
+        rows.append(OrderRow(document["name"], n, order, prolongation.width(order), seconds))
+        if seconds > limit:
+            break
+    return rows
+
+
+def _local(analysis: Analysis, order: int) -> LocalSystem:
+    """The series that this order needs, at the point of seed 1."""
+    velocities = [Velocity(name) for name in analysis.system.coordinates]
+    variables = [Symbol(name) for name in analysis.system.coordinates] + velocities
+    expansion = Expansion(draw_point(analysis.tower, 1), variables, order + 2)
+    speeds = [expansion.expand(v) for v in velocities]
+    return local_system(expansion.ring, speeds, [expansion.expand(f) for f in analysis.accelerations], False)

@@ -1,0 +1,50 @@
+"""The runs whose speed is measured: disk and particle, one start each, three methods."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from benchmarks.hard_cases import disk_start, particle_start
+from benchmarks.problems import DISK, PARTICLE
+from inverse_service.codegen.program import Program
+from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.preparation import lane_of
+from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.schemes import program_of
+from inverse_service.simulation.starting import initial
+
+BARE = Observation(velocities=False)
+STEP, CONSTANT = 0.01, 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedCase:
+    """One problem with one method."""
+
+    name: str
+    problem: Problem
+    choice: MethodChoice
+    start: Start
+
+    @property
+    def label(self) -> str:
+        return f"{self.name}, {self.choice.method}, alpha = {self.choice.alpha:g}"
+
+
+CASES = [
+    SpeedCase(name, problem, MethodChoice(method, alpha), start)
+    for name, problem, start in (("disk", DISK, disk_start()), ("particle", PARTICLE, particle_start()))
+    for method, alpha in (("variational", 0.0), ("variational", 0.5), ("nonholonomic", 0.5))
+]
+
+
+def program(case: SpeedCase) -> Program:
+    return program_of(Formulas(case.problem), case.choice, BARE)
+
+
+def lane(case: SpeedCase, step: float = STEP) -> tuple[dict[str, float], dict[str, float]]:
+    """(state and rates, arguments) at the start."""
+    formulas, values = Formulas(case.problem), {"c0": CONSTANT}
+    begin = initial(formulas, case.choice, case.start, step, values)
+    return lane_of(case.choice, begin, Grid(step, 1), values)

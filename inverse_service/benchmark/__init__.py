@@ -1,4 +1,0 @@
-"""Measuring: the decision beside a plain SymPy pipeline, growth with n and with the order, cold starts.
-
-python -m inverse_service.benchmark --help
-"""

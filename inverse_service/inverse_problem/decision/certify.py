@@ -1,0 +1,116 @@
+"""Certificates written from decisions and Lagrangians (see certificate/FORMAT.md); nothing is judged here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mpmath
+
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Expression, Symbol, Velocity
+from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
+from inverse_service.inverse_problem.decision.deciding import Decision
+from inverse_service.inverse_problem.decision.power_series import count, is_rational, regular_series
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+FORMAT = "inverse-service/certificate/1"
+_DIGITS = 20
+_SEED = 3
+# Series are written for so many coordinates, with so many coefficients.
+_MOST_COORDINATES = 4
+_MOST_COEFFICIENTS = 5_000
+
+
+def of_lagrangian(analysis: Analysis, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
+    """L itself is the proof."""
+    table = _point_of(analysis, to_kernels(lagrangian))
+    head = _head(analysis.system, table, with_time, "variational", "lagrangian")
+    return head | {"lagrangian": to_text(lagrangian)}
+
+
+def _point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:
+    """A real point at which f and L are defined: that of f, where L is defined there too."""
+    table = analysis.real_point
+    if table is not None and is_defined([lagrangian], table):
+        return table
+    variables = variables_of(analysis.system)
+    return find_real_point([*analysis.accelerations, lagrangian], variables, _SEED) or table
+
+
+def of_decision(
+    analysis: Analysis, decision: Decision, series_order: int | None = None, seed: int = 1
+) -> dict[str, Any]:
+    """The rows used for a negative verdict, the involution data of a positive one.
+
+    With the latter, where f is rational, a power series of a regular solution to `series_order`
+    (left out: the order of the data).
+    """
+    if decision.verdict == "not_variational":
+        rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
+        head = _head(analysis.system, analysis.real_point, decision.with_time, "not_variational", "nonexistence")
+        return head | {"order": decision.order, "rows": rows}
+    if decision.verdict != "variational" or decision.symbol is None:
+        raise ValueError("only a definite decision has a certificate")
+    # The dimension stopped falling between order - 1 and order.
+    order = decision.order - 1
+    head = _head(analysis.system, analysis.real_point, decision.with_time, "variational", "existence")
+    data = {
+        "order": order,
+        "degree": decision.degree,
+        "dimensions": list(decision.history[order][: decision.degree + 1]),
+        "symbol": {
+            "dimension": decision.symbol.dimension,
+            "prolonged": decision.symbol.prolonged,
+            "characters": list(decision.symbol.characters),
+        },
+    }
+    return head | data | _series(analysis, decision, series_order or order, seed)
+
+
+def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> dict[str, Any]:
+    """{"series": …} to the order, or to the largest below it that is no longer than bearable; {} without one."""
+    n = len(analysis.system.coordinates)
+    fitting = [k for k in range(1, order + 1) if count(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
+    if n > _MOST_COORDINATES or not fitting or not is_rational(analysis):
+        return {}
+    # The data of order R - 1 are complete in degree d, so those of order s + R - 1 - d are in degree s >= d.
+    spare = decision.order - 1 - decision.degree
+    try:
+        return {"series": regular_series(analysis, decision.with_time, fitting[-1], seed, spare)}
+    except (ValueError, IrreducibleAtoms):
+        return {}
+
+
+def _head(system: SecondOrderSystem, table: RealTable | None, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+    head = {
+        "format": FORMAT,
+        "system": _system(system),
+        "question": "time_dependent" if with_time else "autonomous",
+        "claim": claim,
+        "kind": kind,
+    }
+    near = _near(system, table)
+    return head | {"near": near} if near else head
+
+
+def _system(system: SecondOrderSystem) -> dict[str, Any]:
+    pairs = zip(system.coordinates, system.accelerations, strict=True)
+    return {
+        "coordinates": list(system.coordinates),
+        "equations": {name: to_text(f) for name, f in pairs},
+        "parameters": list(system.parameters),
+        "functions": {function.name: list(function.arguments) for function in system.functions},
+    }
+
+
+def _near(system: SecondOrderSystem, table: RealTable | None) -> dict[str, str]:
+    """A real point of the domain that the verdict speaks of."""
+    if table is None:
+        return {}
+    names: list[tuple[str, Symbol | Velocity]] = [(name, Symbol(name)) for name in (*system.coordinates, "t")]
+    names += [(f"{name}'", Velocity(name)) for name in system.coordinates]
+    names += [(name, Symbol(name)) for name in system.parameters]
+    return {name: mpmath.nstr(table[key], _DIGITS) for name, key in names if key in table}

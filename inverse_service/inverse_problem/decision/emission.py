@@ -1,0 +1,152 @@
+"""Entries of the prolonged rows, many products of a term and an unknown at a time, compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from inverse_service.algebra import montgomery
+from inverse_service.algebra.echelon_kernels import Words
+from inverse_service.algebra.montgomery import compiled, multiply
+from inverse_service.algebra.series import Series
+from inverse_service.inverse_problem.decision.monomial_tables import Places, known_places, row_tables
+
+Integers = npt.NDArray[np.int64]
+Exponents = npt.NDArray[np.int8]
+NO_DERIVATIVE = -1
+_NO_COLUMNS, _NO_VALUES = np.empty(0, np.int64), np.empty(0, np.uint64)
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A summand of one equation: factor * series * g_ij, or factor * series * d_a g_ij, factor 1 or -1; i <= j."""
+
+    equation: int
+    i: int
+    j: int
+    derivative: int
+    series: Series
+    negative: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class TermTable:
+    """The terms of all equations of a kind, over `size` displacements, those of velocities from `first_velocity` on.
+
+    Series s has the Taylor coefficients starts[s] … starts[s + 1] - 1 (places among the monomials of
+    their degree, values, degrees, ascending); term t is equation, series, sign, pair of g_ij, d_a in the
+    columns of `terms`, (terms, 5).
+    """
+
+    size: int
+    first_velocity: int
+    equations: int
+    starts: Integers
+    places: Integers
+    values: Words
+    degrees: Integers
+    terms: Integers
+
+
+def pair_number(i: int, j: int, n: int) -> int:
+    """The place of g_ij, i <= j, among 11, 12, …, nn."""
+    return i * n - i * (i - 1) // 2 + j - i
+
+
+def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity: int, most: int) -> TermTable:
+    """The terms over `size` displacements, those of the velocities from `first_velocity` on, to degree `most`."""
+    place_of = known_places(size)
+    n = size - first_velocity
+    places: list[int] = []
+    values: list[int] = []
+    degrees: list[int] = []
+    starts, numbers = [0], dict[int, int]()
+    rows = []
+    for term in terms:
+        if id(term.series) not in numbers:
+            numbers[id(term.series)] = len(numbers)
+            for degree, component in enumerate(term.series[: most + 1]):
+                if component:
+                    table = component.to_dict()
+                    places += [place_of[exponents] for exponents in table]
+                    values += map(int, table.values())
+                    degrees += [degree] * len(table)
+            starts.append(len(places))
+        pair = pair_number(term.i, term.j, n)
+        rows.append((term.equation, numbers[id(term.series)], term.negative, pair, term.derivative))
+    return TermTable(
+        size, first_velocity, equations, np.array(starts, np.int64), np.array(places, np.int64),
+        np.array(values, np.uint64), np.array(degrees, np.int64), np.array(rows, np.int64).reshape(-1, 5),
+    )  # fmt: skip
+
+
+@compiled
+def _emit(
+    fill: bool, degree: int, series_starts: Integers, places: Integers, series_values: Words, degrees: Integers,
+    terms: Integers, monomials: Integers, product_starts: Integers, products: Places, column_starts: Integers,
+    entry_columns: Integers, factors: Integers, raised_starts: Integers, raised: Integers, exponents: Integers,
+    size: int, small: Words, prime: np.uint64, negative_inverse: np.uint64,
+    counts: Integers, columns: Integers, values: Words,
+) -> None:  # fmt: skip
+    """Entries of term * (d_a) g_ij in the rows of one degree, for all terms; counted or filled in.
+
+    The entries of row k are counted in counts[k + 2]; then counts[k + 1], their sum before row k, is where its next
+    entry goes, and in the end where row k + 1 begins.
+    """
+    for t in range(len(terms)):
+        first_row, pair, along = terms[t, 0] * monomials[degree], terms[t, 3], terms[t, 4]
+        for c in range(series_starts[terms[t, 1]], series_starts[terms[t, 1] + 1]):
+            if degrees[c] > degree:
+                break
+            # Coefficient m of the series times coefficient m' of (d_a) g_ij, for all m' of this degree.
+            low = degree - degrees[c]
+            count = monomials[low]
+            start = product_starts[degrees[c]] + places[c] * count
+            if not fill:
+                for k in range(start, start + count):
+                    counts[first_row + products[k] + 2] += 1
+                continue
+            value = prime - series_values[c] if terms[t, 2] else series_values[c]
+            for k in range(count):
+                if along < 0:
+                    entry = column_starts[low] + pair * count + k
+                    factor = factors[entry]
+                else:
+                    above = raised_starts[low] + k * size + along
+                    entry = column_starts[low + 1] + pair * monomials[low + 1] + raised[above]
+                    factor = factors[entry] * exponents[above]
+                place = counts[first_row + products[start + k] + 1]
+                columns[place] = entry_columns[entry]
+                values[place] = multiply(value, small[factor], prime, negative_inverse)
+                counts[first_row + products[start + k] + 1] = place + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows in compressed form: starts, columns, values."""
+
+    starts: Integers
+    columns: Integers
+    values: Words
+
+
+def rows_of_degree(table: TermTable, degree: int, prime: int) -> Rows:
+    """The coefficients of all monomials of one degree, equation after equation."""
+    t = row_tables(table.size, table.first_velocity, degree)
+    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    # A factor is a product of three exponents of a monomial of degree degree + 3.
+    small = montgomery.small_numbers(prime, (degree + 4) ** 3)
+    starts = np.zeros(table.equations * int(t.counts[degree]) + 2, np.int64)
+    head = (
+        degree, table.starts, table.places, table.values, table.degrees, table.terms, t.counts, t.product_starts,
+        t.products, t.column_starts, t.columns, t.factors, t.raised_starts, t.raised, t.exponents, table.size,
+        small, modulus, negative_inverse, starts,
+    )  # fmt: skip
+    _emit(False, *head, _NO_COLUMNS, _NO_VALUES)
+    starts.cumsum(out=starts)
+    columns, values = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.uint64)
+    _emit(True, *head, columns, values)
+    return Rows(starts[:-1], columns, values)

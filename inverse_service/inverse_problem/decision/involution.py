@@ -1,0 +1,159 @@
+"""The space of values g(p), the symbol of the projected system, and Cartan's test."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from flint import nmod_mat
+
+from inverse_service.algebra import montgomery
+from inverse_service.algebra.echelon import Echelon, SparseRows
+from inverse_service.algebra.echelon_kernels import Indices, Words
+from inverse_service.algebra.montgomery import GOLDEN, compiled, mixed, multiply
+from inverse_service.inverse_problem.decision.monomial_tables import raised_unknowns, unknown_exponents
+from inverse_service.inverse_problem.decision.prolongation import Prolongation, unknown_block
+
+Rows = list[dict[int, int]]
+
+
+def kernel(rows: Rows, width: int, prime: int) -> nmod_mat:
+    """A basis of {x : rows x = 0} as the rows of a matrix, (dimension, width)."""
+    matrix = nmod_mat(max(len(rows), 1), width, prime)
+    for i, row in enumerate(rows):
+        for column, value in row.items():
+            matrix[i, column] = value
+    basis, nullity = matrix.nullspace()
+    transposed = basis.transpose()
+    return nmod_mat(nullity, width, transposed.entries()[: nullity * width], prime)
+
+
+def value_rows(prolongation: Prolongation) -> dict[int, dict[int, int]]:
+    """All consequences on g(p): {number of basis row: {column: value}}."""
+    return prolongation.echelon.rows_within(0, prolongation.width(0))
+
+
+def is_singular_everywhere(prolongation: Prolongation, rows: Rows, seed: int) -> bool:
+    """Whether det vanishes on all g(p) that satisfy the rows (two random elements are singular)."""
+    prime = prolongation.local.ring.prime
+    basis = kernel(rows, prolongation.width(0), prime)
+    generator = random.Random(f"regular {seed}")
+    return all(_random_determinant(prolongation, basis, generator) == 0 for _ in range(2))
+
+
+def _random_determinant(prolongation: Prolongation, basis: nmod_mat, generator: random.Random) -> int:
+    prime = prolongation.local.ring.prime
+    count = basis.nrows()
+    if count == 0:
+        return 0
+    weights = nmod_mat(1, count, [generator.randrange(prime) for _ in range(count)], prime)
+    element = [int(x) for x in (weights * basis).entries()]
+    n = prolongation.local.dimension
+    matrix = nmod_mat(n, n, prime)
+    for column, (i, j) in enumerate(velocity_pairs(prolongation.size, prolongation.first_velocity)):
+        matrix[i, j] = matrix[j, i] = element[column] * (2 if i == j else 1)
+    return int(matrix.det())
+
+
+@lru_cache(maxsize=64)
+def velocity_pairs(size: int, first: int) -> tuple[tuple[int, int], ...]:
+    """(i, j) of each monomial v_i v_j, in the order of the unknowns of degree 0 in g."""
+    rows = unknown_exponents(size, first, 0)[:, first:].tolist()
+    pairs = ([k for k, e in enumerate(row) for _ in range(e)] for row in rows)
+    return tuple((i, j) for i, j in pairs)
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """dim M_d, dim of its prolongation, Cartan characters; involutive by Cartan's equality."""
+
+    dimension: int
+    prolonged: int
+    characters: tuple[int, ...]
+
+    @property
+    def involutive(self) -> bool:
+        return self.prolonged == sum(k * a for k, a in enumerate(self.characters, start=1))
+
+
+def symbol(prolongation: Prolongation, degree: int, seed: int) -> Symbol:
+    """M_d of the projected system at degree d = `degree` >= 1, tested in random directions.
+
+    M_d^(k) are the elements killed by k random constant derivatives; alpha_k = dim M^(k-1) - dim
+    M^(k); involutive iff dim M_(d+1) = sum k alpha_k (Cartan; Bryant et al., Exterior Differential
+    Systems, chapter VIII).
+    """
+    low, high = prolongation.width(degree - 1), prolongation.width(degree)
+    rows = prolongation.echelon.cut_rows(low, high)
+    dimension = high - low - len(rows)
+    if dimension == 0:
+        return Symbol(0, 0, (0,) * prolongation.size)
+    characters = _characters(prolongation, degree, rows, seed)
+    return Symbol(dimension, _prolonged(prolongation, degree, rows), characters)
+
+
+@compiled
+def _raise(
+    columns: Indices, values: Words, places: Indices, factors: Indices, small: Words,
+    prime: np.uint64, negative_inverse: np.uint64, raised: Indices, scaled: Words,
+) -> None:  # fmt: skip
+    """Each entry, for the coefficient of m in d_a L, as one for that of x_a m in L: all entries for each a."""
+    entries = len(columns)
+    for a in range(places.shape[1]):
+        for k in range(entries):
+            column = columns[k]
+            raised[a * entries + k] = places[column, a]
+            scaled[a * entries + k] = multiply(values[k], small[factors[column, a]], prime, negative_inverse)
+
+
+def _prolonged(prolongation: Prolongation, degree: int, rows: SparseRows) -> int:
+    """dim {L of degree d + 3 : all partial derivatives lie in M_d}."""
+    size, prime = prolongation.size, prolongation.local.ring.prime
+    step = raised_unknowns(size, prolongation.first_velocity, degree)
+    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    entries = len(rows.columns)
+    columns, values = np.empty(size * entries, np.int64), np.empty(size * entries, np.uint64)
+    small = montgomery.small_numbers(prime, degree + 4)
+    _raise(rows.columns, rows.values, step.places, step.factors, small, modulus, negative_inverse, columns, values)
+    starts = rows.starts[None, :-1] + entries * np.arange(size)[:, None]
+    echelon = Echelon(prime)
+    echelon.widen(len(unknown_block(prolongation, degree + 1)))
+    echelon.insert(np.append(starts.ravel(), size * entries), columns, values)
+    return echelon.width - echelon.count
+
+
+@compiled
+def _derive(
+    state: np.uint64, factors: Indices, small: Words, directions: Words, values: Words,
+    prime: np.uint64, negative_inverse: np.uint64,
+) -> None:  # fmt: skip
+    """values[k, m, a] = directions[k, a] * (the exponent of x_a in x_a m), the directions random."""
+    for k in range(directions.shape[0]):
+        for a in range(directions.shape[1]):
+            state += GOLDEN
+            directions[k, a] = mixed(state) % prime
+    for k in range(values.shape[0]):
+        for m in range(values.shape[1]):
+            for a in range(values.shape[2]):
+                values[k, m, a] = multiply(directions[k, a], small[factors[m, a]], prime, negative_inverse)
+
+
+def _characters(prolongation: Prolongation, degree: int, rows: SparseRows, seed: int) -> tuple[int, ...]:
+    """alpha_1, …, alpha_m: how many of the equations D_k L = 0 are new, D_k the k-th random derivative.
+
+    The equations for the coefficient of a monomial m in D L, m of one degree less, v-degree >= 2.
+    """
+    prime, size = prolongation.local.ring.prime, prolongation.size
+    step = raised_unknowns(size, prolongation.first_velocity, degree - 1)
+    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    values, directions = np.empty((size, *step.places.shape), np.uint64), np.empty((size, size), np.uint64)
+    small = montgomery.small_numbers(prime, degree + 3)
+    _derive(np.uint64(seed), step.factors, small, directions, values, modulus, negative_inverse)
+    echelon = Echelon(prime)
+    echelon.widen(len(prolongation.blocks[degree]))
+    echelon.insert(rows.starts, rows.columns, rows.values)
+    columns = np.tile(step.places.ravel(), size)
+    dependent = echelon.insert(np.arange(0, len(columns) + 1, size), columns, values.ravel())
+    return tuple(int(k) for k in np.count_nonzero(~dependent.reshape(size, -1), axis=1))

@@ -1,0 +1,142 @@
+"""The Taylor coefficients of one regular Lagrangian at a point: existence made concrete.
+
+The prolonged Helmholtz conditions are linear in the Taylor coefficients of L of v-degree >= 2. In their
+echelon form the pivot of each row is its last column, columns in ascending degree, so the coefficients
+follow one after another: those without a pivot are chosen, the others are determined by earlier ones.
+Prolonged so far that the projection to the wanted order holds no further conditions (Cartan, Kuranishi),
+the polynomial is the beginning of the series of an actual solution.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping
+from math import comb
+from typing import Any
+
+from flint import nmod_mat
+
+from inverse_service.algebra.echelon import Echelon
+from inverse_service.algebra.point import Expansion, Point
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.tower import draw_point
+from inverse_service.expressions.tree import PI, Apply, Arbitrary, Expression, Number, Power, Symbol, Velocity, walk
+from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
+from inverse_service.inverse_problem.decision.involution import velocity_pairs
+from inverse_service.inverse_problem.decision.prolongation import Prolongation, advance, local_system, start
+
+_ATTEMPTS = 8
+
+Coefficients = dict[int, int]  # by column
+# The value of a free coefficient, from its multi-index and the prime.
+Choice = Callable[[tuple[int, ...], int], int]
+
+
+def is_rational(analysis: Analysis) -> bool:
+    """Whether f is a rational function of t, q, v, the parameters and pi."""
+    return not any(_is_irrational(node) for f in analysis.accelerations for node in walk(f))
+
+
+def _is_irrational(node: Expression) -> bool:
+    if isinstance(node, Power):
+        return not (isinstance(node.exponent, Number) and node.exponent.value.denominator == 1)
+    return isinstance(node, Apply | Arbitrary)
+
+
+def count(n: int, with_time: bool, order: int) -> int:
+    """The number of unknowns: monomials of v-degree >= 2 and total degree <= order + 2."""
+    rest, degree = n + with_time, order + 2
+    return comb(rest + n + degree, degree) - comb(rest + degree, degree) - n * comb(rest + degree - 1, degree - 1)
+
+
+def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, spare: int = 0) -> dict[str, Any]:
+    """One regular solution of the Helmholtz conditions to order `order` at a random point modulo a prime.
+
+    The `series` of an existence certificate: {"order", "point", "prime", "terms"}, the terms being
+    [multi-index, value] for v-degree >= 2 and total degree <= order + 2. The system is prolonged to
+    `order + spare` and projected. ValueError where f is not rational, or no regular solution was met.
+    """
+    if not is_rational(analysis):
+        raise ValueError("a series modulo a prime needs a rational f")
+    for attempt in range(_ATTEMPTS):
+        point = draw_point(analysis.tower, seed + attempt)
+        try:
+            found = regular_at(analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}"))
+        except SingularPoint:
+            continue
+        if found is not None:
+            return {
+                "order": order,
+                "point": {_name(s): str(point.variable(s)) for s in symbols_of(analysis)},
+                "prime": point.prime,
+                "terms": [[list(index), str(value)] for index, value in found.items() if value],
+            }
+    raise ValueError("no regular solution was met at any point tried")
+
+
+def _at_random(seed: str) -> Choice:
+    generator = random.Random(seed)
+    return lambda index, prime: generator.randrange(prime)
+
+
+def regular_at(
+    analysis: Analysis, point: Point, with_time: bool, orders: tuple[int, int], choose: Choice
+) -> dict[tuple[int, ...], int] | None:
+    """{multi-index: coefficient} of a solution at the point to the first order, prolonged by the second.
+
+    `choose(multi-index, prime)` gives the free coefficients. None where the solution is singular.
+    """
+    order, spare = orders
+    prolongation = prolonged(analysis, point, with_time, order + spare)
+    indices = [tuple(int(e) for e in row) for block in prolongation.blocks[: order + 1] for row in block]
+    prime = point.prime
+    found = solution(prolongation.echelon, len(indices), lambda column: choose(indices[column], prime))
+    if not is_regular(prolongation, found):
+        return None
+    return {index: found[column] for column, index in enumerate(indices)}
+
+
+def prolonged(analysis: Analysis, point: Point, with_time: bool, order: int) -> Prolongation:
+    """All rows up to the order at the point; raises SingularPoint where f has no value there."""
+    names = analysis.system.coordinates
+    variables = variables_of(analysis.system)[not with_time : 1 + 2 * len(names)]
+    expansion = Expansion(point, variables, order + 2)
+    speeds = [expansion.expand(Velocity(name)) for name in names]
+    forces = [expansion.expand(f) for f in analysis.accelerations]
+    prolongation = start(local_system(expansion.ring, speeds, forces, with_time))
+    for _ in range(order + 1):
+        advance(prolongation)
+    return prolongation
+
+
+def solution(echelon: Echelon, width: int, choose: Callable[[int], int]) -> Coefficients:
+    """A solution on the first `width` columns: columns without pivot are chosen, pivots follow in order."""
+    rows = {max(row): row for row in echelon.rows_within(0, width).values()}
+    found: Coefficients = {}
+    for column in range(width):
+        if column not in rows:
+            found[column] = choose(column) % echelon.prime
+            continue
+        # The entry of the pivot is 1.
+        total = sum(value * found[k] for k, value in rows[column].items() if k != column)
+        found[column] = -total % echelon.prime
+    return found
+
+
+def is_regular(prolongation: Prolongation, found: Mapping[int, int]) -> bool:
+    """Whether g(p), twice the part of degree 0, is a regular matrix."""
+    n, prime = prolongation.local.dimension, prolongation.local.ring.prime
+    matrix = nmod_mat(n, n, prime)
+    for column, (i, j) in enumerate(velocity_pairs(prolongation.size, prolongation.first_velocity)):
+        matrix[i, j] = matrix[j, i] = found[column] * (2 if i == j else 1)
+    return int(matrix.det()) != 0
+
+
+def symbols_of(analysis: Analysis) -> list[Symbol | Velocity]:
+    """t, q, v, the parameters, and pi where f contains it."""
+    has_pi = any(node == PI for f in analysis.accelerations for node in walk(f))
+    return [*variables_of(analysis.system), *([PI] if has_pi else [])]
+
+
+def _name(symbol: Symbol | Velocity) -> str:
+    return f"{symbol.coordinate}'" if isinstance(symbol, Velocity) else symbol.name

@@ -1,0 +1,189 @@
+"""Systems whose multiplier is known up to a factor, g = e^u G, but whose factor does not exist.
+
+(H1) and (H2) give the derivatives of u:
+
+    u_(v^k) = mu_k = -sum_i (G^-1)^(ji) (dG_ij/dv^k - dG_ik/dv^j)   for any j other than k
+    Gamma(u) = a                   a G = G N + (G N)^T - Gamma(G)
+    u_(q^k) = nu_k = da/dv^k - Gamma(mu_k) - (df^m/dv^k) mu_m
+    u_t     = tau  = a - v^k nu_k - f^k mu_k
+
+(the third from [d/dv^k, Gamma] = d/dq^k + (df^m/dv^k) d/dv^m). There is a multiplier only if all the
+mixed derivatives agree, and tau = 0 where L may not contain t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.point import Point, evaluate
+from inverse_service.algebra.rational_functions import Quotient, TooLarge
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.tower import draw_point
+from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.explanation.elimination import Elimination
+from inverse_service.mechanics.conditions import ExactMotion
+from inverse_service.mechanics.curvature import Tensor11, connection
+
+Matrix = tuple[tuple[Quotient, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A derivative of u and its value, in words and in LaTeX."""
+
+    reason: str
+    text: str
+    latex: str
+    value: Quotient
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """The derivatives of u, and an expression in them that must be zero and is not."""
+
+    lines: tuple[Line, ...]
+    text: str
+    latex: str
+    difference: Quotient
+
+
+def direction_matrix(result: Elimination, n: int, one: Quotient) -> Matrix:
+    """G: the entries of g divided by the one that stayed free."""
+    zero = one - one
+
+    def entry(i: int, j: int) -> Quotient:
+        row = result.entry((min(i, j), max(i, j)), one)
+        return next(iter(row.values()), zero)
+
+    return tuple(tuple(entry(i, j) for j in range(n)) for i in range(n))
+
+
+def contradiction(
+    analysis: Analysis, exact: ExactMotion, direction: Matrix, with_time: bool, seed: int
+) -> Contradiction:
+    """The first integrability condition of u that fails; TooLarge where none is found."""
+    slopes = _slopes(exact, direction)
+    point = draw_point(analysis.tower, seed)
+    names = analysis.system.coordinates
+    for text, latex, difference in _conditions(exact, slopes, with_time, names):
+        if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
+            return Contradiction(_lines(slopes, with_time, text, names), text, latex, difference)
+    raise TooLarge("no integrability condition of the factor fails")
+
+
+@dataclass(frozen=True, slots=True)
+class _Slopes:
+    """mu, Gamma(u) = a, nu and tau, as in the module's formulas."""
+
+    by_velocity: tuple[Quotient, ...]
+    along: Quotient
+    by_coordinate: tuple[Quotient, ...]
+    by_time: Quotient
+
+
+def _slopes(exact: ExactMotion, direction: Matrix) -> _Slopes:
+    motion, span = exact.motion, range(exact.motion.size)
+    mu = tuple(_velocity_slope(exact, direction, k) for k in span)
+    a = _slope_along(exact, direction)
+    nu = []
+    for k in span:
+        rest = [motion.by_velocity[k](f) * mu[m] for m, f in enumerate(motion.accelerations)]
+        nu.append(motion.by_velocity[k](a) - motion.along(mu[k]) - sum_of(motion.zero, rest))
+    speeds = [exact.ring.atoms[v] for v in exact.ring.variables[1 + motion.size :]]
+    products = [speeds[k] * nu[k] for k in span] + [motion.accelerations[k] * mu[k] for k in span]
+    return _Slopes(mu, a, tuple(nu), a - sum_of(motion.zero, products))
+
+
+def _velocity_slope(exact: ExactMotion, direction: Matrix, k: int) -> Quotient:
+    motion, span = exact.motion, range(exact.motion.size)
+    j = 0 if k else 1
+    inverse = _inverse(direction, exact.ring.constant(1))
+    by = motion.by_velocity
+    terms = [inverse[j][i] * (by[k](direction[i][j]) - by[j](direction[i][k])) for i in span]
+    return -sum_of(motion.zero, terms)
+
+
+def _slope_along(exact: ExactMotion, direction: Matrix) -> Quotient:
+    motion, span = exact.motion, range(exact.motion.size)
+    n: Tensor11[Quotient] = connection(motion)
+    i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
+    terms = [direction[i][m] * n[m][j] + direction[j][m] * n[m][i] for m in span]
+    return (sum_of(motion.zero, terms) - motion.along(direction[i][j])) / direction[i][j]
+
+
+def _inverse(matrix: Matrix, one: Quotient) -> list[list[Quotient]]:
+    """The inverse by elimination; ZeroDivisionError for a singular matrix."""
+    n, zero = len(matrix), one - one
+    rows = [[*row, *(one if i == j else zero for j in range(n))] for i, row in enumerate(matrix)]
+    for column in range(n):
+        pivot = next((i for i in range(column, n) if not rows[i][column].is_zero), None)
+        if pivot is None:
+            raise ZeroDivisionError("the matrix is singular")
+        rows[column], rows[pivot] = rows[pivot], rows[column]
+        head = rows[column][column].inverse()
+        rows[column] = [head * entry for entry in rows[column]]
+        for i, row in enumerate(rows):
+            if i != column and not row[column].is_zero:
+                rows[i] = [a - row[column] * b for a, b in zip(row, rows[column], strict=True)]
+    return [row[n:] for row in rows]
+
+
+def _conditions(
+    exact: ExactMotion, slopes: _Slopes, with_time: bool, names: tuple[str, ...]
+) -> Iterator[tuple[str, str, Quotient]]:
+    """Everything that vanishes if u exists, the simplest first."""
+    motion = exact.motion
+    if not with_time:
+        yield "du/dt, as L is not to contain t,", r"u_{t}", slopes.by_time
+    first = [(f"{x}'", rf"\dot{{{x}}}", motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)]
+    first += [(x, x, motion.by_coordinate[k], slopes.by_coordinate[k]) for k, x in enumerate(names)]
+    if with_time:
+        first.append(("t", "t", exact.ring.partial(0), slopes.by_time))
+    for left in range(len(first)):
+        for right in range(left):
+            x, x_latex, by_x, u_x = first[left]
+            y, y_latex, by_y, u_y = first[right]
+            latex = f"{_mixed(y_latex, x_latex)} - {_mixed(x_latex, y_latex)}"
+            yield f"d(du/d{y})/d{x} - d(du/d{x})/d{y}", latex, by_x(u_y) - by_y(u_x)
+
+
+def _mixed(inner: str, outer: str) -> str:
+    return rf"\frac{{\partial u_{{{inner}}}}}{{\partial {outer}}}"
+
+
+def _lines(slopes: _Slopes, with_time: bool, used: str, names: tuple[str, ...]) -> tuple[Line, ...]:
+    """The derivatives of u in the order in which they are found."""
+    lines = [
+        Line("As dg_ij/dv^k is symmetric in j and k", f"du/d{x}'", rf"u_{{\dot{{{x}}}}}", slopes.by_velocity[k])
+        for k, x in enumerate(names)
+    ]
+    lines.append(Line("By Gamma(g) = g N + (g N)^T", "Gamma(u)", r"\Gamma(u)", slopes.along))
+    if used == f"d(du/d{names[0]}')/d{names[-1]}' - d(du/d{names[-1]}')/d{names[0]}'":
+        return tuple(lines)
+    lines += [
+        Line(f"Gamma(u) differentiated by {x}'", f"du/d{x}", rf"u_{{{x}}}", slopes.by_coordinate[k])
+        for k, x in enumerate(names)
+    ]
+    if with_time and used.count("/dt"):
+        lines.append(Line("The rest of Gamma(u)", "du/dt", r"u_{t}", slopes.by_time))
+    return tuple(lines)
+
+
+def _is_nonzero(ring: ExactRing, element: Quotient, point: Point) -> bool:
+    """Whether the value at the random point is not zero; TooLarge where it cannot be formed."""
+    try:
+        values = {index: evaluate(to_kernels(tree), point) for index, tree in ring.trees.items()}
+    except (KeyError, TypeError, ValueError, SingularPoint) as error:
+        raise TooLarge("an expression could not be evaluated modulo a prime") from error
+    total = 0
+    for exponents, coefficient in element.numerator.terms():
+        term = int(coefficient.p) * pow(int(coefficient.q), -1, point.prime)
+        for index, exponent in enumerate(exponents):
+            if exponent:
+                term = term * pow(values[index], int(exponent), point.prime) % point.prime
+        total += term
+    return total % point.prime != 0

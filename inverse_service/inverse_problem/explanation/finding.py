@@ -1,0 +1,160 @@
+"""A positive answer put into words: how the Lagrangian was found, what proves it, its Hamiltonian."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.tree import TIME, Expression
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.decision.deciding import Decision
+from inverse_service.inverse_problem.decision.power_series import count
+from inverse_service.inverse_problem.decision.rational_series import as_tree, rational_series
+from inverse_service.inverse_problem.explanation.verification import explain_positive
+from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
+from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.inverse_problem.search.found import SearchOutcome
+from inverse_service.inverse_problem.search.specialists import REASONS
+from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
+
+# The order of the series that is written out, and how many coefficients it may have.
+_SERIES_ORDER = 2
+_MOST_COEFFICIENTS = 60
+# Sentences hold formulas up to so many characters.
+_LONGEST_FORMULA = 400
+
+
+def existence_steps(decision: Decision) -> tuple[Step, ...]:
+    """The involution data as sentences."""
+    assert decision.space is not None
+    assert decision.symbol is not None
+    order, degree = decision.order, decision.degree
+    dimensions = ", ".join(map(str, decision.history[order][: degree + 1]))
+    return (
+        Step(
+            f"The Helmholtz conditions, prolonged to order {order}, leave a space of Taylor polynomials of the "
+            f"multiplier of dimensions {dimensions} in degrees 0 to {degree}; it no longer shrinks."
+        ),
+        Step(
+            f"Its symbol in degree {degree} has dimension {decision.symbol.dimension} and passes Cartan's test "
+            f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive."
+        ),
+        Step(f"A regular g is left at a generic point, so a regular Lagrangian exists; {decision.space.statement}."),
+    )
+
+
+def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
+    """Which families were tried in vain."""
+    families = [(name, count) for name, count in outcome.tried if name not in REASONS]
+    tried = "; ".join(f"{name} ({terms(count)})" for name, count in families if count) or "none fits f"
+    others = {
+        "Families without a candidate": [name for name, count in families if not count],
+        "Methods tried": [name for name, _ in outcome.tried if name in REASONS],
+    }
+    also = "".join(f" {title}: {'; '.join(names)}." for title, names in others.items() if names)
+    return (Step(f"No closed form was found. Families tried: {tried}.{also}"),)
+
+
+def terms(count: int) -> str:
+    """The number with its noun."""
+    return "1 term" if count == 1 else f"{count} terms"
+
+
+def _written(text: str, given: str) -> str:
+    """The formula, or where it stands if it would fill the page."""
+    return text if len(text) <= _LONGEST_FORMULA else given
+
+
+def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> tuple[Step, ...]:
+    """The beginning of the power series of one regular Lagrangian, where f is rational and it is short."""
+    n = len(analysis.system.coordinates)
+    wanted = range(1, (order or _SERIES_ORDER) + 1)
+    fitting = [k for k in wanted if count(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
+    spare = decision.order - 1 - decision.degree
+    found = rational_series(analysis, decision.with_time, fitting[-1], spare) if fitting else None
+    if found is None:
+        return ()
+    named = [symbol for symbol in found.point if symbol != TIME or TIME in found.variables]
+    place = ", ".join(f"{to_text(symbol)} = {found.point[symbol]}" for symbol in named)
+    text = (
+        f"Near {place} one regular Lagrangian begins, to total degree {found.order + 2} and up to terms of at most "
+        "first degree in the velocities (which the equations of motion then fix), as "
+    )
+    series = as_tree(found)
+    shown = _written(f"L = {to_text(series)} + ...", "the formula given as LaTeX")
+    return (Step(f"{text}{shown}.", r"L = " + to_latex(series) + r" + \dots"),)
+
+
+def of_lagrangian(analysis: Analysis, decision: Decision, outcome: SearchOutcome, tree: Expression) -> Answer:
+    """The answer that this Lagrangian proves, not yet checked."""
+    assert outcome.found is not None
+    return Answer(
+        "variational",
+        lagrangian=describe(analysis, tree, outcome.found.family),
+        space=decision.space,
+        certificate=certify.of_lagrangian(analysis, tree, decision.with_time),
+        explanation=(*existence_steps(decision), *_search_steps(outcome, tree)),
+    )
+
+
+def _search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
+    assert outcome.found is not None
+    name, count = outcome.tried[-1]
+    result = _written(f"L = {to_text(tree)}", "the L given above")
+    reason = (
+        f"{REASONS[name]} This gives {result}."
+        if name in REASONS
+        else (
+            f"In the family '{name}' ({count} candidate {'term' if count == 1 else 'terms'}) the Euler-Lagrange "
+            f"equations along the motion are linear in the coefficients; solved, they leave {result}."
+        )
+    )
+    first = Step(reason, "L = " + to_latex(tree))
+    if len(outcome.found.parts) < 2:
+        return (first,)
+    formula = " + ".join(f"C_{{{k}}}\\left({to_latex(p)}\\right)" for k, p in enumerate(outcome.found.parts, start=1))
+    plain = " + ".join(f"C_{k}*({to_text(p)})" for k, p in enumerate(outcome.found.parts, start=1))
+    general = _written(f"L = {plain} is a Lagrangian", "so is every sum of its parts C_k L_k")
+    return (
+        first,
+        Step(f"More generally, {general} for constants C_k that keep the Hessian regular.", "L = " + formula),
+    )
+
+
+def verification_steps(analysis: Analysis, lagrangian: Lagrangian) -> tuple[Step, ...]:
+    """The Helmholtz conditions for its multiplier, worked out where they are short."""
+    return explain_positive(analysis.system, lagrangian.multiplier).steps
+
+
+def hamiltonian_of(lagrangian: Expression, names: Sequence[str]) -> Hamiltonian | None:
+    """The Legendre transform; None where the Hessian is singular after all."""
+    try:
+        transform = legendre(lagrangian, names)
+    except InputError:
+        return None
+    if transform.implicit:
+        transform = in_velocity_forms(lagrangian, transform, names)
+    return Hamiltonian(
+        transform.hamiltonian, transform.momenta, transform.implicit, (), transform.symbols, transform.note
+    )
+
+
+def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
+    """How H follows from the momenta."""
+    if hamiltonian is None:
+        return ()
+    pairs = list(zip(hamiltonian.symbols, hamiltonian.momenta, strict=True))
+    names = [to_text(symbol) for symbol, _ in pairs]
+    formula = r",\quad ".join(f"{to_latex(symbol)} = {to_latex(p)}" for symbol, p in pairs)
+    plain = ", ".join(f"{name} = {to_text(p)}" for name, (_, p) in zip(names, pairs, strict=True))
+    solved = "cannot be solved for the velocities in closed form" if hamiltonian.implicit else "are solved for them"
+    note = f" ({hamiltonian.note.rstrip('.')})" if hamiltonian.note else ""
+    result = _written(f"H = p v - L = {to_text(hamiltonian.expression)}", "H = p v - L is the one given above")
+    return (
+        Step(f"The momenta p = dL/dv are {_written(plain, 'those given with H')}.", formula),
+        Step(f"They {solved}{note}; with them {result}.", "H = " + to_latex(hamiltonian.expression)),
+    )

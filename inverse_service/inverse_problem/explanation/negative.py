@@ -1,0 +1,214 @@
+"""Why a system is not variational, and how to verify that it is, in steps for pencil and paper."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
+from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
+from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.explanation.differential_explanation import steps_in_derivatives
+from inverse_service.inverse_problem.explanation.differential_numbers import differential_numbers
+from inverse_service.inverse_problem.explanation.differential_obstruction import contradiction, direction_matrix
+from inverse_service.inverse_problem.explanation.elimination import (
+    Elimination,
+    Linear,
+    Solved,
+    Unknown,
+    determinant,
+    eliminate,
+    vanishing_block,
+)
+from inverse_service.inverse_problem.explanation.hierarchy import (
+    ConditionName,
+    EquationName,
+    SufficientSet,
+    equation_terms,
+    hierarchy,
+    tensors_at,
+    unique_direction,
+    unknowns,
+)
+from inverse_service.inverse_problem.explanation.numbers_at_a_point import numbers_at_a_point
+from inverse_service.inverse_problem.explanation.point_explanation import steps_in_numbers
+from inverse_service.inverse_problem.explanation.pointwise import local_motion
+from inverse_service.inverse_problem.explanation.wording import (
+    Explanation,
+    block_sentence,
+    differential_summary,
+    equation_step,
+    factor_steps,
+    opening,
+    summary_steps,
+    tensor_steps,
+)
+from inverse_service.inverse_problem.outcome import Step
+from inverse_service.mechanics.conditions import ExactMotion, exact_motion
+from inverse_service.mechanics.curvature import Tensor11, Tensor12
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+Tensors = Mapping[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]
+
+# An elimination with larger expressions than this is no longer followed by hand.
+TERM_LIMIT = 2_000
+TIME_LIMIT = 1.0
+NUMBERS_LIMIT = 5.0
+LARGEST_N = 5
+
+
+def explain_negative(
+    analysis: Analysis,
+    chosen: SufficientSet | None,
+    with_time: bool = False,
+    seed: int = 1,
+    time_limit: float = TIME_LIMIT,
+) -> Explanation:
+    """From the chosen conditions of the hierarchy to det g = 0; for None, the differential consequence.
+
+    Where the expressions are too large for pencil and paper, or more than one direction is left, the conditions
+    in numbers at one point, or else their ranks.
+    `with_time` says that the question was for L(t, q, v).
+    """
+    system = analysis.system
+    budget = Budget(TERM_LIMIT, time.monotonic() + time_limit)
+    summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
+    try:
+        if chosen is None:
+            return _by_differentiation(analysis, with_time or system.depends_on_time, seed, budget)
+        if len(system.coordinates) <= LARGEST_N:
+            return _by_elimination(analysis, chosen, seed, budget)
+    except (TooLarge, ZeroDivisionError):
+        pass
+    steps = _in_numbers(analysis, chosen, with_time, seed) if len(system.coordinates) <= LARGEST_N else None
+    return Explanation(summary, complete=False) if steps is None else Explanation(steps)
+
+
+def _in_numbers(
+    analysis: Analysis, chosen: SufficientSet | None, with_time: bool, seed: int
+) -> tuple[Step, ...] | None:
+    """The argument at one point; None where none was met in time."""
+    deadline = time.monotonic() + NUMBERS_LIMIT
+    if chosen is None:
+        derivatives = differential_numbers(analysis, with_time, seed, deadline)
+        if derivatives is None:
+            return None
+        return steps_in_derivatives(analysis, entry_symbols(analysis.system), derivatives)
+    numbers = numbers_at_a_point(analysis, chosen, deadline)
+    if numbers is None:
+        return None
+    return steps_in_numbers(analysis.system, chosen, entry_symbols(analysis.system), numbers)
+
+
+def _by_elimination(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Explanation:
+    solved = solve_conditions(analysis, chosen, seed, budget)
+    steps = [opening(analysis.system, chosen), *solved.steps, _closing_step(solved)]
+    return Explanation(tuple(steps), _side_conditions(solved.exact.ring, solved.result))
+
+
+@dataclass(frozen=True, slots=True)
+class SolvedConditions:
+    """The exact elimination of a set of conditions, with its steps."""
+
+    exact: ExactMotion
+    symbols: Mapping[Unknown, Symbol]
+    result: Elimination
+    steps: tuple[Step, ...]
+
+
+def solve_conditions(
+    analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget, further_orders: int = 0
+) -> SolvedConditions:
+    """Eliminate exactly; the ring allows `further_orders` derivations of the result.
+
+    Raises TooLarge where the budget ends.
+    """
+    depth = max(condition.order for condition in chosen.conditions) - 2
+    symbols = entry_symbols(analysis.system)
+    exact = exact_motion(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
+    table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
+    tensors = hierarchy(exact.motion, depth)
+    result = eliminate(_exact_equations(exact, tensors, chosen.equations), table)
+    steps = tensor_steps(exact.ring, [(condition, tensors[condition]) for condition in chosen.conditions])
+    steps += [_solved_step(exact.ring, symbols, step) for step in result.solved]
+    return SolvedConditions(exact, symbols, result, tuple(steps))
+
+
+def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: Budget) -> Explanation:
+    """The multiplier known up to a factor, and the equations for the factor that contradict each other."""
+    chosen = unique_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
+    if chosen is None:
+        raise TooLarge("the algebraic conditions leave more than one direction")
+    solved = solve_conditions(analysis, chosen, seed, budget, further_orders=3)
+    ring, n = solved.exact.ring, solved.exact.motion.size
+    direction = direction_matrix(solved.result, n, ring.constant(1))
+    found = contradiction(analysis, solved.exact, direction, with_time, seed)
+    steps = [opening(analysis.system, chosen), *solved.steps, *factor_steps(ring, analysis.system, direction, found)]
+    return Explanation(tuple(steps), _side_conditions(ring, solved.result))
+
+
+def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, Symbol]:
+    """Names g_11, g_12, … for the entries, with another letter where the system uses such names."""
+    used = {node.name for f in system.accelerations for node in walk(f) if isinstance(node, Symbol)}
+    used |= set(system.coordinates) | set(system.parameters)
+    pairs = unknowns(len(system.coordinates))
+    for letter in ("g", "h", "m", "multiplier"):
+        names = {(i, j): f"{letter}_{i + 1}{j + 1}" for i, j in pairs}
+        if used.isdisjoint(names.values()):
+            return {pair: Symbol(name) for pair, name in names.items()}
+    raise TooLarge("the system uses every name for the entries of the multiplier")
+
+
+def _exact_equations(exact: ExactMotion, tensors: Tensors, names: Sequence[EquationName]) -> dict[EquationName, Linear]:
+    """The named equations with their coefficients as ring elements."""
+    found: dict[EquationName, Linear] = {}
+    for condition in dict.fromkeys(name.condition for name in names):
+        for name, terms in equation_terms(condition, tensors[condition], exact.motion.size).items():
+            found[name] = collected(exact.motion.zero, terms)
+    return {name: found[name] for name in names}
+
+
+def collected(zero: Quotient, terms: Sequence[tuple[Unknown, int, Quotient]]) -> Linear:
+    """The terms of one equation by unknown, zero coefficients left out."""
+    parts: dict[Unknown, list[Quotient]] = {}
+    for unknown, sign, coefficient in terms:
+        parts.setdefault(unknown, []).append(coefficient.scaled(sign))
+    sums = {unknown: sum_of(zero, summands) for unknown, summands in parts.items()}
+    return {unknown: total for unknown, total in sums.items() if not total.is_zero}
+
+
+def _solved_step(ring: ExactRing, symbols: Mapping[Unknown, Symbol], step: Solved) -> Step:
+    original, reduced, result = (linear_tree(ring, symbols, row) for row in (step.original, step.reduced, step.value))
+    divisors = [*factor_trees(ring, step.content), *factor_trees(ring, step.divisor)]
+    return equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors)
+
+
+def linear_tree(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear) -> Expression:
+    """The combination of the entries as a tree."""
+    return add(*(multiply(quotient_tree(ring, row[unknown]), symbols[unknown]) for unknown in sorted(row)))
+
+
+def _closing_step(solved: SolvedConditions) -> Step:
+    """Why what is left is singular; TooLarge where that was not recognised."""
+    n = solved.exact.motion.size
+    block = vanishing_block(solved.result.values, n)
+    if block is not None:
+        return block_sentence(solved.symbols, *block, n)
+    ring = solved.exact.ring
+    elements = {unknown: ring.atoms[symbol] for unknown, symbol in solved.symbols.items()}
+    if not determinant(solved.result, n, elements, ring.constant(1)).is_zero:
+        raise TooLarge("the determinant of what remains was not recognised as zero")
+    text = "With these values det g is identically zero in the entries that remain. There is no Lagrangian."
+    return Step(text, r"\det g = 0")
+
+
+def _side_conditions(ring: ExactRing, result: Elimination) -> tuple[Expression, ...]:
+    found: dict[Expression, None] = {}
+    for step in result.solved:
+        for divisor in (step.content, step.divisor):
+            found.update(dict.fromkeys(factor_trees(ring, divisor)))
+    return tuple(found)

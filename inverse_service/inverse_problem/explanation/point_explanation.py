@@ -1,0 +1,134 @@
+"""Why every admissible multiplier is singular, in numbers at one point: for conditions too long to write out.
+
+A minor that is not zero at one point is not zero on an open dense set (f is analytic), so g = 0 at the point is g = 0
+at every generic point. The same holds for values that no real point has but that fulfil all algebraic relations among
+the functions: the minor is not the zero element of their field. Where some g are left, all singular, the numbers show
+how; that it is so generically was found by `hierarchy` at random points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+
+from inverse_service.algebra.point import Variable
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.tree import Expression, Symbol, add, multiply, number
+from inverse_service.inverse_problem.explanation.elimination import Unknown
+from inverse_service.inverse_problem.explanation.hierarchy import ConditionName, EquationName, SufficientSet, unknowns
+from inverse_service.inverse_problem.explanation.numbers_at_a_point import NumbersAtAPoint
+from inverse_service.inverse_problem.explanation.wording import condition_latex, equation_name, opening
+from inverse_service.inverse_problem.outcome import Step
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+Row = tuple[Fraction, ...]
+
+
+def steps_in_numbers(
+    system: SecondOrderSystem, chosen: SufficientSet, symbols: Mapping[Unknown, Symbol], numbers: NumbersAtAPoint
+) -> tuple[Step, ...]:
+    """The point, the tensors there, the equations, their solution, and why it is singular."""
+    size = len(system.coordinates)
+    names = [symbols[pair] for pair in unknowns(size)]
+    rows = {name: _whole(row) for name, row in numbers.rows.items()}
+    solution = echelon(list(rows.values()))
+    return (
+        opening(system, chosen),
+        point_step("The conditions are long", numbers.variables, numbers.atoms, numbers.real),
+        *(_tensor_step(name, matrix) for name, matrix in numbers.tensors.items()),
+        *(_equation_step(name, row, names) for name, row in rows.items()),
+        solution_step(solution, names),
+        _closing_step(solution, names),
+    )
+
+
+def _whole(row: Row) -> Row:
+    """The row times a number, its entries whole without a common divisor."""
+    denominator = math.lcm(*(entry.denominator for entry in row))
+    divisor = math.gcd(*(int(entry * denominator) for entry in row)) or 1
+    return tuple(entry * denominator / divisor for entry in row)
+
+
+def echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
+    """The reduced echelon form: (pivot column, row with 1 in the pivot)."""
+    found: list[tuple[int, Row]] = []
+    for row in rows:
+        for pivot, known in found:
+            row = tuple(a - row[pivot] * b for a, b in zip(row, known, strict=True))
+        column = next((k for k in reversed(range(len(row))) if row[k]), None)
+        if column is None:
+            continue
+        fresh = tuple(entry / row[column] for entry in row)
+        found = [(p, tuple(a - old[column] * b for a, b in zip(old, fresh, strict=True))) for p, old in found]
+        found.append((column, fresh))
+    return sorted(found)
+
+
+def point_step(
+    why: str, variables: Mapping[Variable, Fraction], atoms: Mapping[Expression, Fraction], real: bool
+) -> Step:
+    """The values that are put in, and why they may be."""
+    values = [*sorted(variables.items(), key=lambda pair: to_text(pair[0])), *atoms.items()]
+    listed = ", ".join(f"{to_text(name)} = {value}" for name, value in values)
+    latex = r",\; ".join(f"{to_latex(name)} = {to_latex(number(value))}" for name, value in values)
+    if not values:
+        return Step("Take any point.", latex)
+    if real:
+        return Step(f"{why}; take one point. There let {listed}.", latex)
+    text = (
+        f"{why}; put numbers for the functions in them: {listed}. No real point need have these values, but they "
+        "fulfil every algebraic relation that holds among these functions and the variables."
+    )
+    return Step(text, latex)
+
+
+def _tensor_step(condition: ConditionName, matrix: tuple[Row, ...]) -> Step:
+    text = ", ".join("[" + ", ".join(map(str, row)) + "]" for row in matrix)
+    body = r" \\ ".join(" & ".join(to_latex(number(entry)) for entry in row) for row in matrix)
+    head = condition_latex(condition)
+    return Step(f"At this point {condition.name} = [{text}].", rf"{head} = \begin{{pmatrix}} {body} \end{{pmatrix}}")
+
+
+def combination(row: Row, names: Sequence[Symbol]) -> Expression:
+    return add(*(multiply(number(a), name) for a, name in zip(row, names, strict=True) if a))
+
+
+def _equation_step(name: EquationName, row: Row, names: Sequence[Symbol]) -> Step:
+    tree = combination(row, names)
+    return Step(f"{equation_name(name)}, times a number: {to_text(tree)} = 0.", f"{to_latex(tree)} = 0")
+
+
+def solution_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
+    lines = []
+    for pivot, row in solution:
+        rest = tuple(-a if k != pivot else Fraction(0) for k, a in enumerate(row))
+        lines.append((names[pivot], combination(rest, names)))
+    text = ", ".join(f"{name.name} = {to_text(tree)}" for name, tree in lines)
+    latex = r",\; ".join(f"{to_latex(name)} = {to_latex(tree)}" for name, tree in lines)
+    return Step(f"These linear equations have the solution {text}.", latex)
+
+
+def left_free(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> str:
+    """What the solution makes of g."""
+    free = _free(solution, names)
+    return f"With these values det g is zero whatever {', '.join(free)} may be" if free else "So g = 0"
+
+
+def _free(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> list[str]:
+    return [name.name for k, name in enumerate(names) if k not in {pivot for pivot, _ in solution}]
+
+
+def _closing_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
+    """A rank is generic where it is full; that a determinant vanishes might be an accident of one point."""
+    minors = (
+        "What is excluded here is excluded at every generic point, because a minor that is not zero for these numbers "
+        "vanishes at most on a set without interior."
+    )
+    random = (
+        "This is no accident of the point: at random points, modulo large primes, the same equations were found to "
+        "leave singular g only, so det g is zero at every generic point."
+    )
+    reason = random if _free(solution, names) else minors
+    return Step(f"{left_free(solution, names)}. {reason} There is no Lagrangian.", r"\det g = 0")

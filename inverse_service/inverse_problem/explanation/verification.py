@@ -1,0 +1,124 @@
+"""How to verify by hand that a given matrix is a multiplier, with every product worked out."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Sequence
+
+from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
+from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.explanation.elimination import expanded_determinant
+from inverse_service.inverse_problem.explanation.wording import Explanation
+from inverse_service.inverse_problem.outcome import Step
+from inverse_service.mechanics.conditions import ExactMotion, exact_motion
+from inverse_service.mechanics.curvature import connection, jacobi_endomorphism
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+TERM_LIMIT = 2_000
+TIME_LIMIT = 1.0
+LARGEST_N = 8
+# More terms than this fill pages, and to print them takes seconds.
+MOST_TERMS_SHOWN = 600
+Matrix = Sequence[Sequence[Quotient]]
+
+
+def explain_positive(
+    system: SecondOrderSystem, multiplier: Sequence[Sequence[Expression]], time_limit: float = TIME_LIMIT
+) -> Explanation:
+    """The Helmholtz conditions for the multiplier g, shape (n, n), each worked out and seen to hold.
+
+    `complete` is False where an identity was not recognised (too large, or atoms whose relations are
+    not known here): then the steps say what is to be computed only.
+    """
+    budget = Budget(TERM_LIMIT, time.monotonic() + time_limit)
+    try:
+        if len(system.coordinates) > LARGEST_N:
+            raise TooLarge("too many coordinates to write everything out")
+        exact = exact_motion(system, 2, budget, trees=[entry for row in multiplier for entry in row])
+        g = tuple(tuple(exact.ring.value(entry) for entry in row) for row in multiplier)
+        return _worked_out(exact, g)
+    except (TooLarge, ZeroDivisionError):
+        return Explanation(_plan(), complete=False)
+
+
+def _plan() -> tuple[Step, ...]:
+    """What has to be computed."""
+    return (
+        Step("The matrix g is the Hessian of L in the velocities; dg_ij/dv^k is symmetric in j and k.", _FIRST),
+        Step("With N = -1/2 df/dv, compare Gamma(g) with g N + (g N)^T.", _SECOND),
+        Step("With Phi as given, see that g Phi is symmetric; det g is not zero.", _THIRD),
+    )
+
+
+_FIRST = r"\frac{\partial g_{ij}}{\partial v^k} = \frac{\partial g_{ik}}{\partial v^j}"
+_SECOND = r"\Gamma(g) = gN + (gN)^{\mathsf T},\quad N = -\tfrac12 \frac{\partial f}{\partial v}"
+_THIRD = r"g\Phi = (g\Phi)^{\mathsf T},\quad \det g \neq 0"
+
+
+def _worked_out(exact: ExactMotion, g: Matrix) -> Explanation:
+    motion, span = exact.motion, range(exact.motion.size)
+    n = connection(motion)
+    product = _product(exact, g, n)
+    forced = [[product[i][j] + product[j][i] for j in span] for i in span]
+    moved = [[motion.along(entry) for entry in row] for row in g]
+    lowered = _product(exact, g, jacobi_endomorphism(motion))
+    one = exact.ring.constant(1)
+    size = expanded_determinant(g, one - one, one)
+    _require_zero([*_asymmetry(g), *_curl(exact, g), *_asymmetry(lowered)])
+    _require_zero([moved[i][j] - forced[i][j] for i in span for j in span])
+    if size.is_zero:
+        raise TooLarge("the determinant was seen to vanish")
+    shown = [entry for matrix in (g, moved, n, lowered) for row in matrix for entry in row]
+    if sum(len(entry.numerator) for entry in [*shown, size]) > MOST_TERMS_SHOWN:
+        raise TooLarge("the products fill pages")
+    steps = (
+        Step(f"The Hessian of L in the velocities is g = {_text(exact, g)}.", f"g = {_latex(exact, g)}"),
+        Step("Its derivatives dg_ij/dv^k are symmetric in j and k.", _FIRST),
+        Step(
+            f"Gamma(g) = {_text(exact, moved)}, and g N + (g N)^T with N = {_text(exact, n)} is the same.",
+            rf"\Gamma(g) = gN + (gN)^{{\mathsf T}} = {_latex(exact, moved)}",
+        ),
+        Step(f"g Phi = {_text(exact, lowered)} is symmetric.", rf"g\Phi = {_latex(exact, lowered)}"),
+        Step(
+            f"det g = {to_text(quotient_tree(exact.ring, size))} is not zero identically: g is a multiplier.",
+            rf"\det g = {to_latex(quotient_tree(exact.ring, size))} \neq 0",
+        ),
+    )
+    return Explanation(steps, tuple(factor_trees(exact.ring, size)))
+
+
+def _product(exact: ExactMotion, left: Matrix, right: Matrix) -> list[list[Quotient]]:
+    span = range(exact.motion.size)
+    return [[sum_of(exact.motion.zero, [left[i][m] * right[m][j] for m in span]) for j in span] for i in span]
+
+
+def _asymmetry(matrix: Matrix) -> list[Quotient]:
+    return [matrix[i][j] - matrix[j][i] for i, j in itertools.combinations(range(len(matrix)), 2)]
+
+
+def _curl(exact: ExactMotion, g: Matrix) -> list[Quotient]:
+    """dg_ij/dv^k - dg_ik/dv^j."""
+    by, span = exact.motion.by_velocity, range(exact.motion.size)
+    return [by[k](g[i][j]) - by[j](g[i][k]) for i in span for j, k in itertools.combinations(span, 2)]
+
+
+def _require_zero(differences: Sequence[Quotient]) -> None:
+    if not all(difference.is_zero for difference in differences):
+        raise TooLarge("an identity was not recognised")
+
+
+def _text(exact: ExactMotion, matrix: Matrix) -> str:
+    if len(matrix) > 1 and all(entry.is_zero for row in matrix for entry in row):
+        return "0"
+    rows = [", ".join(to_text(quotient_tree(exact.ring, entry)) for entry in row) for row in matrix]
+    return "[" + ", ".join(f"[{row}]" for row in rows) + "]"
+
+
+def _latex(exact: ExactMotion, matrix: Matrix) -> str:
+    rows = [" & ".join(to_latex(quotient_tree(exact.ring, entry)) for entry in row) for row in matrix]
+    return r"\begin{pmatrix} " + r" \\ ".join(rows) + r" \end{pmatrix}"

@@ -1,0 +1,203 @@
+"""From a free Lagrangian of an associated system to its Hamiltonian, with proof that it holds the motion.
+
+The claim: the flow of H~, restricted to the image of the constraints under p = dL~/dv, is the
+nonholonomic motion. It is taken apart into identities; each is tested at random points modulo primes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    TIME,
+    Expression,
+    Number,
+    Product,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    negate,
+    substitute,
+    subtract,
+    walk,
+)
+from inverse_service.inverse_problem.hamiltonisation.identities import rank_at_point, vanish
+from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison, Flow, compare
+from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
+from inverse_service.mechanics.legendre.constraints import constraint_images
+from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
+from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
+from inverse_service.mechanics.nonholonomic.writing import tidied
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+Verdict = Literal["holds", "fails", "not settled"]
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One part of the claim and what the test said."""
+
+    text: str
+    verdict: Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Hamiltonisation:
+    """H~ and the images of the constraints, the parts of the claim, and both flows side by side.
+
+    `transform` is None where L~ is degenerate; `comparison` is None where H~ has no closed form, t
+    occurs, or no start was found.
+    """
+
+    lagrangian: Expression
+    transform: LegendreTransform | None
+    images: tuple[Expression, ...]
+    statements: tuple[Statement, ...]
+    comparison: Comparison | None
+
+    @property
+    def holds(self) -> bool:
+        """Whether every statement was confirmed."""
+        return bool(self.statements) and all(statement.verdict == "holds" for statement in self.statements)
+
+
+def hamiltonise(
+    motion: EquationsOfMotion,
+    associated: SecondOrderSystem,
+    lagrangian: Expression,
+    seed: int = 1,
+    known: LegendreTransform | None = None,
+    known_images: Sequence[Expression] = (),
+) -> Hamiltonisation:
+    """The report for one Lagrangian of one associated system.
+
+    `known` is its Legendre transform where that is known, `known_images` are the constraints in phase
+    space; both are tested like everything else.
+    """
+    names = associated.coordinates
+    try:
+        transform = known or legendre(lagrangian, names)
+    except InputError:
+        return Hamiltonisation(lagrangian, None, (), (), None)
+    images = tuple(known_images) or tuple(
+        without_constants(tidied(image)) for image in constraint_images(motion.system.constraints, transform, names)
+    )
+    work = _Work(motion, associated, lagrangian, transform, images, seed)
+    statements = [work.restriction(), work.euler_lagrange()]
+    if transform.implicit or transform.velocities is None:
+        return Hamiltonisation(lagrangian, transform, images, tuple(statements), None)
+    statements += [work.canonical(), work.image(), work.invariance()]
+    return Hamiltonisation(lagrangian, transform, images, tuple(statements), work.comparison())
+
+
+def without_constants(tree: Expression) -> Expression:
+    """The tree without number factors."""
+    if not isinstance(tree, Product):
+        return tree
+    return multiply(*(factor for factor in tree.factors if not isinstance(factor, Number)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    motion: EquationsOfMotion
+    associated: SecondOrderSystem
+    lagrangian: Expression
+    transform: LegendreTransform
+    images: tuple[Expression, ...]
+    seed: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.associated.coordinates
+
+    @property
+    def variables(self) -> list[Symbol | Velocity]:
+        """t, q, v and the parameters."""
+        found: list[Symbol | Velocity] = [TIME, *map(Symbol, self.names), *map(Velocity, self.names)]
+        return [*found, *map(Symbol, self.associated.parameters)]
+
+    @property
+    def on_constraints(self) -> dict[Expression, Expression]:
+        """The dependent velocities by the free ones."""
+        pairs = zip(self.motion.dependent, self.motion.dependent_velocities, strict=True)
+        return {Velocity(name): rate for name, rate in pairs}
+
+    @property
+    def lifted(self) -> dict[Expression, Expression]:
+        """Each momentum as a function of (q, v)."""
+        return dict(zip(self.transform.symbols, self.transform.momenta, strict=True))
+
+    def _tested(self, text: str, trees: Sequence[Expression]) -> Statement:
+        found = vanish(trees, self.variables, self.seed)
+        return Statement(text, "not settled" if found is None else "holds" if found else "fails")
+
+    def restriction(self) -> Statement:
+        """f on the constraints is the nonholonomic acceleration."""
+        pairs = zip(self.associated.accelerations, self.motion.accelerations, strict=True)
+        trees = [subtract(substitute(f, self.on_constraints), a) for f, a in pairs]
+        return self._tested("On the constraints the associated system has the accelerations of the motion.", trees)
+
+    def euler_lagrange(self) -> Statement:
+        trees = euler_lagrange_sums(self.lagrangian, self.names, self.associated.accelerations)
+        return self._tested("The Euler-Lagrange equations of L hold along the associated system.", trees)
+
+    def canonical(self) -> Statement:
+        """dH/dp = v and dH/dq = -dL/dq at p = dL/dv."""
+        h = self.transform.hamiltonian
+        trees = []
+        for name, symbol in zip(self.names, self.transform.symbols, strict=True):
+            trees.append(subtract(substitute(differentiate(h, symbol), self.lifted), Velocity(name)))
+            slope = differentiate(self.lagrangian, Symbol(name))
+            trees.append(add(substitute(differentiate(h, Symbol(name)), self.lifted), slope))
+        return self._tested("With p = dL/dv the canonical equations of H are the Euler-Lagrange equations of L.", trees)
+
+    def image(self) -> Statement:
+        """The images vanish on the image of the constraints and are independent there."""
+        text = "The constraints in phase space are the image of the constraints, and independent."
+        trees = [self._restricted(tree) for tree in self.images]
+        tested = self._tested(text, trees)
+        if tested.verdict != "holds":
+            return tested
+        slopes = [[self._restricted(differentiate(tree, p)) for p in self.transform.symbols] for tree in self.images]
+        rank = rank_at_point(slopes, self.variables, self.seed)
+        if rank is None:
+            return Statement(text, "not settled")
+        return Statement(text, "holds" if rank == len(self.images) else "fails")
+
+    def _restricted(self, tree: Expression) -> Expression:
+        """A function of (q, p) at p = dL/dv on the constraints, over (q, u)."""
+        return substitute(substitute(tree, self.lifted), self.on_constraints)
+
+    def invariance(self) -> Statement:
+        """{P, H} = 0 on the submanifold."""
+        h = self.transform.hamiltonian
+        trees = []
+        for image in self.images:
+            terms = [differentiate(image, TIME)]
+            for name, p in zip(self.names, self.transform.symbols, strict=True):
+                q = Symbol(name)
+                terms.append(multiply(differentiate(image, q), differentiate(h, p)))
+                terms.append(negate(multiply(differentiate(image, p), differentiate(h, q))))
+            trees.append(self._restricted(add(*terms)))
+        return self._tested("The flow of H keeps the constraints in phase space.", trees)
+
+    def comparison(self) -> Comparison | None:
+        """Both flows in floats from one start."""
+        if any(node == TIME for f in (*self.motion.accelerations, self.lagrangian) for node in walk(f)):
+            return None
+        positions = tuple(map(Symbol, self.names))
+        rates = [self.on_constraints.get(Velocity(name), Velocity(name)) for name in self.names]
+        speeds = tuple(map(Velocity, self.motion.free))
+        first = Flow((*positions, *speeds), (*rates, *self.motion.free_accelerations))
+        h, symbols = self.transform.hamiltonian, self.transform.symbols
+        forward = [differentiate(h, p) for p in symbols]
+        backward = [negate(differentiate(h, q)) for q in positions]
+        second = Flow((*positions, *symbols), (*forward, *backward))
+        momenta = [substitute(p, self.on_constraints) for p in self.transform.momenta]
+        constants = [Symbol(name) for name in self.associated.parameters]
+        return compare(first, second, momenta, [h, *self.images], constants, self.seed)

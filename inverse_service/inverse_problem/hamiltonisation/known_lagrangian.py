@@ -1,0 +1,103 @@
+"""The answer where Lagrangians are known beforehand: decided, confirmed by the checker, no search."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
+from inverse_service.inverse_problem.explanation.finding import existence_steps, legendre_steps, verification_steps
+from inverse_service.inverse_problem.explanation.printed_conditions import printed_conditions
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Solution, Step
+from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.mechanics.legendre.transform import LegendreTransform
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+# Characters of the verification that a person may still read.
+_LONGEST_STEPS = 12_000
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A Lagrangian L(q, v) with its Legendre transform, the constraints' images, and where it comes from."""
+
+    lagrangian: Expression
+    transform: LegendreTransform
+    images: tuple[Expression, ...]
+    source: str
+
+
+def confirmed(system: SecondOrderSystem, proposals: Sequence[Known], deadline: float) -> tuple[Known, ...]:
+    """Those that the independent checker finds to be Lagrangians of the system."""
+    try:
+        analysis = analyse(system)
+    except IrreducibleAtoms:
+        return ()
+    return tuple(known for known in proposals if _is_valid(analysis, known.lagrangian, deadline))
+
+
+def _is_valid(analysis: Analysis, lagrangian: Expression, deadline: float) -> bool:
+    certificate = certify.of_lagrangian(analysis, lagrangian, with_time=False)
+    return check_certificate(certificate, time_limit=max(1.0, deadline - time.monotonic())).verdict == "valid"
+
+
+def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: SolveOptions) -> Solution:
+    """The solution whose Lagrangian is the first of `known`; all of them must be confirmed.
+
+    The decision is made all the same: it says how large the space of multipliers is.
+    """
+    began = time.monotonic()
+    found, left_out = printed_conditions(system) if options.conditions else (None, "")
+    analysis = analyse(system)
+    decision = decide(system, False, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis)
+    answer = _answer(analysis, decision, known)
+    provenance = {
+        "seed": options.seed,
+        "time_limit": options.time_limit,
+        "points": [dict(point) for point in decision.points],
+        "seconds": {"decision": round(decision.seconds, 4), "all": round(time.monotonic() - began, 4)},
+        "conditions_left_out": left_out,
+    }
+    return Solution(system, answer, None if options.time_dependent is False else answer, found, provenance)
+
+
+def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> Answer:
+    chosen, *others = known
+    lagrangian = describe(analysis, chosen.lagrangian, chosen.source)
+    transform = chosen.transform
+    hamiltonian = Hamiltonian(
+        transform.hamiltonian, transform.momenta, False, chosen.images, transform.symbols, transform.note
+    )
+    decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
+    steps = (
+        *(existence_steps(decision) if decided else ()),
+        Step(f"The {chosen.source} is a regular Lagrangian of the system:", "L = " + to_latex(chosen.lagrangian)),
+        *_short(verification_steps(analysis, lagrangian)),
+        *legendre_steps(hamiltonian),
+    )
+    return Answer(
+        "variational",
+        lagrangian=lagrangian,
+        other_lagrangians=tuple(describe(analysis, other.lagrangian, other.source) for other in others),
+        hamiltonian=hamiltonian,
+        space=decision.space if decided else None,
+        certificate=certify.of_lagrangian(analysis, chosen.lagrangian, with_time=False),
+        checked="valid",
+        explanation=steps,
+    )
+
+
+def _short(steps: Sequence[Step]) -> tuple[Step, ...]:
+    """The steps, unless they fill pages; the checker has confirmed the same."""
+    length = sum(len(step.text) for step in steps)
+    if length <= _LONGEST_STEPS:
+        return tuple(steps)
+    return (Step("Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."),)

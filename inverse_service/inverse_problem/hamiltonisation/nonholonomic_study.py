@@ -1,0 +1,248 @@
+"""A nonholonomic system studied as a whole: motion, what it keeps, associated systems, Hamiltonisation."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar
+
+from inverse_service.algebra.rational_functions import TooLarge
+from inverse_service.errors import InputError
+from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute
+from inverse_service.inverse_problem.explanation.printed_conditions import with_conditions
+from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
+from inverse_service.inverse_problem.hamiltonisation.identities import vanish
+from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer, Solution
+from inverse_service.inverse_problem.solving import Progress, solve
+from inverse_service.mechanics.nonholonomic.associated_systems import (
+    KINDS,
+    AssociatedSystem,
+    Kind,
+    associated,
+    with_multiples,
+)
+from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, frames, geometry, too_large
+from inverse_service.mechanics.nonholonomic.integrability import Integrability, integrability
+from inverse_service.mechanics.nonholonomic.integrals import (
+    FirstIntegral,
+    MeasureDensity,
+    first_integrals,
+    measure_density,
+)
+from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion, ExactMotion, exact_motion, written
+from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised
+from inverse_service.mechanics.nonholonomic.paper_lagrangians import class_lagrangians
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+
+# Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
+_SHARE_OF_SOLVING = 0.85
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class MotionReport:
+    """The motion and what it keeps; `reason` says why the system is outside the paper's class, if it is."""
+
+    exact: ExactMotion
+    motion: EquationsOfMotion
+    integrability: Integrability | None
+    density: MeasureDensity
+    integrals: tuple[FirstIntegral, ...]
+    member: PaperClass | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The Hamiltonisation by one Lagrangian; `checked` is the checker's verdict on that Lagrangian."""
+
+    kind: str
+    label: str
+    checked: Literal["valid", "incomplete", "invalid"]
+    found: Hamiltonisation
+
+
+@dataclass(frozen=True, slots=True)
+class AssociatedAnswer:
+    """An associated system, its solution (None where it is not defined) and its Hamiltonisations."""
+
+    associated: AssociatedSystem
+    solution: Solution | None
+    reports: tuple[Report, ...] = ()
+
+    @property
+    def answer(self) -> Answer | None:
+        """The answer for L(q, q'), or for L(t, q, q') where that is the only question."""
+        if self.solution is None:
+            return None
+        return self.solution.autonomous or self.solution.with_time
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """All that was found; `main` is the place in `answers` of the associated system of the main fields."""
+
+    report: MotionReport
+    answers: tuple[AssociatedAnswer, ...]
+    main: int
+
+
+def motion_report(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> MotionReport:
+    """The motion and what it keeps, in the coordinates of the paper's class where the system belongs to it.
+
+    What cannot be found in `time_limit` seconds is left out; LimitError where that is the motion itself.
+    """
+    parts = geometry(system, time_limit)
+    try:
+        member, reason = recognised(parts)
+        exact = exact_motion(parts, member.frame if member is not None else frames(parts)[0])
+        motion = written(exact)
+    except TooLarge as error:
+        raise too_large(error) from None
+    found = MotionReport(
+        exact,
+        motion,
+        _or_none(lambda: integrability(parts, exact.frame)),
+        _or_none(lambda: measure_density(exact)) or MeasureDensity("not_found"),
+        _or_none(lambda: first_integrals(exact)) or (),
+        member,
+        reason,
+    )
+    # What follows is short work over the same ring, at any later time.
+    parts.ring.field.budget.deadline = math.inf
+    return found
+
+
+def _or_none(work: Callable[[], T]) -> T | None:
+    try:
+        return work()
+    except (TooLarge, ZeroDivisionError):
+        return None
+
+
+def associated_systems(
+    report: MotionReport, kind: Kind | None, families: Sequence[Sequence[Expression]] = ()
+) -> tuple[AssociatedSystem, ...]:
+    """The systems asked for: one kind, all three, or one kind with each of the families of multiples added.
+
+    InputError where a multiple does not vanish on the constraints.
+    """
+    if not families:
+        return tuple(_associated(report, each) for each in ([kind] if kind else KINDS))
+    base = _associated(report, kind or "first")
+    if base.system is None:
+        raise InputError(base.explanation, "/associated")
+    return tuple(
+        with_multiples(base, _vanishing(report.motion, family, place, len(families)), f"family {place + 1}")
+        for place, family in enumerate(families)
+    )
+
+
+def _associated(report: MotionReport, kind: Kind) -> AssociatedSystem:
+    try:
+        return associated(report.exact, report.member, report.reason, kind)
+    except TooLarge as problem:
+        return AssociatedSystem(kind, None, f"The {kind} system is too large to be written out: {problem}.")
+
+
+def _vanishing(motion: EquationsOfMotion, family: Sequence[Expression], place: int, count: int) -> Sequence[Expression]:
+    """The family, each member zero on the constraints; InputError where one is not, or where that is not settled."""
+    system = motion.system
+    table: dict[Expression, Expression] = {
+        Velocity(name): rate for name, rate in zip(motion.dependent, motion.dependent_velocities, strict=True)
+    }
+    for name, tree in zip(system.coordinates, family, strict=True):
+        pointer = "/multiples" + (f"/{place}" if count > 1 else "") + f"/{name}"
+        names: list[Symbol | Velocity] = [*map(Velocity, system.coordinates)]
+        names += map(Symbol, (*system.coordinates, *system.parameters, "t"))
+        found = tree == ZERO or vanish([substitute(tree, table)], names)
+        if not found:
+            what = "does not vanish" if found is False else "could not be shown to vanish"
+            raise InputError(
+                f"the multiple for {name} {what} on the constraints: write a sum of multiples of them, such as "
+                "mu*(constraint).",
+                pointer,
+            )
+    return family
+
+
+def study(
+    report: MotionReport, systems: Sequence[AssociatedSystem], options: SolveOptions, progress: Progress | None = None
+) -> Study:
+    """Each system decided and, where it is variational, carried to H and the constraints in phase space.
+
+    The conditions are written out for the main one only.
+    """
+    quiet = replace(options, conditions=False)
+    end = time.monotonic() + options.time_limit
+    answers = []
+    for place, system in enumerate(systems):
+        waiting = sum(other.system is not None for other in systems[place:])
+        share = (end - time.monotonic()) / max(waiting, 1)
+        answers.append(_answered(report, system, replace(quiet, time_limit=max(share, 0.1)), progress))
+    main = _main(answers)
+    solution = answers[main].solution
+    if solution is not None and options.conditions:
+        answers[main] = replace(answers[main], solution=with_conditions(solution))
+    return Study(report, tuple(answers), main)
+
+
+def _main(answers: Sequence[AssociatedAnswer]) -> int:
+    """The first variational one with a Lagrangian, else the first variational one, else the first that is defined."""
+
+    def rank(place: int) -> int:
+        answer = answers[place].answer
+        if answer is None:
+            return 3
+        if answer.verdict != "variational":
+            return 2
+        return 0 if answer.lagrangian is not None else 1
+
+    return min(range(len(answers)), key=rank)
+
+
+def _answered(
+    report: MotionReport, one: AssociatedSystem, options: SolveOptions, progress: Progress | None
+) -> AssociatedAnswer:
+    if one.system is None:
+        return AssociatedAnswer(one, None)
+    end = time.monotonic() + options.time_limit
+    free = options.time_dependent is not True and not options.ansatz
+    known = _known(report, one, end) if free else ()
+    if known:
+        solution = solution_with(one.system, known, options)
+        return AssociatedAnswer(
+            one, solution, tuple(_report_of_known(report, one, each, options.seed) for each in known)
+        )
+    asked = replace(options, time_limit=_SHARE_OF_SOLVING * options.time_limit)
+    found = AssociatedAnswer(one, solve(one.system, asked, _named(progress, one.kind)))
+    answer = found.answer
+    if answer is None or answer.lagrangian is None or time.monotonic() > end:
+        return found
+    made = hamiltonise(report.motion, one.system, answer.lagrangian.expression, options.seed)
+    return replace(found, reports=(Report(one.kind, "Lagrangian found", answer.checked or "incomplete", made),))
+
+
+def _known(report: MotionReport, one: AssociatedSystem, end: float) -> tuple[Known, ...]:
+    """The Lagrangians of the paper's class that the checker confirms for this system."""
+    if report.member is None or one.system is None:
+        return ()
+    proposals = [
+        Known(each.lagrangian, each.transform, each.images, each.label)
+        for each in class_lagrangians(report.member, one.kind)
+    ]
+    return confirmed(one.system, proposals, end) if proposals else ()
+
+
+def _report_of_known(report: MotionReport, one: AssociatedSystem, known: Known, seed: int) -> Report:
+    assert one.system is not None
+    made = hamiltonise(report.motion, one.system, known.lagrangian, seed, known.transform, known.images)
+    return Report(one.kind, known.source, "valid", made)
+
+
+def _named(progress: Progress | None, kind: str) -> Progress | None:
+    return None if progress is None else lambda stage: progress(f"{kind}: {stage}")

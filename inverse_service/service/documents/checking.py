@@ -1,0 +1,116 @@
+"""The check of a result: its certificates by the independent checker, its system against the document as given."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any, Final
+
+from inverse_service.certificate.checker import FORMAT, CheckResult, check_certificate, check_result, check_text
+from inverse_service.errors import CertificateRefused, InputError
+from inverse_service.mechanics.agreement import Canonical
+from inverse_service.service.documents.comparison import compared_with_document
+from inverse_service.service.documents.reading import read_json
+
+TIME_LIMIT = 60.0
+NOT_COMPARED = "The equations as given were not compared."
+_SYSTEM: Final[dict[str, Any]] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
+_FROM_BEST = ("valid", "incomplete", "invalid")
+
+
+def check_document(text: str) -> dict[str, Any]:
+    """The verdict on the JSON text of a result, of a certificate, or of {"document": …, "result": …}.
+
+    The document is that of the user; without one, a result is compared with the document that it
+    carries as `system.given`.
+    """
+    end = time.monotonic() + TIME_LIMIT
+    try:
+        found = read_json(text)
+    except InputError:  # the checker says what is wrong with it
+        return answer(check_text(text))
+    if isinstance(found, dict) and "document" in found and "result" in found:
+        from inverse_service.service.jobs.identity import write_json  # brings all that jobs are made of
+
+        alone = check_text(write_json(found["result"]))
+        return answer(_with_comparison(alone, found["result"], found["document"], end))
+    return answer(_with_comparison(check_text(text), found, None, end))
+
+
+def check_plain(result: object, document: object = None) -> dict[str, Any]:
+    """The same for a result or a certificate as plain data."""
+    end = time.monotonic() + TIME_LIMIT
+    check = check_certificate if _object(result).get("format") == FORMAT else check_result
+    return answer(_with_comparison(check(result), result, document, end))
+
+
+def answer(found: CheckResult) -> dict[str, Any]:
+    return {"verdict": found.verdict, "reasons": list(found.reasons)}
+
+
+def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
+    """Make a result undetermined where its system could not be compared with the document as given.
+
+    Raises CertificateRefused where the system is found to be another one: that is a fault of ours.
+    """
+    end = time.monotonic() + max(1.0, time_limit)
+    found = _compared(result, result["system"]["given"], end)
+    if found is None or found.verdict == "valid":
+        return
+    why = "; ".join(found.reasons)
+    if found.verdict == "invalid":
+        raise CertificateRefused(f"what was solved is not what was given: {why}"[:500])
+    for one in (result, result["with_time"] or {}):
+        for key in ("verdict", "verdict_with_time"):
+            if one.get(key) is not None:
+                one[key] = "undetermined"
+                one["reason"] = f"An answer was found, but the system could not be compared with the document: {why}"
+
+
+def _with_comparison(alone: CheckResult, result: Any, document: object, end: float) -> CheckResult:
+    if alone.verdict == "invalid":
+        return alone
+    given = _object(result.get("system")).get("given") if document is None else document
+    found = None if given is None else _compared(result, given, end)
+    if found is None:
+        return alone
+    worst = max(alone.verdict, found.verdict, key=_FROM_BEST.index)
+    return CheckResult(worst, (*(reason for reason in alone.reasons if reason != NOT_COMPARED), *found.reasons))
+
+
+def _compared(result: dict[str, Any], given: object, end: float) -> CheckResult | None:
+    """The first comparison that does not hold, else the last one; None where there is no certificate."""
+    found = None
+    for canonical in _systems(result):
+        found = compared_with_document(given, canonical, end - time.monotonic())
+        if found.verdict != "valid":
+            break
+    return found
+
+
+def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
+    """The system that a result shows and those that its certificates are about, each once; none without one."""
+    if result.get("format") == FORMAT:
+        yield Canonical(_system(result), result.get("near"))
+        return
+    listed = _object(result.get("nonholonomic")).get("associated")
+    associated = listed if isinstance(listed, list) else []
+    answers = (_object(each) for each in (result, result.get("with_time"), *associated))
+    certificates = [found for each in answers if (found := _object(each.get("certificate")))]
+    shown = [Canonical(_system(result), each.get("near")) for each in certificates[:1]]
+    seen: list[object] = []
+    for each in (*shown, *(Canonical(_system(found), found.get("near")) for found in certificates)):
+        if each.system not in seen:
+            seen.append(each.system)
+            yield each
+
+
+def _system(holder: dict[str, Any]) -> dict[str, Any]:
+    """What says the same in a result and in a certificate."""
+    system = _object(holder.get("system"))
+    return {key: system.get(key) or empty for key, empty in _SYSTEM.items()}
+
+
+def _object(value: Any) -> dict[str, Any]:
+    """The value where it is an object, else an empty one."""
+    return value if isinstance(value, dict) else {}

@@ -1,0 +1,76 @@
+"""Whether the system of a certificate is that of a document as a user gave it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from api_schemas.system import SystemDocument
+from inverse_service.certificate.checker import CheckResult
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
+from inverse_service.mechanics.reading import read_given
+from inverse_service.service.documents import translate
+from inverse_service.service.documents.document_kinds import is_nonholonomic
+
+
+def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
+    """The checker's kind of verdict on: these right sides are what the document asks about. Never raises.
+
+    Names have to be the same, coordinates in the same order; then `mechanics.agreement` decides. Of a
+    Lagrangian with constraints the system may be any associated one: it is compared where the constraints hold.
+    """
+    end = time.monotonic() + time_limit
+    try:
+        if is_nonholonomic(document):
+            return _compared_motion(document, canonical, end)
+        schema = translate.to_schema(document)
+        given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions)
+    except InputError as error:
+        return CheckResult("invalid", (f"The document as given cannot be read: {error}",))
+    names, texts = given.names, _texts(schema, given.names)
+    texts = texts if len(texts) == len(given.residuals) else []
+    limit = end - time.monotonic()
+    return _named(names, canonical) or equations_agree(given.residuals, names.coordinates, canonical, limit, texts)
+
+
+def _compared_motion(document: Any, canonical: Canonical, end: float) -> CheckResult:
+    # Imported where it is needed: it takes 0.05 s, which a single call for another system notices.
+    from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
+
+    motion = to_nonholonomic(to_nonholonomic_schema(document))
+    functions = {function.name: function.arguments for function in motion.functions}
+    names = Names(motion.coordinates, motion.parameters, functions)
+    return _named(names, canonical) or motion_agrees(motion, canonical, end - time.monotonic())
+
+
+def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:
+    """The equations as texts for a second reader, in the order of their trees; None where that is not plain."""
+    valued = schema.parameters.items() if isinstance(schema.parameters, Mapping) else ()
+    values = {name: str(value) for name, value in valued if value is not None}
+    if isinstance(schema.equations, Mapping):
+        found = {key: GivenText(f"{key}''", str(text), values) for key, text in schema.equations.items()}
+        return [found.get(name) for name in names.coordinates]
+    texts = schema.equations.split(";") if isinstance(schema.equations, str) else schema.equations
+    sides = [str(text).split("=") for text in texts if str(text).strip()]
+    return [GivenText(pair[0], pair[1], values) if len(pair) == 2 else None for pair in sides]
+
+
+def _named(names: Names, canonical: Canonical) -> CheckResult | None:
+    """What differs in the declared names, None where nothing does."""
+    system = canonical.system if isinstance(canonical.system, Mapping) else {}
+    pairs = {
+        "coordinates": (list(names.coordinates), system.get("coordinates")),
+        "parameters": (sorted(names.parameters), _sorted(system.get("parameters") or [])),
+        "functions": ({key: list(of) for key, of in names.functions.items()}, system.get("functions") or {}),
+    }
+    for what, (given, found) in pairs.items():
+        if given != found:
+            return CheckResult("invalid", (f"The {what} are not those of the document as given.",))
+    return None
+
+
+def _sorted(names: Any) -> Any:
+    return sorted(names) if isinstance(names, list) and all(isinstance(name, str) for name in names) else names

@@ -1,0 +1,124 @@
+"""Use cases for Nonholonomic documents, as they run inside a worker process."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any
+
+from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicResult
+from api_schemas.result import ResultDocument
+from inverse_service.errors import InputError
+from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
+    AssociatedAnswer,
+    associated_systems,
+    motion_report,
+    study,
+)
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer, Solution
+from inverse_service.mechanics.nonholonomic.associated_systems import AssociatedSystem
+from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
+from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
+from inverse_service.service.documents import solving, translate
+from inverse_service.service.documents.nonholonomic_search import searched
+from inverse_service.service.documents.translate_nonholonomic import (
+    to_families,
+    to_nonholonomic,
+    to_nonholonomic_parse_answer,
+    to_nonholonomic_part,
+    to_nonholonomic_schema,
+)
+
+# Of the time for all, what a search among associated systems may take.
+SHARE_OF_SEARCH = 0.6
+# And what finding the motion and what it keeps may take.
+SHARE_OF_MOTION = 0.3
+
+
+def solve_nonholonomic(
+    document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """The result document of a Nonholonomic document; the main fields answer one associated system.
+
+    Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
+    finds our own certificate invalid.
+    """
+    end = time.monotonic() + options.time_limit
+    schema = to_nonholonomic_schema(document)
+    system = to_nonholonomic(schema)
+    families = to_families(schema, system)
+    report = motion_report(system, min(TIME_LIMIT, SHARE_OF_MOTION * options.time_limit))
+    kind, part = schema.associated, None
+    if kind == "search":
+        _refuse_multiples(schema)
+        limit = SHARE_OF_SEARCH * (end - time.monotonic())
+        one, part = searched(report, schema, options.seed, limit, progress)
+        systems: tuple[AssociatedSystem, ...] = (one,)
+    else:
+        systems = associated_systems(report, kind, families)
+    defined = next((one.system for one in systems if one.system is not None), None)
+    asked = dataclasses.replace(
+        options,
+        time_dependent=schema.time_dependent_lagrangian,
+        time_limit=_share(schema) * (end - time.monotonic()),
+        ansatz=() if defined is None else translate.to_ansatz(schema, defined),
+        series_order=schema.series_order,
+    )
+    found = study(report, systems, asked, progress)
+    main = found.answers[found.main]
+    if main.solution is None:
+        raise InputError(main.associated.explanation, "/associated")
+    result = translate.to_result(_with_images(main), schema)
+    if schema.special_cases:
+        assert main.associated.system is not None
+        result = solving.with_special_cases(result, main.associated.system, asked, (end, progress))
+    fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
+    whole = NonholonomicResult(**fields, nonholonomic=to_nonholonomic_part(found), search=part)
+    return solving.ordered(solving.checked(whole, end - time.monotonic()))
+
+
+def _share(schema: NonholonomicDocument) -> float:
+    return solving.SHARE_BESIDE_CASES if schema.special_cases else solving.SHARE_OF_SOLVER
+
+
+def _refuse_multiples(schema: NonholonomicDocument) -> None:
+    if schema.multiples is not None:
+        raise InputError(
+            'multiples and "associated": "search" do not go together: leave one of them out.', "/multiples"
+        )
+
+
+def _with_images(main: AssociatedAnswer) -> Solution:
+    """The solution, its Hamiltonian with the constraints in phase space."""
+    solution = main.solution
+    assert solution is not None
+    autonomous, with_time = _imaged(main, solution.autonomous), _imaged(main, solution.with_time)
+    return dataclasses.replace(solution, autonomous=autonomous, with_time=with_time)
+
+
+def _imaged(main: AssociatedAnswer, answer: Answer | None) -> Answer | None:
+    if answer is None or answer.lagrangian is None or answer.hamiltonian is None:
+        return answer
+    expression = answer.lagrangian.expression
+    images = next((each.found.images for each in main.reports if each.found.lagrangian == expression), None)
+    if images is None:
+        return answer
+    return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=images))
+
+
+def parse_nonholonomic(document: Any) -> dict[str, Any]:
+    """What was understood of a Nonholonomic document; raises InputError."""
+    schema = to_nonholonomic_schema(document)
+    system = to_nonholonomic(schema)
+    to_families(schema, system)
+    return to_nonholonomic_parse_answer(system, equations_of_motion(system)).model_dump(mode="json")
+
+
+def understand_nonholonomic(document: Any) -> dict[str, Any]:
+    """The `system` part of a result: the first associated system; raises InputError."""
+    schema = to_nonholonomic_schema(document)
+    first, *_ = associated_systems(motion_report(to_nonholonomic(schema)), "first")
+    assert first.system is not None
+    return translate.to_understood(first.system, schema).model_dump(mode="json")

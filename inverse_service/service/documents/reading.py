@@ -1,0 +1,180 @@
+"""Bytes to plain data: JSON, YAML and TOML, read strictly and exactly.
+
+Stricter than the libraries: a key given twice, NaN and the infinities, lone surrogates, numbers
+of thousands of digits, YAML anchors and deep nesting are refused. Decimal numbers stay exact.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from decimal import Decimal, InvalidOperation
+from typing import Any, NoReturn
+
+from inverse_service.errors import InputError, LimitError
+
+MAX_DEPTH = 64
+MAX_NUMBER_CHARACTERS = 400
+_JSON_STRING_OR_BRACKET = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]', re.DOTALL)
+
+
+def read_json(data: bytes | str) -> Any:
+    """The value of a JSON text; raises InputError with line and column, or with the pointer."""
+    text = decode(data)
+    if not text.strip():
+        raise InputError("The document is empty; write a JSON object with coordinates and equations.")
+    _refuse_deep_json(text)
+    try:
+        value = json.loads(
+            text,
+            object_pairs_hook=_object,
+            parse_constant=_refuse_constant,
+            parse_float=_decimal,
+            parse_int=_integer,
+        )
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"The document is not JSON: {_first_lower(error.msg)} at line {error.lineno}, column {error.colno}."
+        ) from None
+    refuse_surrogates(value)
+    return value
+
+
+def read_yaml(data: bytes | str) -> Any:
+    """The value of a YAML text; scalars other than true, false and null stay text, so 0.1 is exact."""
+    import yaml
+
+    from inverse_service.service.documents.yaml_loading import PlainLoader
+
+    try:
+        value = yaml.load(decode(data), Loader=PlainLoader)
+    except yaml.YAMLError as error:
+        raise InputError(f"The document is not YAML that can be read here: {_yaml_reason(error)}.") from None
+    except RecursionError:
+        raise _too_deep() from None
+    refuse_surrogates(value)
+    return value
+
+
+def read_toml(data: bytes | str) -> Any:
+    """The value of a TOML text; raises InputError with the place."""
+    import tomllib
+
+    try:
+        value = tomllib.loads(decode(data), parse_float=_decimal)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"The document is not TOML: {_first_lower(str(error))[:200]}.") from None
+    except RecursionError:
+        raise _too_deep() from None
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError("The document holds a number with too many digits; write it as a formula.") from None
+    refuse_surrogates(value)
+    return value
+
+
+def read_document(data: bytes | str, file_name: str) -> Any:
+    """By the ending of the name: .yaml and .yml, .toml, anything else is JSON."""
+    ending = file_name.lower().rpartition(".")[2]
+    if ending in ("yaml", "yml"):
+        return read_yaml(data)
+    return read_toml(data) if ending == "toml" else read_json(data)
+
+
+def decode(data: bytes | str) -> str:
+    """UTF-8 text, a byte order mark dropped."""
+    if isinstance(data, str):
+        return data
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"The document is not UTF-8 text: byte {error.start + 1} cannot be read.") from None
+
+
+def refuse_surrogates(value: Any) -> None:
+    """Raises InputError where a text, key or value, holds half of a surrogate pair."""
+    stack: list[tuple[Any, str]] = [(value, "")]
+    while stack:
+        node, pointer = stack.pop()
+        if isinstance(node, str) and not _is_encodable(node):
+            raise InputError("A text holds half of a surrogate pair; write the whole character.", pointer)
+        stack.extend(_parts(node, pointer))
+
+
+def escape(key: object) -> str:
+    """A key as one step of an RFC 6901 pointer, shortened, safe to print."""
+    text = str(key).replace("~", "~0").replace("/", "~1")
+    printable = "".join(c if c.isprintable() else "?" for c in text[:80])
+    return printable if len(text) <= 80 else printable + "..."
+
+
+def _parts(node: Any, pointer: str) -> Iterable[tuple[Any, str]]:
+    if isinstance(node, Mapping):
+        for key, part in node.items():
+            yield key, pointer
+            yield part, f"{pointer}/{escape(key)}"
+    elif isinstance(node, list):
+        for k, part in enumerate(node):
+            yield part, f"{pointer}/{k}"
+
+
+def _is_encodable(text: str) -> bool:
+    return text.isascii() or not any("\ud800" <= character <= "\udfff" for character in text)
+
+
+def _refuse_deep_json(text: str) -> None:
+    depth = 0
+    for match in _JSON_STRING_OR_BRACKET.finditer(text):
+        token = match.group()[0]
+        depth += (token in "[{") - (token in "]}")
+        if depth > MAX_DEPTH:
+            raise _too_deep()
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise InputError(f"The key '{escape(key)}' is given twice in one object; keep one of them.")
+        found[key] = value
+    return found
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise InputError(f"{name} is not a number of JSON; write a finite number or a formula.")
+
+
+def _decimal(text: str) -> Decimal:
+    if len(text) > MAX_NUMBER_CHARACTERS:
+        raise LimitError(f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula.")
+    try:
+        value = Decimal(text)
+    except InvalidOperation:  # an exponent of more digits than Decimal holds
+        value = Decimal("inf")
+    if not value.is_finite() or abs(value.adjusted()) > 300:
+        raise LimitError("A number is beyond 10^300 or not finite; write it as a formula with powers.")
+    return value
+
+
+def _integer(text: str) -> int:
+    if len(text) > MAX_NUMBER_CHARACTERS:
+        raise LimitError(f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula.")
+    return int(text)
+
+
+def _too_deep() -> InputError:
+    return LimitError(f"The document is nested more than {MAX_DEPTH} levels deep; a system needs three.")
+
+
+def _first_lower(text: str) -> str:
+    return text[:1].lower() + text[1:]
+
+
+def _yaml_reason(error: Exception) -> str:
+    problem = getattr(error, "problem", None) or "it holds a character that YAML does not allow"
+    mark = getattr(error, "problem_mark", None)
+    place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    printable = "".join(c if c.isprintable() else "?" for c in str(problem)[:120])
+    return printable + place

@@ -1,0 +1,97 @@
+"""From the schema's complaints to one clear sentence a fault, with its place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from api_schemas.system import MAX_SERIES_ORDER, TAGS
+from inverse_service.errors import InputError
+from inverse_service.service.documents.reading import escape
+from inverse_service.service.jobs.outcome import Place
+
+MAX_PLACES = 10
+NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
+KEYS = (
+    "name, coordinates, equations, parameters, functions, time_dependent_lagrangian, ansatz, series_order, "
+    "special_cases"
+)
+KEYS_NONHOLONOMIC = (
+    "name, coordinates, lagrangian, constraints, parameters, functions, associated, multiples, "
+    "search, time_dependent_lagrangian, ansatz, series_order, special_cases"
+)
+EXPECTED = {
+    "": "an object with coordinates and equations",
+    "lagrangian": "a formula written as text",
+    "constraints": """a list of constraints such as ["x' - R*cos(phi)*theta'"], or one text""",
+    "associated": '"first", "second", "third" or "search"',
+    "multiples": """an object such as {"x": "mu*(x' - R*theta')"}, or a list of such objects""",
+    "name": "a text",
+    "coordinates": 'a list of names such as ["x", "y"]',
+    "equations": "an object of formulas by coordinate, a list of equations or one text",
+    "parameters": "a list of names, or an object with values",
+    "functions": 'an object such as {"A": ["r1"]}, each function with the coordinates it depends on',
+    "time_dependent_lagrangian": "true or false",
+    "ansatz": """a list of terms such as ["y'^2/x'"]""",
+    "series_order": f"a whole number from 1 to {MAX_SERIES_ORDER}",
+    "special_cases": "true or false",
+    "search": """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",
+}
+
+
+class DocumentRefused(InputError):
+    """The document does not have the shape of a system; `places` lists every fault found."""
+
+    def __init__(self, places: tuple[Place, ...]) -> None:
+        super().__init__(places[0].detail, places[0].pointer, places[0].column)
+        self.places = places
+
+
+def places_of(error: ValidationError, nonholonomic: bool = False) -> tuple[Place, ...]:
+    """At most MAX_PLACES faults in the order of the document; never a value of the input.
+
+    `nonholonomic` says that the document was read as a Lagrangian with constraints.
+    """
+    found = error.errors(include_url=False, include_input=False, include_context=True)
+    return tuple(_place(fault, nonholonomic) for fault in found[:MAX_PLACES])
+
+
+def _place(fault: Mapping[str, Any], nonholonomic: bool) -> Place:
+    steps = [step for step in fault["loc"] if step not in NOT_IN_THE_DOCUMENT]
+    pointer = "".join(f"/{escape(step)}" for step in steps)
+    code = "limit" if fault["type"].endswith("too_long") else "bad-input"
+    return Place(_sentence(fault, steps, nonholonomic), pointer, None, code)
+
+
+def _sentence(fault: Mapping[str, Any], steps: list[Any], nonholonomic: bool) -> str:
+    top = str(steps[0]) if steps else ""
+    kind, context = fault["type"], fault.get("ctx", {})
+    where = f"'{'/'.join(escape(step) for step in steps)}'" if steps else "The document"
+    if kind == "missing":
+        return f"The key {where} is missing; it must be {EXPECTED.get(top, 'there')}."
+    if kind == "extra_forbidden":
+        what, keys = ("nonholonomic system", KEYS_NONHOLONOMIC) if nonholonomic else ("system", KEYS)
+        return f"The key {where} is not known here; a {what} has the keys {keys}."
+    if kind.endswith("too_long"):
+        return f"{where} is too long: at most {context['max_length']} {_counted(kind)} are accepted."
+    if kind.endswith("too_short"):
+        return f"{where} must not be empty; it must be {_expected(steps)}."
+    return f"{where} has the wrong type; it must be {_expected(steps)}."
+
+
+def _counted(kind: str) -> str:
+    return "characters" if kind.startswith("string") else "entries"
+
+
+def _expected(steps: list[Any]) -> str:
+    if len(steps) <= 1:
+        return EXPECTED.get(str(steps[0]) if steps else "", "a text")
+    if steps[0] in ("equations", "ansatz", "constraints", "multiples"):
+        return "a formula written as text"
+    if steps[0] == "parameters":
+        return 'a number written as text or as a number, such as "1/2"' if isinstance(steps[1], str) else "a name"
+    if steps[0] == "functions" and len(steps) == 2:
+        return "a list of the coordinates that the function depends on"
+    return "a name"

@@ -1,0 +1,126 @@
+"""Use cases as they run inside a worker process: document in, document out."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any
+
+from api_schemas.result import ResultDocument
+from inverse_service.certificate.checker import check_result
+from inverse_service.errors import CertificateRefused
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents import translate
+from inverse_service.service.documents.checking import compare_before_leaving
+
+# The solver stops by itself a little before its process is killed, so that it can say how far it came.
+SHARE_OF_SOLVER = 0.8
+# What the solver may take where the special cases are wanted too.
+SHARE_BESIDE_CASES = 0.4
+FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
+
+
+def solve_document(
+    document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """The result document of a System document, its certificates checked.
+
+    `options.time_limit` is the time for all of it; `time_dependent` is taken from the document.
+    Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
+    finds our own certificate invalid.
+    """
+    end = time.monotonic() + options.time_limit
+    schema = translate.to_schema(document)
+    system = translate.to_system(schema)
+    asked = dataclasses.replace(
+        options,
+        time_dependent=schema.time_dependent_lagrangian,
+        time_limit=(SHARE_BESIDE_CASES if schema.special_cases else SHARE_OF_SOLVER) * (end - time.monotonic()),
+        ansatz=translate.to_ansatz(schema, system),
+        series_order=schema.series_order,
+    )
+    solution = solve(system, asked, progress)
+    result = translate.to_result(solution, schema)
+    if schema.special_cases:
+        result = with_special_cases(result, system, asked, (end, progress))
+    return ordered(checked(result, end - time.monotonic()))
+
+
+def with_special_cases(
+    result: ResultDocument,
+    system: SecondOrderSystem,
+    asked: SolveOptions,
+    limits: tuple[float, Callable[[str], None] | None],
+) -> ResultDocument:
+    """The result with the tree of special cases, found in the time that is left."""
+    # Loaded when asked for, so that others start sooner.
+    from inverse_service.inverse_problem.special_cases.tree import special_cases
+    from inverse_service.service.documents.translate_special_cases import to_special_cases
+
+    end, progress = limits
+    deadline = time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
+    found = special_cases(system, asked.time_dependent, deadline, progress, asked.seed)
+    return result.model_copy(update={"special_cases": to_special_cases(found)})
+
+
+def parse_document(document: Any) -> dict[str, Any]:
+    """What was understood of a System document; raises InputError."""
+    schema = translate.to_schema(document)
+    system = translate.to_system(schema)
+    translate.to_ansatz(schema, system)
+    return translate.to_parse_answer(system).model_dump(mode="json")
+
+
+def understand_document(document: Any) -> dict[str, Any]:
+    """The `system` part of a result for a System document; raises InputError."""
+    schema = translate.to_schema(document)
+    return translate.to_understood(translate.to_system(schema), schema).model_dump(mode="json")
+
+
+def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
+    """The document with the checker's verdict on each definite answer.
+
+    The solver has its certificates checked itself; only what it left unchecked is checked here. An
+    answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked, nor
+    before its system was compared with the document as given.
+    """
+    end = time.monotonic() + time_limit
+    document = _certified(result.model_dump(mode="json"), time_limit)
+    compare_before_leaving(document, end - time.monotonic())
+    return document
+
+
+def _certified(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
+    other = document["with_time"]
+    if other is None:
+        _check_answer(document, document, time_limit)
+        if document["verdict"] == "undetermined" and document["verdict_with_time"] is not None:
+            document["verdict_with_time"] = "undetermined"
+        return document
+    # Two answers: the checker judges a document as a whole, so each is shown to it alone.
+    alone = {"verdict_with_time": None, "with_time": None}
+    _check_answer(document, document | alone, time_limit)
+    _check_answer(other, document | other | alone | {"question": "L(t, q, q')"}, time_limit)
+    document["verdict_with_time"] = other["verdict"]
+    return document
+
+
+def ordered(document: dict[str, Any]) -> dict[str, Any]:
+    """The fields in the order of the contract, which is the order in which a person reads them."""
+    return {key: document[key] for key in FIRST_FIELDS} | document
+
+
+def _check_answer(answer: dict[str, Any], shown: dict[str, Any], time_limit: float) -> None:
+    if answer["verdict"] == "undetermined" or answer["checked"] == "valid":
+        return
+    found = check_result(shown, time_limit=max(1.0, time_limit))
+    answer["checked"] = found.verdict
+    if found.verdict == "invalid":
+        raise CertificateRefused("our checker refused our certificate: " + "; ".join(found.reasons)[:500])
+    if found.verdict == "incomplete":
+        verdict, reasons = answer["verdict"].replace("_", " "), "; ".join(found.reasons)
+        answer["verdict"] = "undetermined"
+        answer["reason"] = f"The solver found {verdict}, but the independent check could not confirm it: {reasons}"

@@ -1,0 +1,226 @@
+"""Between documents and the engine's data: the one file that knows both sides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from api_schemas.problem import ParseAnswer, ParsedFormula
+from api_schemas.result import (
+    ConditionsPart,
+    ExplanationStep,
+    Formula,
+    HamiltonianPart,
+    LagrangianPart,
+    OtherAnswer,
+    ResultDocument,
+    SolutionSpacePart,
+    UnderstoodSystem,
+)
+from api_schemas.system import SystemDocument
+from inverse_service import __version__
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Acceleration, Expression, walk
+from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution
+from inverse_service.mechanics.parameter_values import parameter_values, with_values
+from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents.refusals import DocumentRefused, places_of
+
+if TYPE_CHECKING:
+    from api_schemas.nonholonomic import NonholonomicDocument
+
+    AnyDocument = SystemDocument | NonholonomicDocument
+
+
+def to_schema(document: Any) -> SystemDocument:
+    """The document in its schema; raises DocumentRefused with every fault found."""
+    try:
+        return SystemDocument.model_validate(document)
+    except ValidationError as error:
+        raise DocumentRefused(places_of(error)) from None
+
+
+def to_system(schema: SystemDocument) -> SecondOrderSystem:
+    """The system that a document describes; raises InputError with pointer and column."""
+    return read_system(
+        coordinates=schema.coordinates,
+        equations=schema.equations,
+        parameters=schema.parameters,
+        functions=schema.functions,
+        name=schema.name,
+    )
+
+
+def to_ansatz(schema: AnyDocument, system: SecondOrderSystem) -> tuple[Expression, ...]:
+    """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
+    functions = {function.name: function.arguments for function in system.functions}
+    names = Names(system.coordinates, tuple(schema.parameters), functions)
+    values = parameter_values(schema.parameters)
+    return tuple(_term(text, names, values, f"/ansatz/{place}") for place, text in enumerate(schema.ansatz))
+
+
+def _term(text: str, names: Names, values: Mapping[str, Expression], pointer: str) -> Expression:
+    try:
+        term = with_values(read_formula(text, names), values)
+    except InputError as error:
+        raise type(error)(error.detail, pointer, error.column) from None
+    found = next((node for node in walk(term) if isinstance(node, Acceleration)), None)
+    if found is not None:
+        raise InputError(
+            f"a term of a Lagrangian contains the acceleration {found.coordinate}'': use coordinates and velocities.",
+            pointer,
+        )
+    return term
+
+
+def to_parse_answer(system: SecondOrderSystem) -> ParseAnswer:
+    """What was understood, for a reader to compare with what was meant."""
+    return ParseAnswer(
+        name=system.name,
+        coordinates=list(system.coordinates),
+        parameters=list(system.parameters),
+        functions={f.name: list(f.arguments) for f in system.functions},
+        equations={
+            coordinate: ParsedFormula(text=to_text(f), latex=to_latex(f), mathml=to_mathml(f))
+            for coordinate, f in zip(system.coordinates, system.accelerations, strict=True)
+        },
+        depends_on_time=system.depends_on_time,
+    )
+
+
+def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> UnderstoodSystem:
+    """The `system` part of a result: canonical equations beside the document as given."""
+    pairs = list(zip(system.coordinates, system.accelerations, strict=True))
+    return UnderstoodSystem(
+        name=system.name,
+        coordinates=list(system.coordinates),
+        equations={coordinate: to_text(f) for coordinate, f in pairs},
+        latex={coordinate: f"{to_latex(Acceleration(coordinate))} = {to_latex(f)}" for coordinate, f in pairs},
+        parameters=list(system.parameters),
+        functions={f.name: list(f.arguments) for f in system.functions},
+        given=schema.model_dump(mode="json", exclude_unset=True),
+    )
+
+
+def to_result(solution: Solution, schema: AnyDocument) -> ResultDocument:
+    """The result document; `with_time` is filled where the other question has another answer."""
+    main, other = main_and_other(solution, schema.time_dependent_lagrangian)
+    time = solution.with_time
+    return ResultDocument(
+        system=to_understood(solution.system, schema),
+        question="L(t, q, q')" if answers_time(solution, schema.time_dependent_lagrangian) else "L(q, q')",
+        **answer_fields(main, solution.system) | {"certificate": _certificate(main, time)},
+        verdict_with_time=time.verdict if time is not None else None,
+        conditions=_conditions(solution.conditions),
+        with_time=None if other is None else OtherAnswer(**answer_fields(other, solution.system)),
+        provenance={"program": "inverse-service", "version": __version__, **_plain(solution.provenance)},
+    )
+
+
+def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Answer, Answer | None]:
+    """The answer of the main fields, and the one with time where it says more than that."""
+    main = solution.with_time if answers_time(solution, time_dependent) else solution.autonomous
+    if main is None:
+        raise ValueError("the solver answered neither question")
+    time = solution.with_time
+    differs = time is not None and time is not main and (time.verdict != main.verdict or _found_more(time, main))
+    return main, time if differs else None
+
+
+def _found_more(time: Answer, main: Answer) -> bool:
+    """Whether the question with time has a Lagrangian, or a Hamiltonian in closed form, that the other lacks."""
+    closed = [a.hamiltonian is not None and not a.hamiltonian.implicit for a in (time, main)]
+    return time.lagrangian is not None and (main.lagrangian is None or (closed[0] and not closed[1]))
+
+
+def answers_time(solution: Solution, time_dependent: bool | None) -> bool:
+    """Whether the main fields answer L(t, q, q'): asked for, or the only question where f contains t."""
+    wants_time = time_dependent is True or solution.system.depends_on_time
+    return solution.autonomous is None or (wants_time and solution.with_time is not None)
+
+
+def _certificate(main: Answer, time: Answer | None) -> dict[str, Any] | None:
+    """The certificate of the main answer, or the one that proves both.
+
+    Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
+    """
+    covers = time is not None and time.verdict == main.verdict == "not_variational" and time.certificate is not None
+    certificate = time.certificate if covers and time is not None else main.certificate
+    return None if certificate is None else _plain(certificate)
+
+
+def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
+    """One answer as the fields of a result."""
+    lagrangian, space = answer.lagrangian, answer.space
+    return {
+        "verdict": answer.verdict,
+        "lagrangian": None if lagrangian is None else _lagrangian(lagrangian),
+        "other_lagrangians": [_lagrangian(other) for other in answer.other_lagrangians],
+        "multiplier": None if lagrangian is None else _texts(lagrangian.multiplier),
+        "hamiltonian": None if answer.hamiltonian is None else _hamiltonian(answer.hamiltonian, system.coordinates),
+        "solution_space": None
+        if space is None
+        else SolutionSpacePart(
+            order=space.order,
+            dimensions=list(space.dimensions),
+            characters=list(space.characters),
+            involutive=space.involutive,
+            statement=space.statement,
+        ),
+        "certificate": None if answer.certificate is None else _plain(answer.certificate),
+        "explanation": [ExplanationStep(text=step.text, latex=step.latex) for step in answer.explanation],
+        "checked": answer.checked,
+        "reason": answer.reason,
+    }
+
+
+def _lagrangian(lagrangian: Lagrangian) -> LagrangianPart:
+    domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + [f"{to_text(e)} > 0" for e in lagrangian.positive]
+    written = _formula(lagrangian.expression)
+    return LagrangianPart(text=written.text, latex=written.latex, domain=domain, family=lagrangian.family)
+
+
+def _hamiltonian(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> HamiltonianPart:
+    written = _formula(hamiltonian.expression)
+    names = [symbol.name for symbol in hamiltonian.symbols] or [f"p_{coordinate}" for coordinate in coordinates]
+    pairs = zip(names, hamiltonian.momenta, strict=True)
+    return HamiltonianPart(
+        text=written.text,
+        latex=written.latex,
+        momenta={name: to_text(momentum) for name, momentum in pairs},
+        implicit=hamiltonian.implicit,
+        constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
+    )
+
+
+def _conditions(conditions: Conditions | None) -> ConditionsPart | None:
+    if conditions is None:
+        return None
+    return ConditionsPart(
+        Phi=_texts(conditions.Phi), nabla_Phi=_texts(conditions.nabla_Phi), R=[_texts(block) for block in conditions.R]
+    )
+
+
+def _formula(expression: Expression) -> Formula:
+    return Formula(text=to_text(expression), latex=to_latex(expression))
+
+
+def _texts(matrix: Matrix) -> list[list[str]]:
+    return [[to_text(entry) for entry in row] for row in matrix]
+
+
+def _plain(value: Any) -> Any:
+    """Mappings and sequences as dict and list, so that JSON can hold them."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(part) for part in value]
+    return value

@@ -1,0 +1,284 @@
+"""Between Nonholonomic documents and the engine's data; belongs to `translate`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from api_schemas.nonholonomic import (
+    AssociatedPart,
+    ClassPart,
+    FirstIntegralPart,
+    HamiltonisationPart,
+    IntegrabilityPart,
+    MeasurePart,
+    MotionPart,
+    NonholonomicDocument,
+    NonholonomicParseAnswer,
+    NonholonomicPart,
+    StatementPart,
+    TrajectoryPart,
+)
+from api_schemas.problem import ParsedFormula
+from api_schemas.result import Formula, HamiltonianPart
+from inverse_service.algebra.rational_functions import TooLarge
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions.tree import TIME, Acceleration, Expression, power, walk
+from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
+from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
+    AssociatedAnswer,
+    MotionReport,
+    Report,
+    Study,
+)
+from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison
+from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
+from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+from inverse_service.service.documents import translate
+from inverse_service.service.documents.refusals import DocumentRefused, places_of
+from inverse_service.service.jobs.outcome import Place
+
+T = TypeVar("T")
+
+
+def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
+    """The document in its schema; raises DocumentRefused with every fault found."""
+    _refuse_other_kinds(document)
+    try:
+        return NonholonomicDocument.model_validate(document)
+    except ValidationError as error:
+        raise DocumentRefused(places_of(error, nonholonomic=True)) from None
+
+
+def _refuse_other_kinds(document: Any) -> None:
+    if not isinstance(document, dict):
+        return
+    if "equations" in document:
+        sentence = "'equations' stand beside a Lagrangian or constraints: keep the one or the other."
+        raise DocumentRefused((Place(sentence, "/equations"),))
+    if "lagrangian" in document and document.get("constraints") in (None, [], ""):
+        sentence = (
+            "The Lagrangian has no 'constraints'; write a list such as [\"x' - R*cos(phi)*theta'\"]. "
+            "A system without constraints is given by its 'equations', or simulated as it is."
+        )
+        raise DocumentRefused((Place(sentence, "/constraints"),))
+
+
+def to_nonholonomic(schema: NonholonomicDocument) -> NonholonomicSystem:
+    """The system that a document describes; raises InputError with pointer and column."""
+    return read_nonholonomic(
+        schema.coordinates, schema.lagrangian, schema.constraints, schema.parameters, schema.functions, schema.name
+    )
+
+
+def to_families(schema: NonholonomicDocument, system: NonholonomicSystem) -> list[tuple[Expression, ...]]:
+    """The families of multiples, each one tree for each coordinate; raises InputError."""
+    if schema.multiples is None:
+        return []
+    if isinstance(schema.multiples, dict):
+        return [read_multiples(schema.multiples, system, schema.parameters)]
+    return [
+        read_multiples(family, system, schema.parameters, f"/multiples/{place}")
+        for place, family in enumerate(schema.multiples)
+    ]
+
+
+def to_nonholonomic_parse_answer(system: NonholonomicSystem, motion: EquationsOfMotion) -> NonholonomicParseAnswer:
+    """What was understood: Lagrangian, constraints, and the accelerations that follow."""
+    return NonholonomicParseAnswer(
+        name=system.name,
+        coordinates=list(system.coordinates),
+        parameters=list(system.parameters),
+        functions={f.name: list(f.arguments) for f in system.functions},
+        equations={name: _parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
+        depends_on_time=any(node == TIME for f in motion.accelerations for node in walk(f)),
+        lagrangian=_parsed(system.lagrangian),
+        constraints=[_parsed(tree) for tree in system.constraints],
+    )
+
+
+def _parsed(tree: Expression) -> ParsedFormula:
+    return ParsedFormula(text=to_text(tree), latex=to_latex(tree), mathml=to_mathml(tree))
+
+
+def to_nonholonomic_part(study: Study) -> NonholonomicPart:
+    """The key `nonholonomic` of a result."""
+    system = study.report.motion.system
+    return NonholonomicPart(
+        lagrangian=_formula(system.lagrangian),
+        constraints=[_formula(tree) for tree in system.constraints],
+        main=study.answers[study.main].associated.kind,
+        **_motion_fields(study.report),
+        associated=[_associated(one) for one in study.answers],
+        hamiltonisation=[_hamiltonisation(report) for one in study.answers for report in one.reports],
+    )
+
+
+def _motion_fields(report: MotionReport) -> dict[str, Any]:
+    return {
+        "equations_of_motion": _motion(report.motion),
+        "integrable": _integrability(report),
+        "measure_density": _measure(report),
+        "first_integrals": [
+            FirstIntegralPart(name=each.name, text=to_text(each.expression), latex=to_latex(each.expression))
+            for each in report.integrals
+        ],
+        "paper_class": _class(report),
+    }
+
+
+def _motion(motion: EquationsOfMotion) -> MotionPart:
+    return MotionPart(
+        free=list(motion.free),
+        dependent=list(motion.dependent),
+        first_order=_formulas(motion.dependent, motion.dependent_velocities),
+        second_order=_formulas(motion.free, motion.free_accelerations),
+        accelerations=_formulas(motion.system.coordinates, motion.accelerations),
+        multipliers=[_formula(tree) for tree in motion.multipliers],
+    )
+
+
+def _integrability(report: MotionReport) -> IntegrabilityPart:
+    found, count = report.integrability, len(report.motion.system.constraints)
+    if found is None:
+        text = "Whether constraints are integrable was not settled, their brackets are too large."
+        return IntegrabilityPart(holonomic=False, integrable=0, count=count, growth=[], integrals=[], statement=text)
+    if found.integrable == 0:
+        text = "No combination of the constraints is integrable."
+    elif found.holonomic:
+        text = (
+            "The constraints are integrable (Frobenius): they restrict positions, the system is holonomic in disguise."
+        )
+    else:
+        text = f"{found.integrable} of {count} constraints is integrable: a combination restricts positions."
+    return IntegrabilityPart(
+        holonomic=found.holonomic,
+        integrable=found.integrable,
+        count=count,
+        growth=list(found.growth),
+        integrals=[_formula(tree) for tree in found.integrals],
+        statement=text,
+    )
+
+
+_MEASURE = {
+    "found": "The volume N dq dp is invariant, p_j = dL/du_j the momenta of the free velocities on the constraints.",
+    "does_not_exist": "No density N(q) makes a volume invariant: the equations for log N contradict each other.",
+    "not_found": "A density N(q) was not found in closed form; whether there is one was not settled.",
+}
+
+
+def _measure(report: MotionReport) -> MeasurePart:
+    found = report.density
+    return MeasurePart(
+        status=found.status,
+        density=None if found.momenta is None else _formula(found.momenta),
+        in_velocities=None if found.velocities is None else _formula(found.velocities),
+        statement=_MEASURE[found.status],
+    )
+
+
+def _class(report: MotionReport) -> ClassPart:
+    member = report.member
+    if member is None:
+        return ClassPart(member=False, statement=f"The system is outside the paper's class: {report.reason}.")
+    parts, names = member.geometry, member.geometry.system.coordinates
+    dependent = [names[place] for place in member.frame.dependent]
+    text = f"The system is in the class s' = -A(r1) r2' with r1 = {names[member.r1]}, r2 = {names[member.r2]}"
+    if member.has_force:
+        text += ", with a potential" + ("" if member.force_fits else " that depends on more than r2")
+    N = _in_time(lambda: _formula(power(parts.tree(member.inverse_square_density), Fraction(-1, 2))))
+    return ClassPart(
+        member=True,
+        statement=text + ".",
+        r1=names[member.r1],
+        r2=names[member.r2],
+        s=dependent,
+        A=_in_time(lambda: _formulas(tuple(dependent), tuple(parts.tree(each) for each in member.slopes))) or {},
+        N=N,
+        K=_in_time(lambda: _formula(parts.tree(member.slope_of_density))),
+        potential=member.has_force,
+    )
+
+
+def _in_time(work: Callable[[], T]) -> T | None:
+    """What the work gives; None where the time for exact expressions was used up before it."""
+    try:
+        return work()
+    except TooLarge:
+        return None
+
+
+def _associated(one: AssociatedAnswer) -> AssociatedPart:
+    system, solution, answer = one.associated.system, one.solution, one.answer
+    if system is None or solution is None or answer is None:
+        return AssociatedPart(kind=one.associated.kind, defined=False, explanation=one.associated.explanation)
+    pairs = list(zip(system.coordinates, system.accelerations, strict=True))
+    fields = translate.answer_fields(answer, system)
+    return AssociatedPart(
+        kind=one.associated.kind,
+        defined=True,
+        explanation=one.associated.explanation,
+        equations={name: to_text(f) for name, f in pairs},
+        latex={name: f"{to_latex(Acceleration(name))} = {to_latex(f)}" for name, f in pairs},
+        verdict_with_time=None if solution.with_time is None else solution.with_time.verdict,
+        steps=fields["explanation"],
+        **{key: fields[key] for key in ("verdict", "reason", "checked", "lagrangian", "hamiltonian", "certificate")},
+    )
+
+
+def _hamiltonisation(report: Report) -> HamiltonisationPart:
+    found = report.found
+    return HamiltonisationPart(
+        associated=report.kind,
+        label=report.label,
+        lagrangian=_formula(found.lagrangian),
+        hamiltonian=_hamiltonian(found),
+        constraints=[_formula(tree) for tree in found.images],
+        checked=report.checked,
+        statements=[StatementPart(text=each.text, verdict=each.verdict) for each in found.statements],
+        holds=found.holds,
+        trajectory=None if found.comparison is None else _trajectory(found.comparison),
+    )
+
+
+def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
+    transform = found.transform
+    if transform is None:
+        return None
+    written = _formula(transform.hamiltonian)
+    pairs = zip(transform.symbols, transform.momenta, strict=True)
+    return HamiltonianPart(
+        text=written.text,
+        latex=written.latex,
+        momenta={symbol.name: to_text(p) for symbol, p in pairs},
+        implicit=transform.implicit,
+        constraints=[to_text(tree) for tree in found.images],
+    )
+
+
+def _trajectory(comparison: Comparison) -> TrajectoryPart:
+    return TrajectoryPart(
+        time=comparison.time,
+        step=comparison.step,
+        parameters=dict(comparison.parameters),
+        functions={name: to_text(body) for name, body in comparison.functions.items()},
+        start=dict(comparison.start),
+        difference=comparison.difference,
+        constraint=comparison.constraint,
+        energy=comparison.energy,
+    )
+
+
+def _formula(tree: Expression) -> Formula:
+    return Formula(text=to_text(tree), latex=to_latex(tree))
+
+
+def _formulas(names: tuple[str, ...], trees: tuple[Expression, ...]) -> dict[str, Formula]:
+    return {name: _formula(tree) for name, tree in zip(names, trees, strict=True)}

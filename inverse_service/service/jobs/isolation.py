@@ -1,0 +1,95 @@
+"""What a worker process does to itself: bounds on memory and processor time, no core file, no orphans."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import faulthandler
+import math
+import os
+import signal
+import sys
+import time
+
+from inverse_service.service.jobs.outcome import Spent
+
+PR_SET_PDEATHSIG = 1
+# The wall clock ends a task first; the bound on processor time is for tasks that start threads.
+THREADS = 2
+
+
+def isolate(memory_limit: int) -> None:
+    """Bound the address space to `memory_limit` MiB, write no core file, die with the parent.
+
+    Where the system has no such limits (Windows, partly macOS) a step is left out.
+    """
+    _limit("RLIMIT_CORE", 0, 0)
+    bound_memory(memory_limit, memory_limit)
+    die_with_parent()
+
+
+def die_with_parent() -> None:
+    """Have the kernel kill this process when the thread that started it ends (Linux only).
+
+    Without it a worker that spins in C outlives a service that was killed with SIGKILL.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+
+
+def bound_memory(soft: int, hard: int) -> None:
+    """Bound the address space, in MiB; a task may have less than its process."""
+    _limit("RLIMIT_AS", soft * 2**20, hard * 2**20)
+
+
+def bound_processor(deadline: float) -> None:
+    """End this process by SIGXCPU when the task that starts now used its time on all its threads."""
+    _limit("RLIMIT_CPU", math.ceil(time.process_time() + THREADS * deadline) + 1, None)
+
+
+def forget_peak() -> None:
+    """Begin to measure the peak of memory anew (Linux only)."""
+    with contextlib.suppress(OSError), open("/proc/self/clear_refs", "w") as stream:
+        stream.write("5")
+
+
+def peak_memory() -> float:
+    """Largest resident memory since `forget_peak`, in MiB; 0 where the system does not tell."""
+    with contextlib.suppress(OSError), open("/proc/self/status") as stream:
+        for line in stream:
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
+    return 0.0
+
+
+def silence_standard_error() -> None:
+    """C libraries print as they abort; the parent says what happened in one sentence."""
+    faulthandler.disable()
+    with contextlib.suppress(OSError):
+        silence = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silence, 2)
+        os.close(silence)
+
+
+class Meter:
+    """Measures one task from its making to `spent`."""
+
+    def __init__(self) -> None:
+        forget_peak()
+        self._wall, self._cpu = time.monotonic(), time.process_time()
+
+    def spent(self) -> Spent:
+        """What was used since."""
+        return Spent(time.monotonic() - self._wall, time.process_time() - self._cpu, peak_memory())
+
+
+def _limit(name: str, soft: int, hard: int | None) -> None:
+    try:
+        import resource
+    except ImportError:
+        return
+    with contextlib.suppress(ValueError, OSError, AttributeError):
+        which = getattr(resource, name)
+        present = resource.getrlimit(which)[1]
+        largest = present if hard is None else hard
+        resource.setrlimit(which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest))

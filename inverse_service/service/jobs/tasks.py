@@ -1,0 +1,99 @@
+"""The tasks that worker processes run. Light to import: the engine is loaded inside the process."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from inverse_service.errors import InputError
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.reading import read_json
+from inverse_service.service.jobs.kinds import KINDS, label_of
+from inverse_service.service.jobs.options import stored_options
+from inverse_service.service.jobs.outcome import Outcome, Place
+
+ENGINE = tuple(f"inverse_service.service.{name}" for name in ("documents", "solving", "nonholonomic", "checking"))
+
+
+def load_engine() -> None:
+    """Import everything that a task needs."""
+    for module in ENGINE:
+        importlib.import_module(module)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A result as it is stored and sent, and what it is counted as."""
+
+    body: bytes
+    label: str
+
+
+def job_task(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Outcome:
+    """A stored job to its Answer; JSON is read and written here, so that the service has its hands free."""
+    return guard(_job, kind, document, options, report)
+
+
+def understand_job_task(document: str) -> Outcome:
+    """The document of a stored solve job to the `system` part of a result."""
+    return guard(lambda: _call("understand_document", read_json(document)))
+
+
+def solve_task(document: Any, options: SolveOptions, report: Callable[[str], None] | None = None) -> Outcome:
+    """A System document to its result document; `report` is told the stages."""
+    return _guarded("solve_document", document, options, report)
+
+
+def parse_task(document: Any) -> Outcome:
+    """A System document to what was understood."""
+    return _guarded("parse_document", document)
+
+
+def understand_task(document: Any) -> Outcome:
+    """A System document to the `system` part of a result."""
+    return _guarded("understand_document", document)
+
+
+def check_task(text: str) -> Outcome:
+    """The text of a result to the checker's verdict."""
+    return _guarded("check_document", text)
+
+
+def ping_task() -> Outcome:
+    """Shows that a worker process answers and has the engine loaded."""
+    return guard(load_engine)
+
+
+def _job(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Answer:
+    result = KINDS[kind].work(read_json(document), stored_options(options), report)
+    return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result))
+
+
+def _guarded(name: str, *arguments: Any) -> Outcome:
+    return guard(_call, name, *arguments)
+
+
+def _call(name: str, *arguments: Any) -> Any:
+    from inverse_service.service.documents import documents
+
+    return getattr(documents, name)(*arguments)
+
+
+def guard(function: Callable[..., Any], *arguments: Any) -> Outcome:
+    """Run it and say as data how it ended; nothing but process death gets past."""
+    try:
+        return Outcome("done", function(*arguments))
+    except InputError as error:
+        places: tuple[Place, ...] = getattr(error, "places", ()) or (
+            Place(error.detail, error.pointer, error.column, error.code),
+        )
+        return Outcome("refused", places=places)
+    except MemoryError:
+        return Outcome("memory")
+    except Exception as error:  # the boundary of the process: a fault of ours becomes data for the log
+        trace = "".join(traceback.format_exception(error))[-8000:]
+        return Outcome("fault", value=f"{type(error).__name__}", detail=trace)

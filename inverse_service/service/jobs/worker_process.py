@@ -1,0 +1,149 @@
+"""One killable process that runs one task after another; its parent waits with a deadline."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import multiprocessing.forkserver
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from typing import Any
+
+from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.isolation import (
+    Meter,
+    bound_memory,
+    bound_processor,
+    isolate,
+    silence_standard_error,
+)
+from inverse_service.service.jobs.outcome import Call, Outcome, Spent, outcome_of_exit
+
+BOND = "inverse_service.service.jobs.bond"
+WARM = "inverse_service.service.jobs.warm"
+STARTED, REPORT, DONE = "started", "report", "done"
+Report = Callable[[Any], None]
+_starting = threading.Lock()
+
+
+class NotStarted(Exception):
+    """The process died before it took the task, which is innocent."""
+
+
+class WorkerProcess:
+    """A process with the engine loaded. `run` is for one thread at a time, `kill` for any."""
+
+    def __init__(self, memory_limit: int) -> None:
+        self._memory_limit = memory_limit
+        receiver, sender = process_context().Pipe(duplex=True)
+        self._connection: Connection = receiver
+        with _starting:
+            self._process = process_context().Process(target=serve, args=(sender, memory_limit), daemon=True)
+            self._process.start()
+        sender.close()
+        self.tasks = 0
+
+    @property
+    def pid(self) -> int:
+        """The number of the process."""
+        return int(self._process.pid or 0)
+
+    def is_alive(self) -> bool:
+        """Whether the process can take a task."""
+        return bool(self._process.is_alive())
+
+    def run(self, call: Call, report: Report | None = None) -> Outcome:
+        """Run the task and kill the process at its deadline. Raises NotStarted."""
+        began = time.monotonic()
+        try:
+            self._connection.send(call)
+            self._connection.recv()
+        except (OSError, EOFError):
+            raise NotStarted from None
+        self.tasks += 1
+        outcome = self._await(began + call.deadline, report)
+        return outcome if outcome.spent.wall else replace(outcome, spent=Spent(wall=time.monotonic() - began))
+
+    def kill(self) -> None:
+        """End the process at once, whatever it does."""
+        with contextlib.suppress(OSError, AttributeError):
+            self._process.kill()
+
+    def close(self) -> None:
+        """Kill the process and give everything back."""
+        self.kill()
+        self._process.join(5)
+        self._connection.close()
+
+    def _await(self, end: float, report: Report | None) -> Outcome:
+        while True:
+            if not self._connection.poll(max(0.0, end - time.monotonic())):
+                self.kill()
+                return Outcome("deadline")
+            try:
+                kind, value = self._connection.recv()
+            except (OSError, EOFError):
+                self._process.join(5)
+                return outcome_of_exit(self._process.exitcode)
+            if kind == DONE:
+                outcome: Outcome = value
+                return outcome
+            if report is not None:
+                report(value)
+
+
+def process_context() -> Any:
+    """Processes forked from a server without threads where the system has it, else spawned."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([BOND, WARM])
+    return context
+
+
+def start_server() -> None:
+    """Start the server that forks the workers; call from a thread that lives as long as they do.
+
+    Linux ties the death signal of a process to the thread that made it.
+    """
+    if process_context().get_start_method() == "forkserver":
+        multiprocessing.forkserver.ensure_running()
+
+
+def serve(connection: Connection, memory_limit: int) -> None:
+    """The life of a worker process: tasks until the parent closes the pipe."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    silence_standard_error()
+    tasks.guard(tasks.load_engine)
+    isolate(memory_limit)
+    while True:
+        try:
+            call: Call = connection.recv()
+        except (OSError, EOFError):
+            return
+        connection.send((STARTED, None))
+        _bound(call, memory_limit)
+        connection.send((DONE, _run(call, connection)))
+
+
+def _bound(call: Call, memory_limit: int) -> None:
+    bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
+    bound_processor(call.deadline)
+
+
+def _run(call: Call, connection: Connection) -> Outcome:
+    meter = Meter()
+    extra = {"report": lambda value: connection.send((REPORT, value))} if call.reports else {}
+    try:
+        outcome = call.task(*call.arguments, **extra)
+    except MemoryError:
+        outcome = Outcome("memory")
+    except Exception as error:  # a task returns its faults as outcomes; what gets here is a broken task
+        outcome = Outcome("crash", detail=f"{type(error).__name__}: {error}")
+    if not isinstance(outcome, Outcome):
+        outcome = Outcome("crash", detail="the task did not return an outcome")
+    return replace(outcome, spent=meter.spent())

@@ -1,0 +1,218 @@
+"""A pool of killable worker processes: every task has a deadline that holds even inside C code.
+
+One thread a process: it hands over a task, waits for the answer or the deadline, and replaces the
+process where that died. A process is forked from a small server process that has the engine loaded
+already, so a replacement costs some 20 ms; it never starts from the threads of the service.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from inverse_service.service.jobs.outcome import Call, Outcome
+from inverse_service.service.jobs.worker_process import NotStarted, Report, WorkerProcess, start_server
+
+log = logging.getLogger(__name__)
+TASKS_PER_WORKER = 200
+# A worker that once needed this much is replaced, so that what its libraries keep is given back.
+MEMORY_TO_REPLACE = 700.0
+STARTS = 3
+# Between attempts to start a process where the system has none to give, s.
+START_PAUSE = 0.5
+LAST = 1_000_000
+IDLE_LOOK = 1.0
+
+
+@dataclass(slots=True, eq=False)
+class Running:
+    """A task in the pool: `outcome` always ends with an Outcome, never with an exception."""
+
+    call: Call
+    report: Report | None = None
+    outcome: Future[Outcome] = field(default_factory=Future)
+    _worker: WorkerProcess | None = None
+    _cancelled: bool = False
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __post_init__(self) -> None:
+        # From here on nobody can cancel the future itself (asyncio does when a wait runs out).
+        self.outcome.set_running_or_notify_cancel()
+
+    def cancel(self) -> None:
+        """Stop the work: a task that waits is dropped, the process of one that runs is killed."""
+        with self._lock:
+            self._cancelled = True
+            if self._worker is not None:
+                self._worker.kill()
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether `cancel` was called."""
+        return self._cancelled
+
+    def begin(self, worker: WorkerProcess) -> bool:
+        """Mark it as running in this worker; False where it was cancelled before."""
+        with self._lock:
+            if not self._cancelled:
+                self._worker = worker
+            return not self._cancelled
+
+    def end(self, outcome: Outcome) -> None:
+        """Hand the outcome over; what a cancelled task says does not count."""
+        with self._lock:
+            self._worker = None
+        self.outcome.set_result(Outcome("cancelled", spent=outcome.spent) if self._cancelled else outcome)
+
+
+class Executor(Protocol):
+    """Where tasks run: the pool of this machine, or many machines."""
+
+    @property
+    def capacity(self) -> int:
+        """How many tasks run at the same time."""
+
+    def start(self) -> None:
+        """Start the processes; call from a thread that lives as long as they do."""
+
+    def submit(self, call: Call, report: Report | None = None) -> Running:
+        """Run the call; returns at once."""
+
+    def fault(self) -> str:
+        """Why nothing can run now, in a sentence; empty where it can."""
+
+    def stop(self) -> None:
+        """End everything at once; tasks not done end as cancelled."""
+
+
+class Workers:
+    """A pool that heals itself; safe to use from any thread."""
+
+    def __init__(self, count: int, memory_limit: int) -> None:
+        self._count = count
+        self._memory_limit = memory_limit
+        self._lock = threading.Lock()
+        self._tasks: queue.PriorityQueue[tuple[int, int, Running | None]] = queue.PriorityQueue()
+        self._numbers = itertools.count()
+        self._threads: list[threading.Thread] = []
+        self._running: set[Running] = set()
+        self._stopped = False
+        self._stopping = threading.Event()
+
+    @property
+    def capacity(self) -> int:
+        """The number of processes."""
+        return self._count
+
+    def start(self) -> None:
+        """Start the processes; they load the engine while the caller goes on."""
+        with self._lock:
+            if self._threads or self._stopped:
+                return
+            start_server()
+            self._threads = [
+                threading.Thread(target=self._serve, name=f"worker-{k}", daemon=True) for k in range(self._count)
+            ]
+        for thread in self._threads:
+            thread.start()
+
+    def submit(self, call: Call, report: Report | None = None) -> Running:
+        """Run the call in one of the processes, in turn."""
+        running = Running(call, report)
+        with self._lock:
+            refused = self._stopped or not self._threads
+            if not refused:
+                self._tasks.put((call.priority, next(self._numbers), running))
+        if refused:
+            running.end(Outcome("crash", detail="The worker processes are stopped."))
+        return running
+
+    def fault(self) -> str:
+        """Without threads there are no processes."""
+        return "" if self._threads and not self._stopped else "The worker processes are stopped."
+
+    def run(self, task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float) -> Outcome:
+        """`submit` and wait."""
+        return self.submit(Call(task, arguments, deadline)).outcome.result()
+
+    def stop(self) -> None:
+        """End all processes at once; tasks not done end as cancelled."""
+        with self._lock:
+            self._stopped = True
+            self._stopping.set()
+            running = list(self._running)
+        for task in running:
+            task.cancel()
+        for _ in self._threads:
+            self._tasks.put((LAST, next(self._numbers), None))
+        for thread in self._threads:
+            thread.join(10)
+
+    def _serve(self) -> None:
+        worker: WorkerProcess | None = None
+        while True:
+            worker = self._healthy(worker)
+            try:
+                _, _, task = self._tasks.get(timeout=IDLE_LOOK)
+            except queue.Empty:
+                continue
+            if task is None:
+                break
+            worker = self._work(task, worker)
+        if worker is not None:
+            worker.close()
+
+    def _work(self, task: Running, worker: WorkerProcess | None) -> WorkerProcess | None:
+        """Run one task; the process to go on with."""
+        with self._lock:
+            self._running.add(task)
+            if self._stopped:
+                task.cancel()
+        outcome = Outcome("unstarted", detail="no worker process can be started")
+        for _ in range(STARTS):
+            worker = self._healthy(worker)
+            if worker is None:
+                self._stopping.wait(START_PAUSE)
+                continue
+            if not task.begin(worker):
+                break
+            try:
+                outcome = worker.run(task.call, task.report)
+                break
+            except NotStarted:
+                log.warning("a worker process was found dead")
+                worker.close()
+                worker = None
+        with self._lock:
+            self._running.discard(task)
+        worker = _kept(worker, outcome)
+        task.end(outcome)
+        return worker
+
+    def _healthy(self, worker: WorkerProcess | None) -> WorkerProcess | None:
+        if worker is not None and worker.is_alive():
+            return worker
+        if worker is not None:
+            worker.close()
+        try:
+            return WorkerProcess(self._memory_limit)
+        except (OSError, EOFError, RuntimeError):
+            log.exception("no worker process can be started")
+            return None
+
+
+def _kept(worker: WorkerProcess | None, outcome: Outcome) -> WorkerProcess | None:
+    """The worker, unless it is dead, spent, or holds much memory."""
+    if worker is None:
+        return None
+    is_well = outcome.status in ("done", "refused", "fault")
+    if is_well and worker.tasks < TASKS_PER_WORKER and outcome.spent.memory < MEMORY_TO_REPLACE:
+        return worker
+    worker.close()
+    return None

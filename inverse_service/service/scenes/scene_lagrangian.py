@@ -1,0 +1,228 @@
+"""The free Lagrangian of a scene: given, known, by the formula of its class, or found by the solver.
+
+Here the two subjects meet as text: what the solver finds is read again and tested against the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from api_schemas.scene import SceneDocument
+from inverse_service import catalogue
+from inverse_service.algebra.rational_functions import TooLarge
+from inverse_service.errors import InputError, InverseServiceError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Expression, Symbol, walk
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
+from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
+from inverse_service.mechanics.nonholonomic.motion import exact_motion
+from inverse_service.mechanics.nonholonomic.paper_class import recognised
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+from inverse_service.service.documents.reading import escape
+from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.scenes.scene_formulas import defined, refuse_open_functions
+from inverse_service.service.scenes.scene_numbers import number_of
+from inverse_service.service.scenes.scene_system import MechanicalSystem, formula, lagrangian_of
+from inverse_service.simulation.array_values import Array, array_value, table_of
+from inverse_service.simulation.class_lagrangian import ClassLagrangian, class_lagrangian, start_momenta
+from inverse_service.simulation.derivation import Find
+from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion
+from inverse_service.simulation.free_check import keeps_motion
+from inverse_service.simulation.regular_motion import regular_accelerations
+from inverse_service.simulation.scene import FreeLagrangian, Scene, Unavailable
+
+SOLVE_SECONDS = 15.0
+Exact = ExactMotion | NoExactMotion
+
+
+def finder(schema: SceneDocument, system: MechanicalSystem, catalogue_name: str | None) -> Find:
+    """What `derive` calls for the free Lagrangian of a method."""
+
+    def find(scene: Scene, name: str | None, exact: Exact) -> FreeLagrangian | Unavailable:
+        wanted = name if name is not None else schema.free_lagrangian
+        pointer = "/free_lagrangian" if name is None else _pointer(schema, name)
+        found = _found(scene, system, catalogue_name, wanted, exact, _constants(schema), pointer)
+        if isinstance(found, FreeLagrangian):
+            _refuse_unknown_constants(schema, found)
+        return found
+
+    return find
+
+
+def _found(
+    scene: Scene,
+    system: MechanicalSystem,
+    catalogue_name: str | None,
+    wanted: str | None,
+    exact: Exact,
+    constants: Mapping[str, float],
+    pointer: str,
+) -> FreeLagrangian | Unavailable:
+    if wanted is not None and wanted not in KINDS:
+        return _given(scene, system, wanted, constants, pointer, "given in the scene")
+    if not scene.constraints and scene.lagrangian is not None:
+        return _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
+    if wanted is None and system.free_lagrangian is not None:
+        return _given(scene, system, system.free_lagrangian, constants, "/system", system.source)
+    if wanted in (None, "second") and isinstance(exact, ExactMotion):
+        known = class_lagrangian(exact, tuple(scene.values))
+        if known is not None:
+            return _of_class(known, exact, constants)
+    return _of_associated(scene, system, catalogue_name, wanted or "second", constants)
+
+
+def _given(
+    scene: Scene, system: MechanicalSystem, text: str, constants: Mapping[str, float], pointer: str, source: str
+) -> FreeLagrangian | Unavailable:
+    names = system.names
+    extra = tuple(name for name in constants if name not in names.parameters)
+    given = formula(text, Names(names.coordinates, (*names.parameters, *extra), names.functions), pointer)
+    tree = defined(given, system.definitions)
+    refuse_open_functions([tree], names)
+    used = {node.name for node in walk(tree) if isinstance(node, Symbol)}
+    own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
+    values = dict(scene.values) | own
+    accelerations = scene.accelerations
+    if accelerations is None and scene.lagrangian is not None:
+        try:
+            accelerations = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints)
+        except InputError as error:
+            return Unavailable(error.detail[:1].upper() + error.detail[1:])
+    if accelerations is not None and keeps_motion(scene, tree, accelerations, values) is False:
+        detail = "the motion of this scene is no solution of this Lagrangian"
+        if pointer == "/system":
+            return Unavailable(f"For the Lagrangian that is {source}, {detail}: the effects of the scene changed it.")
+        raise InputError(f"{detail}: give one of an associated system of it, or leave it out.", pointer)
+    return _with_hamiltonian(scene, tree, own, source)
+
+
+def _with_hamiltonian(
+    scene: Scene, tree: Expression, constants: Mapping[str, float], source: str
+) -> FreeLagrangian | Unavailable:
+    """L~ with its H~ where a closed form exists that gives back the velocities of the start."""
+    try:
+        found = legendre(tree, scene.coordinates)
+    except InputError as error:
+        return Unavailable(f"The Lagrangian cannot be used: {error.detail}")
+    standard = all(symbol.name == f"p_{name}" for symbol, name in zip(found.symbols, scene.coordinates, strict=True))
+    hamiltonian = None
+    if not found.implicit and found.velocities is not None and standard:
+        values = dict(scene.values) | dict(constants)
+        table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], values)
+        table |= {s: array_value(p, table) for s, p in zip(found.symbols, found.momenta, strict=True)}
+        back = np.array([array_value(v, table)[0] for v in found.velocities])
+        if np.allclose(back, scene.velocities, rtol=1e-8, atol=1e-10):
+            hamiltonian = found.hamiltonian
+    return FreeLagrangian(tree, hamiltonian, dict(constants), source)
+
+
+def _of_class(known: ClassLagrangian, exact: ExactMotion, constants: Mapping[str, float]) -> FreeLagrangian:
+    chosen = {name: constants.get(name, 1.0) for name in known.constants if name is not None}
+
+    def momenta(positions: Array, velocities: Array, values: Mapping[str, float]) -> Array:
+        return start_momenta(known, replace(exact, values=values), positions, velocities)
+
+    source = f"{known.kind} of the second associated system"
+    return FreeLagrangian(known.lagrangian, known.hamiltonian, chosen, source, momenta)
+
+
+def _of_associated(
+    scene: Scene, system: MechanicalSystem, catalogue_name: str | None, which: str, constants: Mapping[str, float]
+) -> FreeLagrangian | Unavailable:
+    known = _catalogued(catalogue_name, which)
+    if known is not None:
+        source = f"the known Lagrangian of the {which} associated system"
+        found = _given(scene, system, known, constants, "/system", source)
+        if isinstance(found, FreeLagrangian):
+            return found
+    question = _question(scene, which)
+    if isinstance(question, Unavailable):
+        return question
+    text, reason = _solved(question)
+    what = f"the {which} associated system" if scene.lagrangian is not None else "the system"
+    if text is None:
+        return Unavailable(f"No free Lagrangian was found for {what}: {reason} Use the other methods.")
+    return _given(scene, system, text, constants, "/system", f"found by the solver for {what}")
+
+
+def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
+    """What the solver is asked: the equations of the scene, or those of an associated system with its effects."""
+    accelerations = scene.accelerations
+    if accelerations is None:
+        try:
+            found = _associated(scene, which)
+        except InputError as error:
+            return Unavailable(f"The {which} associated system is not defined: {error.detail}")
+        except TooLarge as error:
+            return Unavailable(f"The {which} associated system is too large to be written out: {error}.")
+        if found.system is None:
+            return Unavailable(found.explanation)
+        accelerations = found.system.accelerations
+    texts = {name: to_text(f) for name, f in zip(scene.coordinates, accelerations, strict=True)}
+    used = {node.name for f in accelerations for node in walk(f) if isinstance(node, Symbol)}
+    return {
+        "coordinates": list(scene.coordinates),
+        "equations": texts,
+        "parameters": [name for name in scene.values if name in used],
+        # For the system itself an L(t, q, q') serves too; an associated one is wanted as the paper has it.
+        "time_dependent_lagrangian": False if scene.accelerations is None else None,
+    }
+
+
+def _associated(scene: Scene, which: str) -> AssociatedSystem:
+    assert scene.lagrangian is not None
+    given = NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
+    parts = geometry(given)
+    member, reason = recognised(parts)
+    motion = exact_motion(parts, member.frame if member is not None else frames(parts)[0])
+    kind = next(kind for kind in KINDS if kind == which)
+    return associated(motion, member, reason, kind)
+
+
+def _catalogued(catalogue_name: str | None, which: str) -> str | None:
+    """The known Lagrangian of an associated system in the catalogue."""
+    if catalogue_name is None:
+        return None
+    try:
+        found = catalogue.entry(f"{catalogue_name}-{which}").get("expected", {}).get("lagrangians", [])
+    except KeyError:
+        return None
+    return found[0] if found else None
+
+
+def _solved(question: dict[str, Any]) -> tuple[str | None, str]:
+    try:
+        result = solve_document(question, SolveOptions(time_limit=SOLVE_SECONDS))
+    except InverseServiceError as error:
+        return None, error.detail
+    text = lagrangian_of(result)
+    if text is not None:
+        return text, ""
+    verdict = str(result.get("verdict", "undetermined")).replace("_", " ")
+    return None, f"the solver says {verdict}."
+
+
+def _constants(schema: SceneDocument) -> dict[str, float]:
+    return {name: number_of(text, f"/constants/{escape(name)}") for name, text in schema.constants.items()}
+
+
+def _refuse_unknown_constants(schema: SceneDocument, found: FreeLagrangian) -> None:
+    for name in schema.constants:
+        if name not in found.constants:
+            known = ", ".join(found.constants) or "none"
+            raise InputError(
+                f"the free Lagrangian has no constant '{escape(name)}': its constants are {known}.",
+                f"/constants/{escape(name)}",
+            )
+
+
+def _pointer(schema: SceneDocument, name: str) -> str:
+    places = [k for k, method in enumerate(schema.methods) if method.free_lagrangian == name]
+    return f"/methods/{places[0]}/free_lagrangian" if places else "/free_lagrangian"

@@ -1,0 +1,116 @@
+"""A scene document to the scene: values, effects, initial data, grid and methods, each checked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from api_schemas.scene import SceneDocument
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import declared_name
+from inverse_service.expressions.tree import TIME, Expression, walk
+from inverse_service.service.documents.reading import escape
+from inverse_service.service.scenes.scene_formulas import Definitions, defined, read_definitions, refuse_open_functions
+from inverse_service.service.scenes.scene_initial import read_initial
+from inverse_service.service.scenes.scene_methods import read_circle, read_methods
+from inverse_service.service.scenes.scene_numbers import number_of, read_grid
+from inverse_service.service.scenes.scene_system import MechanicalSystem, formula, mechanical_system
+from inverse_service.simulation.effects import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts, with_effects
+from inverse_service.simulation.scene import OBSERVED, Scene
+
+Constraints = tuple[Expression, ...]
+TIME_REFUSED = (
+    "constraints that depend on the time t are not simulated: write a further coordinate for t, with kinetic energy of "
+    "its own, and start it at 0 with velocity 1."
+)
+
+
+def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
+    """The scene and its system; InputError with the pointer of what is wrong."""
+    extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
+    system = mechanical_system(schema.system, _own(schema, extra))
+    names = system.names
+    values = _values(schema, system)
+    definitions = read_definitions(schema.functions, names)
+    lagrangian, constraints, effects, without = _with_effects(schema, system, definitions)
+    accelerations = system.accelerations and tuple(defined(tree, definitions) for tree in system.accelerations)
+    formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
+    refuse_open_functions(formulas, names)
+    if any(node == TIME for tree in constraints for node in walk(tree)):
+        raise InputError(TIME_REFUSED, "/system")
+    positions, velocities = read_initial(schema, names, lagrangian, constraints, values)
+    grid, notes = read_grid(schema)
+    scene = Scene(
+        name=schema.name or system.name,
+        coordinates=names.coordinates,
+        values=values,
+        lagrangian=lagrangian,
+        constraints=constraints,
+        accelerations=accelerations or None,
+        effects=effects,
+        positions=positions,
+        velocities=velocities,
+        grid=grid,
+        methods=read_methods(schema),
+        observe=tuple(name for name in OBSERVED if name in schema.observe),
+        circle=read_circle(schema, names),
+        notes=notes,
+        without=without,
+    )
+    return scene, replace(system, definitions=definitions)
+
+
+def _own(schema: SceneDocument, extra: list[str]) -> list[str]:
+    """Parameters of the scene that its terms, functions or free Lagrangian may use beyond those of the system."""
+    return extra if schema.terms or schema.functions or schema.free_lagrangian or _method_lagrangians(schema) else []
+
+
+def _method_lagrangians(schema: SceneDocument) -> bool:
+    return any(method.free_lagrangian for method in schema.methods)
+
+
+def _values(schema: SceneDocument, system: MechanicalSystem) -> dict[str, float]:
+    names = system.names
+    texts = dict(system.values)
+    for given, text in schema.parameters.items():
+        name = names.spelling(declared_name(given, f"/parameters/{escape(given)}", "parameter"))
+        if name not in names.parameters:
+            known = ", ".join(names.parameters) or "none"
+            detail = f"the system has no parameter '{name}': its parameters are {known}."
+            raise InputError(detail, f"/parameters/{escape(given)}")
+        texts[name] = text
+    missing = [name for name in names.parameters if name not in texts]
+    if missing:
+        raise InputError(f"the parameters {', '.join(missing)} have no value: add them to 'parameters'.", "/parameters")
+    return {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
+
+
+def _with_effects(
+    schema: SceneDocument, system: MechanicalSystem, definitions: Definitions
+) -> tuple[Expression | None, Constraints, tuple[str, ...], dict[str, tuple[Expression | None, Constraints]]]:
+    """L with the effects named, the constraints where they are named, all names in effect, and what is left without
+    each of them where the cost of parts is observed."""
+    texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
+    terms = {name: defined(tree, definitions) for name, tree in texts.items()}
+    known = (*BUILT_IN, *terms)
+    named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
+    for place, name in enumerate(named):
+        if name not in known:
+            detail = f"'{escape(name)}' is no effect of this scene: use {', '.join(known)}."
+            raise InputError(detail, f"/effects/{place}")
+    if system.lagrangian is None:
+        if terms or schema.effects is not None:
+            raise InputError(
+                "effects and terms need a Lagrangian, and this system is given by its equations: leave them out.",
+                "/terms" if terms else "/effects",
+            )
+        return None, (), (), {}
+    whole = defined(system.lagrangian, definitions)
+    parts = lagrangian_parts(whole, system.names.coordinates)
+    given = tuple(defined(w, definitions) for w in system.constraints)
+
+    def acting(names: tuple[str, ...]) -> tuple[Expression, Constraints]:
+        return with_effects(parts, terms, names), given if CONSTRAINTS in names else ()
+
+    removable = [name for name in named if name != KINETIC] if "cost" in schema.observe else []
+    without = {one: acting(tuple(name for name in named if name != one)) for one in removable}
+    return *acting(named), named, dict(without)

@@ -1,0 +1,190 @@
+"""The system of a scene, from the catalogue, a document or a result, with its parameters still symbols."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from pydantic import ValidationError
+
+from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocument, ResultSystem
+from inverse_service import catalogue
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Acceleration, Expression, walk
+from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
+from inverse_service.mechanics.reading import read_names, read_system
+from inverse_service.service.documents import translate
+from inverse_service.service.documents.reading import escape
+from inverse_service.service.documents.refusals import DocumentRefused
+from inverse_service.service.jobs.outcome import Place
+from inverse_service.service.scenes.scene_formulas import Definitions
+from inverse_service.service.scenes.scene_refusals import SYSTEM
+
+Values = Mapping[str, str]
+LAGRANGIAN_KEYS = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
+
+
+@dataclass(frozen=True, slots=True)
+class MechanicalSystem:
+    """Coordinates with L and constraints, or with accelerations; `names` are those its formulas may use.
+
+    `values` are the parameters that its document gives a value. `free_lagrangian` is the text of an L~ that comes
+    with the system, `source` says from where. `document` is what `solve` would be asked about. `definitions` are the
+    formulas that the scene gives to its functions.
+    """
+
+    names: Names
+    lagrangian: Expression | None
+    constraints: tuple[Expression, ...]
+    accelerations: tuple[Expression, ...] | None
+    values: Values
+    name: str = ""
+    free_lagrangian: str | None = None
+    source: str = ""
+    document: Mapping[str, Any] | None = None
+    definitions: Definitions = field(default_factory=dict)
+
+
+def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
+    """The system that the scene's `system` names; `extra` are further parameters that the scene gives values.
+
+    InputError with its pointer below /system.
+    """
+    match given:
+        case CatalogueSystem(catalogue=name):
+            return _at("/system/catalogue", _of_catalogue, name, extra)
+        case DocumentSystem(document=document):
+            return _at("/system/document", _of_document, document, extra)
+        case ResultSystem(result=result):
+            return _at("/system/result", _of_result, result, extra)
+        case _:
+            return _at("/system", _of_document, given, extra)
+
+
+def _at(pointer: str, read: Any, *arguments: Any) -> MechanicalSystem:
+    try:
+        found: MechanicalSystem = read(*arguments)
+    except DocumentRefused as error:
+        places = (Place(p.detail, pointer + p.pointer, p.column, p.code) for p in error.places)
+        raise DocumentRefused(tuple(places)) from None
+    except InputError as error:
+        raise error.at(pointer) from None
+    return found
+
+
+def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
+    try:
+        entry = catalogue.entry(name)
+    except KeyError as error:
+        raise InputError(f"There is {error.args[0]}; 'inverse-service catalogue' lists all names.") from None
+    known = entry.get("expected", {}).get("lagrangians", [])
+    found = _of_document(entry["document"], extra)
+    if found.accelerations is not None and known:
+        return _with_free(found, known[0], "the known Lagrangian of the catalogue")
+    return found
+
+
+def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    system = result.get("system")
+    if not isinstance(system, Mapping):
+        raise InputError("The result has no part 'system'; give the whole result that solve answered.")
+    given = system.get("given")
+    if isinstance(given, Mapping) and "lagrangian" in given:
+        found = _of_document(given, extra)
+    else:
+        keys = ("name", "coordinates", "equations", "parameters", "functions")
+        found = _of_document({key: system[key] for key in keys if key in system}, extra)
+    text = lagrangian_of(result)
+    return found if text is None else _with_free(found, text, "the result given")
+
+
+def lagrangian_of(result: Mapping[str, Any]) -> str | None:
+    """The Lagrangian of a result that serves best here: one with a Hamiltonian in closed form, also with t."""
+    answers = [a for a in (result, result.get("with_time")) if isinstance(a, Mapping) and _is_part(a.get("lagrangian"))]
+    closed = [a for a in answers if _is_part(a.get("hamiltonian")) and not a["hamiltonian"].get("implicit")]
+    return next((str(answer["lagrangian"]["text"]) for answer in (*closed, *answers)), None)
+
+
+def _is_part(value: Any) -> bool:
+    return isinstance(value, Mapping) and isinstance(value.get("text"), str)
+
+
+def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    if "lagrangian" in document and "equations" in document:
+        raise InputError("The system has both 'lagrangian' and 'equations': keep the one that is meant.")
+    if "lagrangian" in document:
+        return _of_lagrangian(document, extra)
+    if "equations" in document:
+        return _of_equations(document, extra)
+    raise InputError(f"The system has neither 'lagrangian' nor 'equations'; it must be {SYSTEM}.")
+
+
+def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    try:
+        schema = LagrangianDocument.model_validate({k: v for k, v in document.items() if k not in SOLVE_ONLY})
+    except ValidationError as error:
+        raise DocumentRefused(tuple(map(_place, error.errors(include_url=False, include_input=False)))) from None
+    parameters, values = _parameters(schema.parameters, extra)
+    names = read_names(schema.coordinates, parameters, schema.functions)
+    if schema.constraints:
+        given = schema.constraints
+        system = read_nonholonomic(schema.coordinates, schema.lagrangian, given, parameters, schema.functions)
+        lagrangian, constraints = system.lagrangian, system.constraints
+    else:
+        lagrangian, constraints = formula(schema.lagrangian, names, "/lagrangian"), ()
+    return MechanicalSystem(names, lagrangian, constraints, None, values, schema.name, document=document)
+
+
+def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    schema = translate.to_schema(document)
+    parameters, values = _parameters(schema.parameters, extra)
+    system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name)
+    names = read_names(system.coordinates, parameters, {f.name: f.arguments for f in system.functions})
+    return MechanicalSystem(names, None, (), system.accelerations, values, schema.name, document=document)
+
+
+# Keys of a nonholonomic document that ask something of `solve` and say nothing of the motion.
+SOLVE_ONLY = frozenset(
+    {"multiples", "search", "special_cases", "time_dependent_lagrangian", "ansatz", "series_order", "question", "id"}
+)
+
+
+def formula(text: str, names: Names, pointer: str) -> Expression:
+    """A formula of coordinates and velocities; InputError at the pointer."""
+    try:
+        tree = read_formula(text, names)
+    except InputError as error:
+        raise type(error)(error.detail, pointer, error.column) from None
+    found = next((node for node in walk(tree) if isinstance(node, Acceleration)), None)
+    if found is not None:
+        raise InputError(
+            f"the formula contains the acceleration {found.coordinate}'': use coordinates and velocities.", pointer
+        )
+    return tree
+
+
+def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """All parameter names, with the values of the document; values stay out of the formulas, so that a kernel
+    serves every value."""
+    values = {name: text for name, text in given.items() if text is not None} if isinstance(given, Mapping) else {}
+    names = list(given)
+    return [*names, *(name for name in extra if name not in names)], values
+
+
+def _with_free(found: MechanicalSystem, text: str, source: str) -> MechanicalSystem:
+    return replace(found, free_lagrangian=text, source=source)
+
+
+def _place(fault: Any) -> Place:
+    steps = [step for step in fault["loc"] if step not in ("dict", "list", "[key]") and not str(step).endswith("]")]
+    pointer = "".join(f"/{escape(step)}" for step in steps)
+    where = f"'{'/'.join(escape(step) for step in steps)}'"
+    keys = ", ".join(LAGRANGIAN_KEYS)
+    if fault["type"] == "missing":
+        return Place(f"The key {where} is missing; a system with a Lagrangian has the keys {keys}.", pointer)
+    if fault["type"] == "extra_forbidden":
+        return Place(f"The key {where} is not known here; a system with a Lagrangian has the keys {keys}.", pointer)
+    return Place(f"{where} has the wrong type or size: names are texts, formulas are texts.", pointer)

@@ -1,0 +1,198 @@
+"""Simulation as it runs inside a worker process: scene document in, result document out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from api_schemas.scene import SceneDocument
+from inverse_service import __version__
+from inverse_service.expressions.printing import to_text
+from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.service.scenes.scene_lagrangian import finder
+from inverse_service.service.scenes.scene_reading import read_scene
+from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.simulation.derivation import derive
+from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
+from inverse_service.simulation.scene import Scene, Unavailable
+from inverse_service.simulation.truth import Truth
+
+FORMAT = "inverse-service/simulation/1"
+# Points of a trajectory in a result document; files hold all that were recorded.
+MOST_POINTS = 2001
+SHARE_OF_RUN = 0.9
+
+Progress = Callable[[str], None]
+
+
+def simulate(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
+    """The result document of a scene. Raises InputError for a scene that cannot be accepted.
+
+    A method that is still running near the time limit is stopped there, and its outcome says so.
+    """
+    found, seconds = run_document(document, progress, time_limit)
+    return simulation_document(found, seconds)
+
+
+def simulate_tables(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
+    """The result document beside all recorded points: {"result": ..., "tables": {label: {column: array}}}."""
+    found, seconds = run_document(document, progress, time_limit)
+    tables = {run.requested.label: table_of_run(found.scene, run) for run in found.runs if run.trajectory is not None}
+    true = found.truth
+    truth = None
+    if isinstance(true, Truth):
+        truth = {name: true.positions[:, k] for k, name in enumerate(found.scene.coordinates)}
+    return {"result": simulation_document(found, seconds), "tables": tables, "truth": truth}
+
+
+def run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
+    """Read, derive and run; with the seconds of each stage."""
+    # Values that are not finite are told as such in the numbers; numpy need not warn of them.
+    with np.errstate(all="ignore"):
+        return _run_document(document, progress, time_limit)
+
+
+def _run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
+    begun = time.perf_counter()
+    deadline = time.monotonic() + SHARE_OF_RUN * time_limit
+    schema = scene_schema(document)
+    scene, system = read_scene(schema)
+    read = time.perf_counter()
+    if progress is not None:
+        progress("deriving")
+    find = finder(schema, system, catalogue_name(schema))
+    derived = derive(scene, find)
+    done = time.perf_counter()
+    found = run_scene(scene, derived, progress, lambda: time.monotonic() > deadline, find)
+    stages = {"read": read - begun, "derive": done - read, "run": time.perf_counter() - done}
+    return found, stages
+
+
+def catalogue_name(schema: SceneDocument) -> str | None:
+    """The name in the catalogue, where the scene gives one."""
+    name = getattr(schema.system, "catalogue", None)
+    return name if isinstance(name, str) else None
+
+
+def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
+    """t, the coordinates and the observed series of one run, as columns."""
+    assert run.trajectory is not None
+    columns: dict[str, Any] = {"t": run.trajectory.times}
+    columns |= {name: run.trajectory.positions[:, k] for k, name in enumerate(scene.coordinates)}
+    return columns | dict(run.series)
+
+
+def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[str, Any]:
+    """What was simulated, how each method ended, and every observed quantity."""
+    scene = found.scene
+    document = {
+        "format": FORMAT,
+        "name": scene.name,
+        "system": _system(scene),
+        "initial": _initial(scene),
+        "step": scene.grid.step,
+        "steps": scene.grid.steps,
+        "record_every": scene.grid.record_every,
+        "observe": list(scene.observe),
+        "methods": [_method(scene, run) for run in found.runs],
+        "truth": _truth(found.truth),
+        "circle_coordinates": None if scene.circle is None else [scene.coordinates[k] for k in scene.circle],
+        "derived": sorted(found.derived.seconds),
+        "seconds": dict(stages) | {f"derive: {name}": value for name, value in found.derived.seconds.items()},
+        "notes": list(scene.notes),
+        "provenance": {"program": "inverse-service", "version": __version__},
+    }
+    plain: dict[str, Any] = as_plain(document)
+    return plain
+
+
+def _system(scene: Scene) -> dict[str, Any]:
+    return {
+        "coordinates": list(scene.coordinates),
+        "lagrangian": None if scene.lagrangian is None else to_text(scene.lagrangian),
+        "constraints": [to_text(w) for w in scene.constraints],
+        "equations": None
+        if scene.accelerations is None
+        else {name: to_text(f) for name, f in zip(scene.coordinates, scene.accelerations, strict=True)},
+        "effects": list(scene.effects),
+        "parameters": dict(scene.values),
+    }
+
+
+def _initial(scene: Scene) -> dict[str, Any]:
+    return {
+        "positions": dict(zip(scene.coordinates, scene.positions.tolist(), strict=True)),
+        "velocities": dict(zip(scene.coordinates, scene.velocities.tolist(), strict=True)),
+    }
+
+
+def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
+    requested, trajectory, choice = run.requested, run.trajectory, run.requested.choice
+    document: dict[str, Any] = {
+        "label": requested.label,
+        "method": requested.method.replace("_", "-"),
+        "alpha": requested.alpha,
+        "symmetrised": bool(choice and choice.symmetrised),
+        "order": choice.order if choice is not None and requested.method not in ("reference", "heyoka") else None,
+        "form": choice.form if choice is not None and requested.method == "variational" else None,
+        "start": requested.convention if requested.alpha is not None else None,
+        **_outcome(scene, run),
+        **run.numbers,
+    }
+    if run.free is not None:
+        document["free_lagrangian"] = to_text(run.free.lagrangian)
+        document["constants"] = dict(run.free.constants) | dict(requested.constants)
+        document["free_lagrangian_source"] = run.free.source
+    if trajectory is not None:
+        document["force_evaluations"] = trajectory.force_evaluations
+        document["newton_iterations"] = trajectory.newton_iterations
+        document |= _points(scene, run, trajectory)
+    return document | {"seconds": dict(run.seconds)}
+
+
+def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
+    """`outcome`, `steps` done, and for a run that stopped where, on what, and the remedy."""
+    outcome = run.outcome
+    if run.trajectory is None:
+        return {"outcome": outcome.kind, "steps": 0, "reason": outcome.remedy}
+    note = {"note": outcome.note} if outcome.note else {}
+    if outcome.completed:
+        return {"outcome": outcome.kind, "steps": scene.grid.steps, **note}
+    parts = {name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")}
+    return {"outcome": outcome.kind, "steps": max(0, (outcome.step or 1) - 1), "stopped": parts, **note}
+
+
+def _points(scene: Scene, run: MethodRun, trajectory: Trajectory) -> dict[str, Any]:
+    """Thinned series, only those of observed quantities."""
+    every = max(1, -(-(len(trajectory.times) - 1) // (MOST_POINTS - 1)))
+    if not run.series and "trajectory" not in scene.observe:
+        return {}
+    columns: dict[str, Any] = {"t": trajectory.times[::every].tolist()}
+    if "trajectory" in scene.observe:
+        columns |= {name: trajectory.positions[::every, k].tolist() for k, name in enumerate(scene.coordinates)}
+    columns |= {name: np.asarray(column)[::every].tolist() for name, column in run.series.items()}
+    return {"points": {"every": every * scene.grid.record_every, "columns": columns}}
+
+
+def _truth(truth: Truth | Unavailable | None) -> dict[str, Any] | None:
+    if truth is None:
+        return None
+    if isinstance(truth, Unavailable):
+        return {"against": None, "reason": truth.reason}
+    return {"against": truth.against, "uncertainty": truth.uncertainty, "seconds": truth.seconds}
+
+
+def as_plain(value: Any) -> Any:
+    """JSON types only; numbers that are not finite become null, which JSON can hold."""
+    if isinstance(value, Mapping):
+        return {str(key): as_plain(part) for key, part in value.items()}
+    if isinstance(value, tuple | list):
+        return [as_plain(part) for part in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,146 @@
+"""Error against time as it runs inside a worker process: scene document in, result document out."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import platform
+import sys
+import time
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from api_schemas.scene import SceneDocument
+from inverse_service import __version__
+from inverse_service.errors import InputError
+from inverse_service.service.scenes.scene_lagrangian import finder
+from inverse_service.service.scenes.scene_numbers import number_of
+from inverse_service.service.scenes.scene_reading import read_scene
+from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.service.scenes.simulating import Progress, as_plain, catalogue_name
+from inverse_service.simulation.derivation import derive
+from inverse_service.simulation.precision import Precision, Setting, default_steps, measure
+from inverse_service.simulation.precision_reading import conclusion, curves, measured_order, times_to_errors
+from inverse_service.simulation.scene import Unavailable
+
+FORMAT = "inverse-service/work-precision/1"
+FEWEST_STEPS = 8
+PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka")
+
+
+def work_precision(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
+    """The work-precision document of a scene. Raises InputError for a scene that cannot be accepted."""
+    with np.errstate(all="ignore"):
+        return _work_precision(document, progress, time_limit)
+
+
+def _work_precision(document: Any, progress: Progress | None, time_limit: float) -> dict[str, Any]:
+    begun = time.monotonic()
+    schema = scene_schema(document)
+    steps = _steps(schema)
+    scene, system = read_scene(schema)
+    # Errors are always compared, whatever the scene observes, so the true motion is always derived.
+    compared = dataclasses.replace(scene, observe=("error",))
+    derived = derive(compared, finder(schema, system, catalogue_name(schema)))
+    left = time_limit - (time.monotonic() - begun)
+    measured = measure(compared, derived, steps or default_steps(scene.grid.step), schema.repeats, left, progress)
+    if isinstance(measured, Unavailable):
+        raise InputError(f"the errors of this scene cannot be measured: {measured.reason}", "/system")
+    plain: dict[str, Any] = as_plain(_document(measured))
+    return plain
+
+
+def _steps(schema: SceneDocument) -> tuple[float, ...]:
+    if schema.step_sizes is None:
+        return ()
+    if len(schema.step_sizes) < FEWEST_STEPS:
+        raise InputError(f"give at least {FEWEST_STEPS} step sizes, or none for the usual ten.", "/step_sizes")
+    found = tuple(number_of(text, f"/step_sizes/{k}") for k, text in enumerate(schema.step_sizes))
+    for k, step in enumerate(found):
+        if step <= 0:
+            raise InputError("a step size must be a positive number.", f"/step_sizes/{k}")
+    return found
+
+
+def _document(measured: Precision) -> dict[str, Any]:
+    drawn = curves(measured)
+    labels = list(drawn)
+    return {
+        "format": FORMAT,
+        "name": measured.scene.name,
+        "time": measured.scene.grid.step * measured.scene.grid.steps,
+        "scale": measured.scale,
+        "error": "greatest distance of a coordinate from the true motion at 8 common times; relative is over scale",
+        "truth": {"against": measured.truth.against, "uncertainty": measured.truth.uncertainty},
+        "conclusion": conclusion(measured),
+        "methods": [
+            {
+                "label": label,
+                "method": _first(measured, label).requested.method.replace("_", "-"),
+                "measured_order": measured_order(drawn[label], measured.scale),
+                "settings": [_setting(s, measured.scale) for s in measured.settings if s.requested.label == label],
+            }
+            for label in labels
+        ],
+        "failed": [
+            {"label": s.requested.label, "step": s.step, "tolerance": s.tolerance, "reason": s.reason}
+            for s in measured.settings
+            if s.reason
+        ],
+        "seconds_to_error": times_to_errors(measured),
+        "machine": machine(),
+        "provenance": {"program": "inverse-service", "version": __version__},
+    }
+
+
+def _first(measured: Precision, label: str) -> Setting:
+    return next(setting for setting in measured.settings if setting.requested.label == label)
+
+
+def _setting(setting: Setting, scale: float) -> dict[str, Any]:
+    return {
+        "step": setting.step if setting.tolerance is None else None,
+        "steps": setting.steps if setting.tolerance is None else None,
+        "tolerance": setting.tolerance,
+        "error": setting.error,
+        "relative_error": None if setting.error is None else setting.error / scale,
+        "compile_seconds": setting.compile,
+        "first_seconds": setting.first,
+        "best_seconds": setting.best,
+        "median_seconds": setting.median,
+        "repeats": setting.repeats,
+        "force_evaluations": setting.force_evaluations,
+        "newton_iterations": setting.newton_iterations,
+        "at_floor": setting.at_floor,
+        "reason": setting.reason,
+    }
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores and versions that the times belong to."""
+    return {
+        "processor": _processor(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": sys.version.split()[0],
+        **{name: found for name in PACKAGES if (found := _version(name)) is not None},
+    }
+
+
+def _processor() -> str:
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return platform.processor() or "unknown"
+    lines = [line.partition(":")[2].strip() for line in text.splitlines() if line.startswith("model name")]
+    return lines[0] if lines else platform.processor() or "unknown"
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
