@@ -31,6 +31,7 @@ USER 10001
 VOLUME /var/lib/inverse-service
 EXPOSE 8000
 STOPSIGNAL SIGTERM
+# /livez and not /readyz: a full queue is no reason to restart the service.
 HEALTHCHECK --interval=30s --timeout=15s --start-period=60s --retries=3 \
-    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=12)"]
+    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/livez', timeout=12)"]
 CMD ["inverse-service", "serve", "--host", "0.0.0.0", "--port", "8000"]

@@ -16,7 +16,9 @@ from inverse_service.service.jobs.kinds import KINDS, label_of
 from inverse_service.service.jobs.options import stored_options
 from inverse_service.service.jobs.outcome import Outcome, Place
 
-ENGINE = tuple(f"inverse_service.service.{name}" for name in ("documents", "solving", "nonholonomic", "checking"))
+ENGINE = tuple(
+    f"inverse_service.service.documents.{name}" for name in ("documents", "solving", "nonholonomic", "checking")
+)
 
 
 def load_engine() -> None:
