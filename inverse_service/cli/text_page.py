@@ -80,7 +80,7 @@ def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[
 
 def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[str]:
     if hamiltonian["implicit"] and len(hamiltonian["text"]) > LONGEST_IMPLICIT:
-        yield "  H = p v - L; the momenta cannot be solved for the velocities in closed form"
+        yield "  H = p v - L; no closed form of the velocities in the momenta was found"
     else:
         yield f"  H = {hamiltonian['text']}"
     yield from (f"      {momentum} = {text}" for momentum, text in hamiltonian["momenta"].items())

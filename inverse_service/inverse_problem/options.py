@@ -11,17 +11,18 @@ from inverse_service.expressions.tree import Expression
 class SolveOptions:
     """Which question, which random numbers, how long, and the caller's own ideas.
 
-    `time_dependent`: False asks for L(q, q'), True for L(t, q, q'), None for both. `seed` fixes
-    the random points and primes, so that a run can be repeated. `time_limit` is in seconds; the
-    solver looks at it between its stages and ends as undetermined. `ansatz`: terms that a Lagrangian
-    is first looked for in. `series_order`: up to which order the multiplier is expanded where no
-    closed form is found; None leaves the choice to the solver. `conditions`: whether Phi, nabla Phi and R
-    are written out.
+    `time_dependent`: False asks for L(q, q'), True for L(t, q, q'), None for both. `seed` fixes the random points and
+    primes, so that a run can be repeated. `time_limit` is in seconds; the solver looks at it between its stages and
+    ends as undetermined. `ansatz`: terms that a Lagrangian is first looked for in. `given`: the equations as they were
+    written, one tree for each that vanishes along the motion, accelerations unsolved: their own multiplier is tried
+    first. `series_order`: up to which order the multiplier is expanded where no closed form is found; None leaves the
+    choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out.
     """
 
     time_dependent: bool | None = None
     seed: int = 1
     time_limit: float = 60.0
     ansatz: tuple[Expression, ...] = ()
+    given: tuple[Expression, ...] = ()
     series_order: int | None = None
     conditions: bool = True

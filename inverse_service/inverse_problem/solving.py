@@ -16,11 +16,13 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
 from inverse_service.inverse_problem.explanation.finding import (
+    as_given_steps,
     existence_steps,
     hamiltonian_of,
     legendre_steps,
     not_found,
     of_lagrangian,
+    search_steps,
     series_steps,
     verification_steps,
 )
@@ -30,16 +32,21 @@ from inverse_service.inverse_problem.explanation.printed_conditions import print
 from inverse_service.inverse_problem.explanation.shared_letters import with_shared_letters
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
+from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.divergence import is_free_of_divergence
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.ladder import search
+from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
 log = logging.getLogger(__name__)
 # Of the time left after the decision, the part that the search for a closed form may take.
 _SEARCH_SHARE = 0.5
+AS_GIVEN = "the equations as given"
+# Nodes of f up to which the space of all multipliers is computed even where L is known already.
+_SHORT = 2_000
 
 
 @dataclass(slots=True)
@@ -102,6 +109,11 @@ def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditio
 def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
     """(L(q, v), L(t, q, v)); an autonomous Lagrangian answers the second question too."""
     wanted, depends = work.options.time_dependent, work.analysis.system.depends_on_time
+    given = _as_given(work)
+    if given is not None:
+        if not _holds_time(given):
+            return None if depends or wanted else given, None if wanted is False and not depends else given
+        return None if depends or wanted else _answer(work, with_time=False), given
     autonomous = None if depends or wanted is True else _answer(work, with_time=False)
     if wanted is False and not depends:
         return autonomous, None
@@ -110,6 +122,29 @@ def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
         same = _without_time(work, with_time) if with_time is not autonomous else None
         return (same, same) if same is not None else (autonomous, with_time)
     return autonomous, _answer(work, with_time=True)
+
+
+def _as_given(work: _Work) -> Answer | None:
+    """The answer by the Lagrangian of equations that are Euler-Lagrange equations as written; needs no decision."""
+    system = work.analysis.system
+    began = time.monotonic()
+    work.progress("the equations as given")
+    tree = lagrangian_as_given(system, work.options.given)
+    work.add_seconds("search", began)
+    for form in dict.fromkeys((tidied(tree, system), tree)) if tree is not None else ():
+        with_time = TIME in walk(form)
+        if with_time and work.options.time_dependent is False and not system.depends_on_time:
+            return None
+        if _is_confirmed(work, form, with_time):
+            short = sum(1 for f in system.accelerations for _ in walk(f)) <= _SHORT
+            decision = _decide(work, with_time) if short else None
+            found = of_lagrangian(work.analysis, with_time, form, AS_GIVEN, as_given_steps(form), decision)
+            return _completed(work, replace(found, checked="valid"), [], with_time)
+    return None
+
+
+def _holds_time(answer: Answer) -> bool:
+    return answer.lagrangian is not None and TIME in walk(answer.lagrangian.expression)
 
 
 def _explained(
@@ -139,13 +174,12 @@ def _with_time_instead(work: _Work, autonomous: Answer) -> Answer:
 
 def _without_time(work: _Work, answer: Answer) -> Answer | None:
     """The answer to the question for L(q, v), where a search for L(t, q, v) found one that holds no t."""
-    if answer.lagrangian is None or TIME in walk(answer.lagrangian.expression) or work.autonomous is None:
+    if answer.lagrangian is None or _holds_time(answer) or work.autonomous is None:
         return None
-    assert work.outcome is not None
-    found = of_lagrangian(work.analysis, work.autonomous, work.outcome, answer.lagrangian.expression)
+    found = _proposed(work, work.autonomous, answer.lagrangian.expression)
     if _verdict(work, found.certificate or {}).verdict != "valid":
         return None
-    return _completed(work, replace(found, checked="valid"), [], work.autonomous)
+    return _completed(work, replace(found, checked="valid"), [], with_time=False)
 
 
 def _answer(work: _Work, with_time: bool) -> Answer:
@@ -204,8 +238,14 @@ def _by_lagrangian(work: _Work, decision: Decision) -> Answer | None:
     if work.outcome.found is None:
         return None
     first, *others = work.outcome.found.lagrangians
-    proposed = of_lagrangian(work.analysis, decision, work.outcome, first)
-    return _completed(work, replace(proposed, checked="valid"), others, decision)
+    return _completed(work, replace(_proposed(work, decision, first), checked="valid"), others, decision.with_time)
+
+
+def _proposed(work: _Work, decision: Decision, tree: Expression) -> Answer:
+    assert work.outcome is not None
+    assert work.outcome.found is not None
+    how = search_steps(work.outcome, tree)
+    return of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
 
 
 def _searched(work: _Work, decision: Decision) -> SearchOutcome:
@@ -232,7 +272,7 @@ def _is_confirmed(work: _Work, tree: Expression, with_time: bool) -> bool:
     return found.verdict == "valid"
 
 
-def _completed(work: _Work, answer: Answer, others: list[Expression], decision: Decision) -> Answer:
+def _completed(work: _Work, answer: Answer, others: list[Expression], with_time: bool) -> Answer:
     """With the Hamiltonian, and those other Lagrangians that the checker confirms."""
     assert answer.lagrangian is not None
     began = time.monotonic()
@@ -241,7 +281,7 @@ def _completed(work: _Work, answer: Answer, others: list[Expression], decision: 
     hamiltonian = hamiltonian_of(answer.lagrangian.expression, names)
     steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
-    confirmed = [other for other in others if _is_confirmed(work, other, decision.with_time)]
+    confirmed = [other for other in others if _is_confirmed(work, other, with_time)]
     described = tuple(describe(work.analysis, other, answer.lagrangian.family) for other in confirmed)
     return replace(answer, hamiltonian=hamiltonian, other_lagrangians=described, explanation=steps)
 

@@ -13,6 +13,7 @@ from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.decision.power_series import count
 from inverse_service.inverse_problem.decision.rational_series import as_tree, rational_series
+from inverse_service.inverse_problem.explanation.plain_proof import euler_lagrange_steps
 from inverse_service.inverse_problem.explanation.verification import explain_positive
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
 from inverse_service.inverse_problem.search.describe import describe
@@ -89,19 +90,32 @@ def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> t
     return (Step(f"{text}{shown}.", r"L = " + to_latex(series) + r" + \dots"),)
 
 
-def of_lagrangian(analysis: Analysis, decision: Decision, outcome: SearchOutcome, tree: Expression) -> Answer:
-    """The answer that this Lagrangian proves, not yet checked."""
-    assert outcome.found is not None
+def of_lagrangian(
+    analysis: Analysis, with_time: bool, tree: Expression, family: str, how: Sequence[Step], decision: Decision | None
+) -> Answer:
+    """The answer that this Lagrangian proves, not yet checked: the plain proof, how L was found, what else there is."""
+    others = existence_steps(decision) if decision is not None and decision.symbol is not None else ()
     return Answer(
         "variational",
-        lagrangian=describe(analysis, tree, outcome.found.family),
-        space=decision.space,
-        certificate=certify.of_lagrangian(analysis, tree, decision.with_time),
-        explanation=(*existence_steps(decision), *_search_steps(outcome, tree)),
+        lagrangian=describe(analysis, tree, family),
+        space=None if decision is None else decision.space,
+        certificate=certify.of_lagrangian(analysis, tree, with_time),
+        explanation=(*euler_lagrange_steps(analysis.system, tree), *how, *others),
     )
 
 
-def _search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
+def as_given_steps(tree: Expression) -> tuple[Step, ...]:
+    """How L follows from equations that are Euler-Lagrange equations as written."""
+    text = (
+        "The equations are self-adjoint as they are written: the matrix of their accelerations fulfils the Helmholtz "
+        "conditions, so it is the Hessian of a Lagrangian, which follows by integration: "
+        f"{_written(f'L = {to_text(tree)}', 'the L given above')}."
+    )
+    return (Step(text, "L = " + to_latex(tree)),)
+
+
+def search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
+    """The family or the method that found L, and the constants it may have."""
     assert outcome.found is not None
     name, count = outcome.tried[-1]
     result = _written(f"L = {to_text(tree)}", "the L given above")
@@ -151,7 +165,7 @@ def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
     names = [to_text(symbol) for symbol, _ in pairs]
     formula = r",\quad ".join(f"{to_latex(symbol)} = {to_latex(p)}" for symbol, p in pairs)
     plain = ", ".join(f"{name} = {to_text(p)}" for name, (_, p) in zip(names, pairs, strict=True))
-    solved = "cannot be solved for the velocities in closed form" if hamiltonian.implicit else "are solved for them"
+    solved = "were not solved for the velocities" if hamiltonian.implicit else "are solved for the velocities"
     note = f" ({hamiltonian.note.rstrip('.')})" if hamiltonian.note else ""
     result = _written(f"H = p v - L = {to_text(hamiltonian.expression)}", "H = p v - L is the one given above")
     return (

@@ -40,6 +40,7 @@ def solve_document(
         time_dependent=schema.time_dependent_lagrangian,
         time_limit=(SHARE_BESIDE_CASES if schema.special_cases else SHARE_OF_SOLVER) * (end - time.monotonic()),
         ansatz=translate.to_ansatz(schema, system),
+        given=translate.to_given(schema),
         series_order=schema.series_order,
     )
     solution = solve(system, asked, progress)

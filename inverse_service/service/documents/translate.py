@@ -30,7 +30,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration, Expression, walk
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution
 from inverse_service.mechanics.parameter_values import parameter_values, with_values
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.reading import read_given, read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.refusals import DocumentRefused, places_of
 
@@ -57,6 +57,11 @@ def to_system(schema: SystemDocument) -> SecondOrderSystem:
         functions=schema.functions,
         name=schema.name,
     )
+
+
+def to_given(schema: SystemDocument) -> tuple[Expression, ...]:
+    """The equations of the document as they stand, left side minus right side."""
+    return read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions).residuals
 
 
 def to_ansatz(schema: AnyDocument, system: SecondOrderSystem) -> tuple[Expression, ...]:

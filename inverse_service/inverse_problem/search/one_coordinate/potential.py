@@ -6,11 +6,9 @@ L = K + U with dU/dx = E(K) fulfils the Euler-Lagrange equation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from fractions import Fraction
 
 import mpmath
-from flint import fmpq, fmpq_mat
 
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.derivative import differentiate
@@ -27,6 +25,7 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
+from inverse_service.inverse_problem.search.exact_solution import solution
 from inverse_service.inverse_problem.search.material import antiderivatives
 from inverse_service.inverse_problem.search.one_coordinate.algebra import factored
 from inverse_service.inverse_problem.search.one_coordinate.kinetic import Place
@@ -103,10 +102,8 @@ def antiderivative(integrand: Terms, x: Symbol) -> Expression | None:
     if len(integrand) > _LONGEST_INTEGRAND:
         return None
     columns = _columns(integrand, x)
-    rows = list(dict.fromkeys([*integrand, *(key for slopes in columns.values() for key in slopes)]))
-    matrix = [[slopes.get(key, Fraction(0)) for slopes in columns.values()] for key in rows]
-    solution = _solved(matrix, [integrand.get(key, Fraction(0)) for key in rows])
-    return None if solution is None else tree_of({m: a for m, a in zip(columns, solution, strict=True) if a})
+    found = solution(list(columns.values()), integrand)
+    return None if found is None else tree_of({m: a for m, a in zip(columns, found, strict=True) if a})
 
 
 def _columns(integrand: Terms, x: Symbol) -> dict[Monomial, Terms]:
@@ -121,17 +118,3 @@ def _columns(integrand: Terms, x: Symbol) -> dict[Monomial, Terms]:
             fresh += list(found[m])
     found.pop(EMPTY, None)
     return found
-
-
-def _solved(matrix: Sequence[Sequence[Fraction]], right: Sequence[Fraction]) -> list[Fraction] | None:
-    """A solution with as few of the later columns as possible."""
-    width = len(matrix[0])
-    flat = [fmpq(a.numerator, a.denominator) for row, b in zip(matrix, right, strict=True) for a in (*row, b)]
-    reduced, order = fmpq_mat(len(matrix), width + 1, flat).rref()
-    solution = [Fraction(0)] * width
-    for i in range(order):
-        pivot = next(k for k in range(width + 1) if reduced[i, k])
-        if pivot == width:
-            return None
-        solution[pivot] = Fraction(int(reduced[i, width].p), int(reduced[i, width].q))
-    return solution
