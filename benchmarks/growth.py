@@ -13,7 +13,8 @@ from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
-from inverse_service.inverse_problem.decision.prolongation import LocalSystem, advance, local_system, start
+from inverse_service.inverse_problem.decision.local_system import equations, local_system
+from inverse_service.linear_pde.prolongation import LocalEquations, advance, start
 
 Report = Callable[[str], None]
 
@@ -79,10 +80,11 @@ def against_order(document: Document, highest: int, limit: float, report: Report
     return rows
 
 
-def _local(analysis: Analysis, order: int) -> LocalSystem:
+def _local(analysis: Analysis, order: int) -> LocalEquations:
     """The series that this order needs, at the point of seed 1."""
     velocities = [Velocity(name) for name in analysis.system.coordinates]
     variables = [Symbol(name) for name in analysis.system.coordinates] + velocities
     expansion = Expansion(draw_point(analysis.tower, 1), variables, order + 2)
     speeds = [expansion.expand(v) for v in velocities]
-    return local_system(expansion.ring, speeds, [expansion.expand(f) for f in analysis.accelerations], False)
+    forces = [expansion.expand(f) for f in analysis.accelerations]
+    return equations(local_system(expansion.ring, speeds, forces, False))

@@ -14,7 +14,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
-from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import (
     as_given_steps,
     existence_steps,
@@ -38,6 +38,7 @@ from inverse_service.inverse_problem.search.divergence import is_free_of_diverge
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.tidy import tidied
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]

@@ -20,7 +20,8 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

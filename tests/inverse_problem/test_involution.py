@@ -8,7 +8,7 @@ import pytest
 
 from inverse_service.algebra.primes import safe_prime
 from inverse_service.inverse_problem.decision.deciding import Decision, decide, statement
-from inverse_service.inverse_problem.decision.involution import Symbol, kernel
+from inverse_service.linear_pde.involution import Symbol, kernel
 from inverse_service.mechanics.reading import read_system
 
 P = safe_prime(7)

@@ -8,16 +8,19 @@ import numpy as np
 import pytest
 
 from inverse_service.algebra.point import Expansion, Variable
-from inverse_service.algebra.series_program import TooLarge, constants_at
+from inverse_service.algebra.series_program import TooLarge
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.decision import deciding as room
+from inverse_service.inverse_problem.decision import deciding
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
-from inverse_service.inverse_problem.decision.emission import rows_of_degree
-from inverse_service.inverse_problem.decision.equations import Equations
-from inverse_service.inverse_problem.decision.local_program import local_program
-from inverse_service.inverse_problem.decision.prolongation import equations, local_system
+from inverse_service.inverse_problem.decision.local_system import equations, local_system
+from inverse_service.inverse_problem.kinds import helmholtz
+from inverse_service.linear_pde import coefficients
+from inverse_service.linear_pde import deciding as settling
+from inverse_service.linear_pde.coefficients import Coefficients
+from inverse_service.linear_pde.emission import rows_of_degree
+from inverse_service.linear_pde.prolongation import Equations
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -44,11 +47,14 @@ def both(system: SecondOrderSystem, with_time: bool, order: int) -> tuple[tuple[
     point = draw_point(analysis.tower, 3)
     velocities = [Velocity(name) for name in system.coordinates]
     variables: list[Variable] = [*[TIME] * with_time, *(Symbol(name) for name in system.coordinates), *velocities]
-    program = local_program(variables, velocities, analysis.accelerations, order + 3)
-    compiled = program.at(point.prime, constants_at(program.series, point), order + 2)
+    forms = Coefficients(
+        lambda most: helmholtz.written(variables, velocities, analysis.accelerations, most + 1), lambda _: point
+    )
+    prime, registers = forms.at(3, order)
+    compiled = helmholtz.compiled_equations(len(velocities), len(variables), prime, order, registers)
     expansion = Expansion(point, variables, order + 2)
     speeds, forces = ([expansion.expand(x) for x in some] for some in (velocities, analysis.accelerations))
-    return equations(compiled), equations(local_system(expansion.ring, speeds, forces, with_time))
+    return compiled.equations, equations(local_system(expansion.ring, speeds, forces, with_time)).equations
 
 
 def entries(found: Equations, degree: int, prime: int, factor: int) -> list[dict[int, int]]:
@@ -70,7 +76,7 @@ def test_the_rows_are_those_of_sparse_series(
     system = system_of(equations_of, parameters)
     order, prime = 2, draw_point(analyse(system).tower, 3).prime
     for compiled, sparse in zip(*both(system, with_time, order), strict=True):
-        assert (compiled.kind, compiled.pairs) == (sparse.kind, sparse.pairs)
+        assert (compiled.kind, compiled.indices) == (sparse.kind, sparse.indices)
         for degree in range(order + (compiled.kind == "H3")):
             found = entries(compiled, degree, prime, pow(1 << 64, -1, prime))
             assert found == entries(sparse, degree, prime, 1)
@@ -91,19 +97,19 @@ def test_decisions_do_not_depend_on_how_series_are_kept(
     def too_large(*_: object) -> None:
         raise TooLarge
 
-    monkeypatch.setattr(room, "local_program", too_large)
+    monkeypatch.setattr(deciding.helmholtz, "written", too_large)
     assert told(decide(system, with_time)) == told(compiled)
     assert compiled.verdict != "undetermined"
 
 
 def test_a_denominator_that_vanishes_everywhere_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     system = system_of({"x": "x/(k-x)"}, ["k"])
-    real = room.constants_at
+    real = coefficients.constants_at
 
     def zeros(program: object, point: object) -> np.typing.NDArray[np.uint64]:
         return np.zeros_like(real(program, point))  # type: ignore[arg-type]
 
-    monkeypatch.setattr(room, "constants_at", zeros)
+    monkeypatch.setattr(coefficients, "constants_at", zeros)
     found = decide(system, False)
     assert found.verdict == "undetermined"
     assert "denominator vanishes" in found.reason
@@ -116,7 +122,8 @@ def test_a_program_is_written_anew_for_a_higher_order(
     """Arbitrary functions are expanded to the order a program is written for, and no further."""
     system = system_of(equations_of, parameters)
     expected = decide(system, with_time)
-    monkeypatch.setattr(room, "_SECOND_ORDER", 1)
+    monkeypatch.setattr(coefficients, "SECOND_ORDER", 1)
+    monkeypatch.setattr(settling, "SECOND_ORDER", 1)
     assert told(decide(system, with_time)) == told(expected)
 
 

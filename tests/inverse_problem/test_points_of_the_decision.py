@@ -3,52 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.series import SingularPoint
-from inverse_service.inverse_problem.decision import deciding as decision
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.decision.deciding import Limits, decide
-from inverse_service.inverse_problem.decision.prolongation import LocalSystem
+from inverse_service.inverse_problem.decision.deciding import HelmholtzAt, decide
+from inverse_service.inverse_problem.decision.local_system import LocalSystem
+from inverse_service.linear_pde import deciding as settling
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.reading import read_system
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
 
 
-def run_of(seed: int, **parts: Any) -> decision._Run:
-    return decision._Run(analyse(OSCILLATORS), False, seed, Limits(), lambda _: None, **parts)
+def run_of(seed: int) -> settling._Run:
+    return settling._Run(HelmholtzAt(analyse(OSCILLATORS), False), seed, Limits(), lambda _: None)
 
 
 def test_after_singular_points_others_are_taken_and_nothing_of_them_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     seeds: list[int] = []
-    plain = decision._prolong
+    plain = settling._prolong
 
-    def singular(run: decision._Run, seed: int) -> decision.Decision:
+    def singular(run: settling._Run, seed: int) -> settling.Finding:
         seeds.append(seed)
         run.history.append((99,))
         raise SingularPoint
 
     run = run_of(6)
-    monkeypatch.setattr(decision, "_prolong", singular)
-    with pytest.raises(decision.IrreducibleAtoms, match="identically zero"):
-        decision._decide_once(run)
+    monkeypatch.setattr(settling, "_prolong", singular)
+    with pytest.raises(settling.IrreducibleAtoms, match="identically zero"):
+        settling._settle_once(run)
     assert seeds[0] == 6
     assert len(set(seeds)) == len(seeds) == 4
-    monkeypatch.setattr(decision, "_prolong", plain)
-    assert decision._decide_once(run).history == decision._decide_once(run_of(6)).history
+    monkeypatch.setattr(settling, "_prolong", plain)
+    assert settling._settle_once(run).history == settling._settle_once(run_of(6)).history
 
 
 def test_two_seeds_have_no_point_in_common() -> None:
-    run, asked = run_of(2), list[int]()
+    card, asked = HelmholtzAt(analyse(OSCILLATORS), False), list[int]()
 
     def expander(with_time: bool, seed: int, order: int) -> LocalSystem:
         asked.append(seed)
-        return decision._expand(run, seed, order)
+        return card.expanded(seed, order)
 
     used = []
     for seed in range(1, 5):
@@ -65,11 +66,12 @@ def test_no_order_is_begun_whose_monomials_have_no_keys(
     size: int, highest: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An exponent has floor(63/size) bits, and an unknown of degree r in g has the total degree r + 2."""
-    monkeypatch.setattr(decision, "unknown_block", lambda *_: np.zeros((0, size), np.int8))
-    prolongation: Any = SimpleNamespace(size=size, width=lambda _: 0)
-    run = decision._Run(analyse(OSCILLATORS), False, 2, Limits(order=highest + 1), lambda _: None)
-    assert decision._limit_reached(run, prolongation, highest) == ""
-    assert "unknowns" in decision._limit_reached(run, prolongation, highest + 1)
+    monkeypatch.setattr(settling, "count_of_degree", lambda *_: 0)
+    unknowns = SimpleNamespace(most=2)
+    prolongation: Any = SimpleNamespace(size=size, width=lambda _: 0, unknowns=unknowns)
+    run = replace(run_of(2), limits=Limits(order=highest + 1))
+    assert settling._limit_reached(run, prolongation, highest) == ""
+    assert "unknowns" in settling._limit_reached(run, prolongation, highest + 1)
 
 
 def test_a_limit_of_order_lets_that_order_be_done() -> None:

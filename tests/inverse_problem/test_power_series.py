@@ -15,6 +15,7 @@ from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.decision.power_series import count, is_rational, prolonged, regular_series
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve
+from inverse_service.linear_pde.unknowns import unknown_names
 from inverse_service.mechanics.reading import read_system
 
 HENON_HEILES = {"x": "-x-2*x*y", "y": "-y-x^2+y^2"}
@@ -83,7 +84,7 @@ def test_a_series_that_is_prolonged_far_enough_goes_on() -> None:
     assert spare > 0
     series = regular_series(analysis, False, 1, seed=5, spare=spare)
     longer = prolonged(analysis, draw_point(analysis.tower, 5), False, 4)
-    indices = [tuple(int(e) for e in row) for block in longer.blocks for row in block]
+    indices = [index for degree in range(5) for _, index in unknown_names(longer.unknowns, degree)]
     values = {tuple(index): int(value) for index, value in series["terms"]}
     assert draw_point(analysis.tower, 5).prime == series["prime"]
     for row in longer.echelon.rows_within(0, longer.width(1)).values():

@@ -5,7 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 import random
+from typing import cast
 
+import numpy as np
 import pytest
 from flint import nmod_mat
 
@@ -16,30 +18,33 @@ from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.decision import prolongation as room
-from inverse_service.inverse_problem.decision.prolongation import (
+from inverse_service.inverse_problem.decision.local_system import (
     LocalSystem,
-    Prolongation,
-    advance,
+    RowName,
     equations,
     local_system,
     matrix_product,
-    start,
-    unknown_block,
 )
+from inverse_service.linear_pde import prolongation as room
+from inverse_service.linear_pde.prolongation import Prolongation, advance, start
+from inverse_service.linear_pde.unknowns import count_of_degree, unknown_names
 from inverse_service.mechanics.reading import read_system
 
 P = safe_prime(6)
 
 
-def prolongation_of(equations_of: dict[str, str], order: int, with_time: bool = False) -> Prolongation:
+def local_of(equations_of: dict[str, str], order: int, with_time: bool) -> LocalSystem:
     system = read_system(list(equations_of), equations_of)
     velocities = [Velocity(name) for name in system.coordinates]
     positions = [Symbol(name) for name in system.coordinates]
     variables = [*([TIME] if with_time else []), *positions, *velocities]
     expansion = Expansion(Point(P, 5), variables, order + 2)
     speeds, forces = ([expansion.expand(tree) for tree in trees] for trees in (velocities, system.accelerations))
-    prolongation = start(local_system(expansion.ring, speeds, forces, with_time))
+    return local_system(expansion.ring, speeds, forces, with_time)
+
+
+def prolongation_of(equations_of: dict[str, str], order: int, with_time: bool = False) -> Prolongation:
+    prolongation = start(equations(local_of(equations_of, order, with_time)))
     for _ in range(order + 1):
         advance(prolongation)
     return prolongation
@@ -49,8 +54,8 @@ def random_lagrangian(ring: SeriesRing, prolongation: Prolongation, seed: int) -
     """A series with v-degree >= 2 in each term, and its coefficients in the order of the unknowns."""
     generator = random.Random(seed)
     total, values = ring.constant(0), []
-    for block in prolongation.blocks:
-        for exponents in block.tolist():
+    for degree in range(prolongation.order + 1):
+        for _, exponents in unknown_names(prolongation.unknowns, degree):
             values.append(generator.randrange(P))
             term = ring.constant(values[-1])
             for index, e in enumerate(exponents):
@@ -98,23 +103,24 @@ def test_rows_are_the_taylor_coefficients_of_the_helmholtz_conditions(
 
     monkeypatch.setattr(Echelon, "insert", record)
     prolongation = prolongation_of(system, order, with_time)
-    local = prolongation.local
-    n, first = local.dimension, prolongation.first_velocity
+    local = local_of(system, order, with_time)
+    n, first = local.dimension, prolongation.size - local.dimension
     ring = SeriesRing(P, local.ring.size, order + 2)
     lagrangian, values = random_lagrangian(ring, prolongation, 1)
     g = [[ps.derivative(ps.derivative(lagrangian, first + i), first + j) for j in range(n)] for i in range(n)]
-    names = [(block.kind, i, j) for block in equations(local) for i, j in block.pairs]
+    names = [(block.kind, i, j) for block in equations(local).equations for i, j in block.indices]
     residues = {name: ps.terms(helmholtz(local, g, *name)) for name in names}
     assert len(recorded) == prolongation.echelon.inserted
     for number, row in enumerate(recorded):
-        kind, i, j, alpha = prolongation.row_name(number)
-        assert sum(values[column] * x for column, x in row) % P == residues[(kind, i, j)].get(alpha, 0)
+        *name, alpha = prolongation.row_name(number)
+        assert sum(values[column] * x for column, x in row) % P == residues[tuple(name)].get(alpha, 0)
 
 
 def satisfied(prolongation: Prolongation, terms: dict[tuple[int, ...], int]) -> bool:
     """Whether a Lagrangian, given by its Taylor coefficients, solves all rows."""
-    unknowns = [tuple(row) for block in prolongation.blocks for row in block.tolist()]
-    values = [terms.get(exponents, 0) for exponents in unknowns]
+    degrees = range(prolongation.order + 1)
+    names = [exponents for degree in degrees for _, exponents in unknown_names(prolongation.unknowns, degree)]
+    values = [terms.get(exponents, 0) for exponents in names]
     rows = prolongation.echelon.rows_within(0, prolongation.echelon.width).values()
     return all(sum(values[c] * x for c, x in row.items()) % P == 0 for row in rows)
 
@@ -153,12 +159,12 @@ def test_unknowns_are_the_monomials_of_velocity_degree_two_and_more(n: int, with
     prolongation = prolongation_of(dict.fromkeys(names, "0"), 2, with_time)
     size = 2 * n + with_time
     for degree in range(3):
-        block = unknown_block(prolongation, degree)
+        block = np.array([exponents for _, exponents in unknown_names(prolongation.unknowns, degree)])
         positions, total = size - n, degree + 2
         below = sum(math.comb(n - 1 + v, v) * math.comb(positions - 1 + total - v, total - v) for v in (0, 1))
         assert len(block) == math.comb(size - 1 + total, total) - below
         assert (block[:, size - n :].sum(axis=1) >= 2).all()
-    assert prolongation.width(2) == sum(len(unknown_block(prolongation, d)) for d in range(3))
+    assert prolongation.width(2) == sum(count_of_degree(prolongation.unknowns, d) for d in range(3))
     assert prolongation.width(0) == n * (n + 1) // 2
 
 
@@ -170,7 +176,7 @@ def test_every_row_has_its_own_name_of_the_right_degree(n: int, with_time: bool)
     size = 2 * n + with_time
     below = [math.comb(size + d, d) for d in (order - 1, order)]
     assert len(set(found)) == len(found) == n * (n + 1) // 2 * below[0] + n * (n - 1) // 2 * below[1]
-    for kind, i, j, alpha in found:
+    for kind, i, j, alpha in cast(list[RowName], found):
         assert len(alpha) == size
         assert sum(alpha) <= (order - 1 if kind == "H2" else order)
         assert i <= j if kind == "H2" else i < j

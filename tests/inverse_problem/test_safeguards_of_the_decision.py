@@ -7,11 +7,13 @@ from dataclasses import replace
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem.decision import certify, involution
-from inverse_service.inverse_problem.decision import deciding as decision
+from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
-from inverse_service.inverse_problem.decision.prolongation import LocalSystem
+from inverse_service.inverse_problem.decision.deciding import HelmholtzAt, decide
+from inverse_service.inverse_problem.decision.local_system import LocalSystem
+from inverse_service.linear_pde import deciding as settling
+from inverse_service.linear_pde import involution
+from inverse_service.linear_pde.deciding import Finding, Limits
 from inverse_service.mechanics.reading import read_system
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
@@ -26,40 +28,40 @@ def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.Monk
 
 
 def test_a_dimension_that_still_falls_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(decision.Prolongation, "dimension", lambda self, degree: 99 - self.order)
+    monkeypatch.setattr(settling.Prolongation, "dimension", lambda self, degree: 99 - self.order)
     assert decide(OSCILLATORS, False, limits=Limits(order=4)).verdict == "undetermined"
 
 
-FIRST = Decision("variational", False, 3, history=((1,), (1, 2)))
+FIRST = Finding(True, 3, history=((1,), (1, 2)))
 
 
 @pytest.mark.parametrize(
     "second",
     [
-        replace(FIRST, verdict="not_variational"),
+        replace(FIRST, exists=False),
         replace(FIRST, order=4),
         replace(FIRST, history=((1,), (1, 3))),
     ],
 )
-def test_two_points_that_do_not_agree_leave_it_undetermined(second: Decision, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_points_that_do_not_agree_leave_it_undetermined(second: Finding, monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter((FIRST, second, FIRST, FIRST))
-    monkeypatch.setattr(decision, "_decide_once", lambda _: next(answers))
+    monkeypatch.setattr(settling, "_settle_once", lambda _: next(answers))
     found = decide(OSCILLATORS, False)
     assert (found.verdict, found.reason) == ("undetermined", "two random points gave two answers")
     assert decide(OSCILLATORS, False).verdict == "variational"
 
 
 def test_a_second_point_that_meets_a_limit_leaves_it_undetermined(monkeypatch: pytest.MonkeyPatch) -> None:
-    answers = iter((FIRST, Decision("undetermined", False, 2, reason="the time limit")))
-    monkeypatch.setattr(decision, "_decide_once", lambda _: next(answers))
+    answers = iter((FIRST, Finding(None, 2, "the time limit")))
+    monkeypatch.setattr(settling, "_settle_once", lambda _: next(answers))
     found = decide(OSCILLATORS, False)
     assert (found.verdict, found.reason) == ("undetermined", "the time limit")
 
 
 def test_the_second_point_expands_to_the_order_at_which_the_first_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     orders: list[int] = []
-    expand = decision._expand
-    monkeypatch.setattr(decision, "_expand", lambda run, seed, order: orders.append(order) or expand(run, seed, order))
+    plain = HelmholtzAt.at
+    monkeypatch.setattr(HelmholtzAt, "at", lambda self, seed, order: orders.append(order) or plain(self, seed, order))
     assert decide(OSCILLATORS, False).order == 3
     assert orders == [1, 3, 3]
 
@@ -73,7 +75,7 @@ def test_what_the_first_point_leaves_open_is_not_asked_at_a_second() -> None:
 @pytest.mark.parametrize(("most", "order"), [(2, 0), (3, 1), (12, 1), (13, 2), (34, 2), (35, 3)])
 def test_no_more_unknowns_than_the_limit_are_ever_made(most: int, order: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With two coordinates 3, 13 and 35 unknowns are of degree 0, of at most 1, of at most 2."""
-    monkeypatch.setattr(decision, "_MOST_UNKNOWNS", most)
+    monkeypatch.setattr(settling, "_MOST_UNKNOWNS", most)
     found = decide(OSCILLATORS, False)
     assert (found.verdict, found.order) == ("undetermined", order - 1)
     assert found.reason == f"order {order} of prolongation would need more than {most} unknowns"
@@ -81,11 +83,11 @@ def test_no_more_unknowns_than_the_limit_are_ever_made(most: int, order: int, mo
 
 def test_another_way_to_expand_takes_the_place_of_the_trees() -> None:
     asked: list[tuple[bool, int, int]] = []
-    run = decision._Run(analyse(OSCILLATORS), False, 2, Limits(), lambda _: None)
+    card = HelmholtzAt(analyse(OSCILLATORS), False)
 
     def expander(with_time: bool, seed: int, order: int) -> LocalSystem:
         asked.append((with_time, seed, order))
-        return decision._expand(run, seed, order)
+        return card.expanded(seed, order)
 
     # It stands for the oscillators, whatever the trees say.
     assert decide(ROTATION, False, expander=expander).verdict == "variational"

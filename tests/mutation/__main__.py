@@ -36,9 +36,9 @@ DECISION_TESTS = tuple(
 # Which tests answer for a module.
 TESTS: dict[str, tuple[str, ...]] = {
     "inverse_service.certificate.checker": ("tests/certificate",),
-    "inverse_service.inverse_problem.decision.deciding": DECISION_TESTS,
-    "inverse_service.inverse_problem.decision.involution": DECISION_TESTS,
-    "inverse_service.inverse_problem.decision.prolongation": DECISION_TESTS,
+    "inverse_service.linear_pde.deciding": DECISION_TESTS,
+    "inverse_service.linear_pde.involution": DECISION_TESTS,
+    "inverse_service.linear_pde.prolongation": DECISION_TESTS,
 }
 
 

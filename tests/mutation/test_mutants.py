@@ -56,7 +56,7 @@ def test_every_mutant_is_another_program() -> None:
 @pytest.mark.parametrize("module", TESTS)
 def test_the_modules_and_their_tests_are_there(module: str) -> None:
     total, sample = chosen_mutants(module, 5, seed=1)
-    assert total > 50
+    assert total > 30
     assert len(sample) == 5
     assert all((ROOT / name).exists() for name in TESTS[module])
     assert path_of(module).name == module.split(".")[-1] + ".py"

@@ -12,7 +12,8 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
-from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.reading import read_system
 from tests.generator import disguised, random_right_side, random_system
 from tests.generator.systems import GeneratedSystem

@@ -14,16 +14,17 @@ from collections.abc import Callable, Mapping
 from math import comb
 from typing import Any
 
-from flint import nmod_mat
-
 from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import PI, Apply, Arbitrary, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
-from inverse_service.inverse_problem.decision.involution import velocity_pairs
-from inverse_service.inverse_problem.decision.prolongation import Prolongation, advance, local_system, start
+from inverse_service.inverse_problem.decision.local_system import equations, local_system
+from inverse_service.inverse_problem.kinds.helmholtz import matrix_of
+from inverse_service.linear_pde.involution import matrix_at
+from inverse_service.linear_pde.prolongation import Prolongation, advance, start
+from inverse_service.linear_pde.unknowns import unknown_names
 
 _ATTEMPTS = 8
 
@@ -88,10 +89,10 @@ def regular_at(
     """
     order, spare = orders
     prolongation = prolonged(analysis, point, with_time, order + spare)
-    indices = [tuple(int(e) for e in row) for block in prolongation.blocks[: order + 1] for row in block]
+    indices = [index for degree in range(order + 1) for _, index in unknown_names(prolongation.unknowns, degree)]
     prime = point.prime
     found = solution(prolongation.echelon, len(indices), lambda column: choose(indices[column], prime))
-    if not is_regular(prolongation, found):
+    if not is_regular(prolongation, len(analysis.system.coordinates), found):
         return None
     return {index: found[column] for column, index in enumerate(indices)}
 
@@ -103,7 +104,7 @@ def prolonged(analysis: Analysis, point: Point, with_time: bool, order: int) -> 
     expansion = Expansion(point, variables, order + 2)
     speeds = [expansion.expand(Velocity(name)) for name in names]
     forces = [expansion.expand(f) for f in analysis.accelerations]
-    prolongation = start(local_system(expansion.ring, speeds, forces, with_time))
+    prolongation = start(equations(local_system(expansion.ring, speeds, forces, with_time)))
     for _ in range(order + 1):
         advance(prolongation)
     return prolongation
@@ -123,13 +124,10 @@ def solution(echelon: Echelon, width: int, choose: Callable[[int], int]) -> Coef
     return found
 
 
-def is_regular(prolongation: Prolongation, found: Mapping[int, int]) -> bool:
-    """Whether g(p), twice the part of degree 0, is a regular matrix."""
-    n, prime = prolongation.local.dimension, prolongation.local.ring.prime
-    matrix = nmod_mat(n, n, prime)
-    for column, (i, j) in enumerate(velocity_pairs(prolongation.size, prolongation.first_velocity)):
-        matrix[i, j] = matrix[j, i] = found[column] * (2 if i == j else 1)
-    return int(matrix.det()) != 0
+def is_regular(prolongation: Prolongation, n: int, found: Mapping[int, int]) -> bool:
+    """Whether g(p) is a regular matrix."""
+    matrix = matrix_of(n, prolongation.size)
+    return bool(matrix_at(prolongation.unknowns, matrix, found, prolongation.local.prime).rank() == n)
 
 
 def symbols_of(analysis: Analysis) -> list[Symbol | Velocity]:

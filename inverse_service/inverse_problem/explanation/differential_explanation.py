@@ -10,7 +10,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.tree import Symbol, number
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.decision.prolongation import RowName
+from inverse_service.inverse_problem.decision.local_system import RowName
 from inverse_service.inverse_problem.explanation.differential_numbers import DifferentialNumbers, FractionRow, Sum
 from inverse_service.inverse_problem.explanation.differentiated_equations import (
     DerivativeOfEntry,

@@ -24,7 +24,7 @@ from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.decision.prolongation import RowName
+from inverse_service.inverse_problem.decision.local_system import RowName
 from inverse_service.inverse_problem.explanation.differentiated_equations import (
     DerivativeOfEntry,
     Row,

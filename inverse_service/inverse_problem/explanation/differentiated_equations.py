@@ -20,7 +20,7 @@ from inverse_service.algebra.point import Expansion, Point, Variable
 from inverse_service.algebra.series import Series
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.decision.prolongation import LocalSystem, RowName, local_system
+from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, local_system
 from inverse_service.inverse_problem.explanation.hierarchy import unknowns
 
 Exponents = tuple[int, ...]

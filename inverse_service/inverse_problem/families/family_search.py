@@ -13,13 +13,13 @@ from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import CertificateRefused, InputError
-from inverse_service.inverse_problem.decision.deciding import Limits
 from inverse_service.inverse_problem.families.forked import forked_map
 from inverse_service.inverse_problem.families.shared import SharedLetters
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Verdict
 from inverse_service.inverse_problem.solving import solve
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.nonholonomic.associated_families import (
     Family,
     Member,

@@ -22,11 +22,12 @@ from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
-from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
-from inverse_service.inverse_problem.decision.prolongation import LocalSystem, local_system
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
+from inverse_service.inverse_problem.decision.local_system import LocalSystem, local_system
 from inverse_service.inverse_problem.explanation.hierarchy import all_singular, tensors_at
 from inverse_service.inverse_problem.explanation.pointwise import motion_of_series
 from inverse_service.inverse_problem.outcome import Verdict
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.nonholonomic.associated_families import Member, accelerations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

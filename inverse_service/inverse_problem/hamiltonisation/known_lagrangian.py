@@ -12,12 +12,13 @@ from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
-from inverse_service.inverse_problem.decision.deciding import Decision, Limits, decide
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import existence_steps, legendre_steps, verification_steps
 from inverse_service.inverse_problem.explanation.printed_conditions import printed_conditions
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Solution, Step
 from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -18,7 +18,7 @@ from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.expressions.tree import Expression, walk
-from inverse_service.inverse_problem.decision.prolongation import local_system
+from inverse_service.inverse_problem.decision.local_system import local_system
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.linear_ansatz import (

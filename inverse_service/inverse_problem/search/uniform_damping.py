@@ -14,7 +14,7 @@ from fractions import Fraction
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import TIME, Apply, Expression, Velocity, add, children, multiply, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.decision.deciding import Limits, decide
+from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.divergence import divergence_factor
 from inverse_service.inverse_problem.search.found import Ladder
@@ -22,6 +22,7 @@ from inverse_service.inverse_problem.search.integrating import integrating_facto
 from inverse_service.inverse_problem.search.linear_systems.lagrangian import holds
 from inverse_service.inverse_problem.search.material import Material, coefficient
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _WORK = 600_000

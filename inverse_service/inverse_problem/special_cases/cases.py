@@ -27,13 +27,14 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
-from inverse_service.inverse_problem.decision.deciding import Limits, decide
+from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.outcome import Verdict
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.special_cases.of_lagrangian import regularity
 from inverse_service.inverse_problem.special_cases.side_conditions import Ideal, all_conditions, of_conditions
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, Stratum
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.conditions import exact_motion
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 

@@ -11,7 +11,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Velocity, substitute, subtract
 from inverse_service.inverse_problem.decision.analysis import variables_of
-from inverse_service.inverse_problem.decision.deciding import Limits, decide
+from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.families.family_search import (
     BUILDERS,
     FamilyOptions,
@@ -21,6 +21,7 @@ from inverse_service.inverse_problem.families.family_search import (
 )
 from inverse_service.inverse_problem.families.shared import SharedLetters
 from inverse_service.inverse_problem.hamiltonisation.identities import vanish
+from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.nonholonomic.associated_families import Member, Source, accelerations, members
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, associated
 from inverse_service.mechanics.nonholonomic.geometry import frames, geometry

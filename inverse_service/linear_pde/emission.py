@@ -12,7 +12,7 @@ from inverse_service.algebra import montgomery
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.montgomery import compiled, multiply
 from inverse_service.algebra.series import Series
-from inverse_service.inverse_problem.decision.monomial_tables import Places, known_places, row_tables
+from inverse_service.linear_pde.unknowns import Places, Unknowns, known_places, row_tables
 
 Integers = npt.NDArray[np.int64]
 Exponents = npt.NDArray[np.int8]
@@ -22,11 +22,10 @@ _NO_COLUMNS, _NO_VALUES = np.empty(0, np.int64), np.empty(0, np.uint64)
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A summand of one equation: factor * series * g_ij, or factor * series * d_a g_ij, factor 1 or -1; i <= j."""
+    """A summand of one equation: sign * series * entry, or sign * series * d_a entry."""
 
     equation: int
-    i: int
-    j: int
+    entry: int
     derivative: int
     series: Series
     negative: bool = False
@@ -34,15 +33,14 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class TermTable:
-    """The terms of all equations of a kind, over `size` displacements, those of velocities from `first_velocity` on.
+    """The terms of all equations of a kind.
 
     Series s has the Taylor coefficients starts[s] … starts[s + 1] - 1 (places among the monomials of
-    their degree, values, degrees, ascending); term t is equation, series, sign, pair of g_ij, d_a in the
+    their degree, values, degrees, ascending); term t is equation, series, sign, entry, d_a in the
     columns of `terms`, (terms, 5).
     """
 
-    size: int
-    first_velocity: int
+    unknowns: Unknowns
     equations: int
     starts: Integers
     places: Integers
@@ -51,15 +49,9 @@ class TermTable:
     terms: Integers
 
 
-def pair_number(i: int, j: int, n: int) -> int:
-    """The place of g_ij, i <= j, among 11, 12, …, nn."""
-    return i * n - i * (i - 1) // 2 + j - i
-
-
-def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity: int, most: int) -> TermTable:
-    """The terms over `size` displacements, those of the velocities from `first_velocity` on, to degree `most`."""
-    place_of = known_places(size)
-    n = size - first_velocity
+def term_table(unknowns: Unknowns, terms: Sequence[Term], equations: int, most: int) -> TermTable:
+    """The terms, their series to degree `most`."""
+    place_of = known_places(unknowns.size)
     places: list[int] = []
     values: list[int] = []
     degrees: list[int] = []
@@ -75,10 +67,9 @@ def term_table(terms: Sequence[Term], equations: int, size: int, first_velocity:
                     values += map(int, table.values())
                     degrees += [degree] * len(table)
             starts.append(len(places))
-        pair = pair_number(term.i, term.j, n)
-        rows.append((term.equation, numbers[id(term.series)], term.negative, pair, term.derivative))
+        rows.append((term.equation, numbers[id(term.series)], term.negative, term.entry, term.derivative))
     return TermTable(
-        size, first_velocity, equations, np.array(starts, np.int64), np.array(places, np.int64),
+        unknowns, equations, np.array(starts, np.int64), np.array(places, np.int64),
         np.array(values, np.uint64), np.array(degrees, np.int64), np.array(rows, np.int64).reshape(-1, 5),
     )  # fmt: skip
 
@@ -91,7 +82,7 @@ def _emit(
     size: int, small: Words, prime: np.uint64, negative_inverse: np.uint64,
     counts: Integers, columns: Integers, values: Words,
 ) -> None:  # fmt: skip
-    """Entries of term * (d_a) g_ij in the rows of one degree, for all terms; counted or filled in.
+    """Entries of term * (d_a) entry in the rows of one degree, for all terms; counted or filled in.
 
     The entries of row k are counted in counts[k + 2]; then counts[k + 1], their sum before row k, is where its next
     entry goes, and in the end where row k + 1 begins.
@@ -101,7 +92,7 @@ def _emit(
         for c in range(series_starts[terms[t, 1]], series_starts[terms[t, 1] + 1]):
             if degrees[c] > degree:
                 break
-            # Coefficient m of the series times coefficient m' of (d_a) g_ij, for all m' of this degree.
+            # Coefficient m of the series times coefficient m' of (d_a) entry, for all m' of this degree.
             low = degree - degrees[c]
             count = monomials[low]
             start = product_starts[degrees[c]] + places[c] * count
@@ -135,14 +126,15 @@ class Rows:
 
 def rows_of_degree(table: TermTable, degree: int, prime: int) -> Rows:
     """The coefficients of all monomials of one degree, equation after equation."""
-    t = row_tables(table.size, table.first_velocity, degree)
+    t = row_tables(table.unknowns, degree)
     modulus, negative_inverse, _, _ = montgomery.constants(prime)
-    # A factor is a product of three exponents of a monomial of degree degree + 3.
-    small = montgomery.small_numbers(prime, (degree + 4) ** 3)
+    # A factor is a product of one exponent more than the order, of a monomial of that much more degree.
+    most = table.unknowns.most + 1
+    small = montgomery.small_numbers(prime, (degree + most + 1) ** most)
     starts = np.zeros(table.equations * int(t.counts[degree]) + 2, np.int64)
     head = (
         degree, table.starts, table.places, table.values, table.degrees, table.terms, t.counts, t.product_starts,
-        t.products, t.column_starts, t.columns, t.factors, t.raised_starts, t.raised, t.exponents, table.size,
+        t.products, t.column_starts, t.columns, t.factors, t.raised_starts, t.raised, t.exponents, table.unknowns.size,
         small, modulus, negative_inverse, starts,
     )  # fmt: skip
     _emit(False, *head, _NO_COLUMNS, _NO_VALUES)

@@ -1,8 +1,9 @@
-"""The space of values g(p), the symbol of the projected system, and Cartan's test."""
+"""The rank that a solution can have at the point, the symbol of the projected system, and Cartan's test."""
 
 from __future__ import annotations
 
 import random
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -13,8 +14,8 @@ from inverse_service.algebra import montgomery
 from inverse_service.algebra.echelon import Echelon, SparseRows
 from inverse_service.algebra.echelon_kernels import Indices, Words
 from inverse_service.algebra.montgomery import GOLDEN, compiled, mixed, multiply
-from inverse_service.inverse_problem.decision.monomial_tables import raised_unknowns, unknown_exponents
-from inverse_service.inverse_problem.decision.prolongation import Prolongation, unknown_block
+from inverse_service.linear_pde.prolongation import Prolongation
+from inverse_service.linear_pde.unknowns import Derivative, Unknowns, column_of, count_of_degree, raised_unknowns
 
 Rows = list[dict[int, int]]
 
@@ -30,39 +31,55 @@ def kernel(rows: Rows, width: int, prime: int) -> nmod_mat:
     return nmod_mat(nullity, width, transposed.entries()[: nullity * width], prime)
 
 
-def value_rows(prolongation: Prolongation) -> dict[int, dict[int, int]]:
-    """All consequences on g(p): {number of basis row: {column: value}}."""
-    return prolongation.echelon.rows_within(0, prolongation.width(0))
+@dataclass(frozen=True, slots=True, eq=False)
+class Matrix:
+    """Derivatives of the unknowns at the point, a matrix that has to reach a rank."""
 
+    entries: tuple[tuple[Derivative, ...], ...]
+    rank: int
 
-def is_singular_everywhere(prolongation: Prolongation, rows: Rows, seed: int) -> bool:
-    """Whether det vanishes on all g(p) that satisfy the rows (two random elements are singular)."""
-    prime = prolongation.local.ring.prime
-    basis = kernel(rows, prolongation.width(0), prime)
-    generator = random.Random(f"regular {seed}")
-    return all(_random_determinant(prolongation, basis, generator) == 0 for _ in range(2))
-
-
-def _random_determinant(prolongation: Prolongation, basis: nmod_mat, generator: random.Random) -> int:
-    prime = prolongation.local.ring.prime
-    count = basis.nrows()
-    if count == 0:
-        return 0
-    weights = nmod_mat(1, count, [generator.randrange(prime) for _ in range(count)], prime)
-    element = [int(x) for x in (weights * basis).entries()]
-    n = prolongation.local.dimension
-    matrix = nmod_mat(n, n, prime)
-    for column, (i, j) in enumerate(velocity_pairs(prolongation.size, prolongation.first_velocity)):
-        matrix[i, j] = matrix[j, i] = element[column] * (2 if i == j else 1)
-    return int(matrix.det())
+    def degree(self, unknowns: Unknowns) -> int:
+        """The degree of the unknowns that it is made of."""
+        return max(len(by) - unknowns.functions[number].order for row in self.entries for number, by in row)
 
 
 @lru_cache(maxsize=64)
-def velocity_pairs(size: int, first: int) -> tuple[tuple[int, int], ...]:
-    """(i, j) of each monomial v_i v_j, in the order of the unknowns of degree 0 in g."""
-    rows = unknown_exponents(size, first, 0)[:, first:].tolist()
-    pairs = ([k for k, e in enumerate(row) for _ in range(e)] for row in rows)
-    return tuple((i, j) for i, j in pairs)
+def _places(unknowns: Unknowns, matrix: Matrix) -> tuple[tuple[int, int, int, int], ...]:
+    """Row, column, unknown and factor of each entry."""
+    return tuple(
+        (i, j, *column_of(unknowns, derivative))
+        for i, row in enumerate(matrix.entries)
+        for j, derivative in enumerate(row)
+    )
+
+
+def matrix_at(unknowns: Unknowns, matrix: Matrix, values: Mapping[int, int], prime: int) -> nmod_mat:
+    """The matrix of a solution, from the values of the unknowns by their columns."""
+    found = nmod_mat(len(matrix.entries), len(matrix.entries[0]), prime)
+    for i, j, column, factor in _places(unknowns, matrix):
+        found[i, j] = values[column] * factor
+    return found
+
+
+def consequences(prolongation: Prolongation, degree: int) -> dict[int, dict[int, int]]:
+    """All consequences on the unknowns to this degree: {number of basis row: {column: value}}."""
+    return prolongation.echelon.rows_within(0, prolongation.width(degree))
+
+
+def generic_rank(prolongation: Prolongation, matrix: Matrix, rows: Rows, seed: int) -> int:
+    """The rank of the matrix at the generic solution of the rows: the larger of two random ones."""
+    prime, width = prolongation.local.prime, prolongation.width(matrix.degree(prolongation.unknowns))
+    basis = kernel(rows, width, prime)
+    if basis.nrows() == 0:
+        return 0
+    generator, rank = random.Random(f"regular {seed}"), 0
+    for _ in range(2):
+        weights = nmod_mat(1, basis.nrows(), [generator.randrange(prime) for _ in range(basis.nrows())], prime)
+        element = dict(enumerate(map(int, (weights * basis).entries())))
+        rank = max(rank, matrix_at(prolongation.unknowns, matrix, element, prime).rank())
+        if rank == matrix.rank:
+            break
+    return rank
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +116,7 @@ def _raise(
     columns: Indices, values: Words, places: Indices, factors: Indices, small: Words,
     prime: np.uint64, negative_inverse: np.uint64, raised: Indices, scaled: Words,
 ) -> None:  # fmt: skip
-    """Each entry, for the coefficient of m in d_a L, as one for that of x_a m in L: all entries for each a."""
+    """Each entry, for the coefficient of m in d_a y, as one for that of x_a m in y: all entries for each a."""
     entries = len(columns)
     for a in range(places.shape[1]):
         for k in range(entries):
@@ -109,17 +126,17 @@ def _raise(
 
 
 def _prolonged(prolongation: Prolongation, degree: int, rows: SparseRows) -> int:
-    """dim {L of degree d + 3 : all partial derivatives lie in M_d}."""
-    size, prime = prolongation.size, prolongation.local.ring.prime
-    step = raised_unknowns(size, prolongation.first_velocity, degree)
+    """dim {y of degree d + 1 : all partial derivatives lie in M_d}."""
+    size, prime = prolongation.size, prolongation.local.prime
+    step = raised_unknowns(prolongation.unknowns, degree)
     modulus, negative_inverse, _, _ = montgomery.constants(prime)
     entries = len(rows.columns)
     columns, values = np.empty(size * entries, np.int64), np.empty(size * entries, np.uint64)
-    small = montgomery.small_numbers(prime, degree + 4)
+    small = montgomery.small_numbers(prime, degree + prolongation.unknowns.most + 2)
     _raise(rows.columns, rows.values, step.places, step.factors, small, modulus, negative_inverse, columns, values)
     starts = rows.starts[None, :-1] + entries * np.arange(size)[:, None]
     echelon = Echelon(prime)
-    echelon.widen(len(unknown_block(prolongation, degree + 1)))
+    echelon.widen(count_of_degree(prolongation.unknowns, degree + 1))
     echelon.insert(np.append(starts.ravel(), size * entries), columns, values)
     return echelon.width - echelon.count
 
@@ -141,18 +158,18 @@ def _derive(
 
 
 def _characters(prolongation: Prolongation, degree: int, rows: SparseRows, seed: int) -> tuple[int, ...]:
-    """alpha_1, …, alpha_m: how many of the equations D_k L = 0 are new, D_k the k-th random derivative.
+    """alpha_1, …, alpha_m: how many of the equations D_k y = 0 are new, D_k the k-th random derivative.
 
-    The equations for the coefficient of a monomial m in D L, m of one degree less, v-degree >= 2.
+    The equations for the coefficient of a monomial m in D y, m of one degree less.
     """
-    prime, size = prolongation.local.ring.prime, prolongation.size
-    step = raised_unknowns(size, prolongation.first_velocity, degree - 1)
+    prime, size = prolongation.local.prime, prolongation.size
+    step = raised_unknowns(prolongation.unknowns, degree - 1)
     modulus, negative_inverse, _, _ = montgomery.constants(prime)
     values, directions = np.empty((size, *step.places.shape), np.uint64), np.empty((size, size), np.uint64)
-    small = montgomery.small_numbers(prime, degree + 3)
+    small = montgomery.small_numbers(prime, degree + prolongation.unknowns.most + 1)
     _derive(np.uint64(seed), step.factors, small, directions, values, modulus, negative_inverse)
     echelon = Echelon(prime)
-    echelon.widen(len(prolongation.blocks[degree]))
+    echelon.widen(count_of_degree(prolongation.unknowns, degree))
     echelon.insert(rows.starts, rows.columns, rows.values)
     columns = np.tile(step.places.ravel(), size)
     dependent = echelon.insert(np.arange(0, len(columns) + 1, size), columns, values.ravel())

@@ -1,0 +1,1 @@
+"""One card a question: which unknown functions, which equations, which matrix has to reach which rank."""

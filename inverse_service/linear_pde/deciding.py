@@ -1,0 +1,184 @@
+"""The decision: prolong, project, test, order by order, at one random point, then at a second.
+
+No: in every solution of the order-r system a matrix of derivatives stays below the rank asked for. Yes: for
+some degree d >= 1, not below that of the matrix, the projection has stopped falling, D_d(r - 1) = D_d(r), its symbol
+is involutive, and the rank is reached; the projected system is then formally integrable and, the
+coefficients being analytic, solutions exist through every element left (Cartan, Kuranishi, Goldschmidt).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+from inverse_service.algebra.echelon import Flags
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.linear_pde import involution
+from inverse_service.linear_pde.involution import Matrix
+from inverse_service.linear_pde.prolongation import LocalEquations, Prolongation, RowName, advance, start
+from inverse_service.linear_pde.unknowns import Unknowns, count_of_degree
+
+# Most negative verdicts fall at order 1, most positive ones at order 3: series are made for these first.
+_FIRST_ORDER, SECOND_ORDER = 1, 3
+_POINTS = 4
+_MOST_UNKNOWNS = 60_000
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How far to prolong: the highest order, and a wall-clock deadline (time.monotonic)."""
+
+    order: int = 7
+    deadline: float = float("inf")
+
+
+class Card(Protocol):
+    """A question: unknown functions, a matrix of their derivatives that has to reach a rank, and the equations."""
+
+    @property
+    def unknowns(self) -> Unknowns: ...
+
+    @property
+    def matrix(self) -> Matrix: ...
+
+    def at(self, seed: int, order: int) -> LocalEquations:
+        """The equations at the random point of this seed, to this order; SingularPoint where there are none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Whether there is a solution of the rank, or None with the reason, and what proves it.
+
+    `rows` name the prolonged equations used for a no; `symbol` at `degree`, and `history`, D_0, D_1, … at each
+    order, are the involution data of a yes; `points` the primes and seeds used.
+    """
+
+    exists: bool | None
+    order: int
+    reason: str = ""
+    rows: tuple[RowName, ...] = ()
+    symbol: involution.Symbol | None = None
+    degree: int = 0
+    history: tuple[tuple[int, ...], ...] = ()
+    points: tuple[Mapping[str, int], ...] = ()
+
+
+@dataclass(slots=True)
+class _Run:
+    """One run at one point."""
+
+    card: Card
+    seed: int
+    limits: Limits
+    progress: Callable[[str], None]
+    expected: int = _FIRST_ORDER
+    history: list[tuple[int, ...]] = field(default_factory=list)
+    # Rows that depend on others: where another run found them, and where this one did.
+    expected_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
+    dependent_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
+
+
+def settle(card: Card, seed: int, limits: Limits, progress: Callable[[str], None]) -> Finding:
+    """Two points over two primes must agree; else nothing is settled, nor where a limit is reached."""
+    try:
+        run = _Run(card, 2 * seed, limits, progress)
+        first = _settle_once(run)
+        if first.exists is None:
+            return first
+        # The second run will go as far as the first: it makes its series once, to that order, and tests at once
+        # that the rows without use there are without use here.
+        again = _Run(card, 2 * seed + 1, limits, progress, first.order)
+        again.expected_rows = run.dependent_rows
+        return _agreement(first, _settle_once(again))
+    except IrreducibleAtoms as problem:
+        return Finding(None, 0, problem.detail)
+
+
+def _agreement(first: Finding, second: Finding) -> Finding:
+    same = (first.exists, first.order, first.history) == (second.exists, second.order, second.history)
+    if second.exists is None or not same:
+        return Finding(None, first.order, second.reason or "two random points gave two answers")
+    return replace(first, points=(*first.points, *second.points))
+
+
+def _settle_once(run: _Run) -> Finding:
+    """One run; a point where a denominator vanishes is replaced."""
+    for attempt in range(_POINTS):
+        try:
+            return _prolong(run, run.seed + 100_003 * attempt)
+        except SingularPoint:
+            run.history.clear()
+    raise IrreducibleAtoms("a denominator vanishes at every point tried: is it identically zero?")
+
+
+def _prolong(run: _Run, seed: int) -> Finding:
+    known = run.expected
+    prolongation = start(run.card.at(seed, known), run.expected_rows)
+    run.dependent_rows = prolongation.dependent
+    points = ({"prime": prolongation.local.prime, "seed": seed},)
+    while True:
+        order = prolongation.order + 1
+        stop = _limit_reached(run, prolongation, order)
+        if stop:
+            return Finding(None, prolongation.order, stop, history=tuple(run.history))
+        if order > known:
+            known = max(order, SECOND_ORDER)
+            prolongation.local = run.card.at(seed, known)
+        run.progress(f"prolongation to order {order}")
+        advance(prolongation)
+        run.history.append(tuple(prolongation.dimension(d) for d in range(order + 1)))
+        found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
+        if found:
+            return replace(found, history=tuple(run.history), points=points)
+
+
+def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
+    """The sentence that names the limit in the way of this order, or nothing."""
+    if order > run.limits.order:
+        return f"not settled by order {run.limits.order} of prolongation"
+    if time.monotonic() > run.limits.deadline:
+        return f"the time limit came before order {order} of prolongation"
+    unknowns, bits = prolongation.unknowns, 63 // prolongation.size
+    total = prolongation.width(order - 1) + count_of_degree(unknowns, order)
+    if order + unknowns.most >= 1 << bits or total > _MOST_UNKNOWNS:
+        return f"order {order} of prolongation would need more than {_MOST_UNKNOWNS} unknowns"
+    return ""
+
+
+def _negative(run: _Run, prolongation: Prolongation, seed: int) -> Finding | None:
+    matrix = run.card.matrix
+    degree = matrix.degree(prolongation.unknowns)
+    if prolongation.order < degree or _as_before(run, degree):
+        return None
+    rows = involution.consequences(prolongation, degree)
+
+    def falls_short(kept: list[dict[int, int]]) -> bool:
+        return involution.generic_rank(prolongation, matrix, kept, seed) < matrix.rank
+
+    if not falls_short(list(rows.values())):
+        return None
+    kept = dict(rows)
+    for number in sorted(rows, reverse=True):
+        if falls_short([row for k, row in kept.items() if k != number]):
+            del kept[number]
+    used = sorted({original for number in kept for original in prolongation.echelon.trace({number: 1})})
+    return Finding(False, prolongation.order, rows=tuple(prolongation.row_name(number) for number in used))
+
+
+def _as_before(run: _Run, degree: int) -> bool:
+    """Whether the order before left the same values of the matrix, one of the full rank among them."""
+    return len(run.history) > degree + 1 and run.history[-1][degree] == run.history[-2][degree]
+
+
+def _positive(run: _Run, prolongation: Prolongation, seed: int) -> Finding | None:
+    order, history = prolongation.order, run.history
+    for degree in range(max(1, run.card.matrix.degree(prolongation.unknowns)), order):
+        if history[order][degree] != history[order - 1][degree]:
+            continue
+        symbol = involution.symbol(prolongation, degree, seed)
+        if symbol.involutive:
+            return Finding(True, order, symbol=symbol, degree=degree)
+    return None
