@@ -101,19 +101,22 @@ def check(
 
 @application.command()
 def batch(
-    file: Annotated[Path, typer.Argument(help="NDJSON: one System document a line, each with its own id.")],
-    output: Annotated[Path, typer.Option("--output", help="NDJSON of results; appended to, so a run can go on.")],
+    file: Annotated[Path, typer.Argument(help="NDJSON or .gz of it: one System a line, each with its own id; - too.")],
+    output: Annotated[
+        Path, typer.Option("--output", help="NDJSON of results, or .gz of it, that a run goes on; - too.")
+    ],
     workers: Annotated[int | None, typer.Option(help="Processes; default one a core.", min=1, max=256)] = None,
     time_limit: Seconds = None,
     cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")] = None,
+    again: Annotated[str, typer.Option(help="Also ask again: errors,undetermined of an earlier run.")] = "",
 ) -> None:
-    """Many systems, one a line.
+    """Many systems, one a line; started again it goes on where it was.
 
-    Started again after an interruption it goes on where it was.
+    Exit 0 all answered, 1 some error lines, 2 bad files or nothing but errors, 3 our fault, 130 interrupted.
     """
     from inverse_service.cli.batching import batch_file
 
-    sys.exit(batch_file(file, output, workers, time_limit, cluster))
+    sys.exit(batch_file(file, output, workers, time_limit, cluster, again))
 
 
 @application.command()

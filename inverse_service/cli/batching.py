@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -10,69 +11,115 @@ from pathlib import Path
 
 from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.solving import time_limit_or
-from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
+from inverse_service.errors import InputError
+from inverse_service.service.jobs.batch import AGAIN, BatchPlan, Summary, run_batch
 from inverse_service.service.jobs.batch_files import Line, count_lines
+from inverse_service.service.jobs.batch_output import replaced_path
 from inverse_service.service.jobs.options import JobOptions
 from inverse_service.settings import read_settings
 
 Report = Callable[[Line], None]
+# Off a terminal, one line so often says how far the batch is; s.
+BETWEEN_LINES = 60.0
+NAMES = {"error": ("error line", "error lines"), "fault": ("fault of the program", "faults of the program")}
 
 
 def batch_file(
-    source: Path, output: Path, workers: int | None, time_limit: float | None, cluster: str | None = None
+    source: Path,
+    output: Path,
+    workers: int | None,
+    time_limit: float | None,
+    cluster: str | None = None,
+    again: str = "",
 ) -> ExitCode:
-    """Answer every line; exit 0 when every line has its answer, 3 if one of them is a fault of ours."""
+    """Answer every line; how it ended is the exit code of the contract."""
     settings = read_settings()
     options = JobOptions(time_limit_or(settings.time_limit, time_limit), settings.memory_limit)
-    plan = BatchPlan(source, output, options, workers or settings.workers, cluster or settings.cluster)
-    began = time.monotonic()
-    with _progress(source) as report:
-        summary = run_batch(plan, report)
-    _show(summary, time.monotonic() - began)
-    return ExitCode.FAULT if summary.faults else ExitCode.DONE
+    kinds = _kinds(again)
+    plan = BatchPlan(source, output, options, workers or settings.workers, cluster or settings.cluster, kinds)
+    summary, began = Summary(), time.monotonic()
+    # Schedulers end a job by SIGTERM: it is the same as Ctrl-C.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    total = count_lines(source)
+    try:
+        with _progress(summary, total) as report:
+            run_batch(plan, summary, report)
+    except KeyboardInterrupt:
+        print(f"{_how_far(summary, total)}; the same command goes on where it was.", file=sys.stderr)
+        return ExitCode.INTERRUPTED
+    _show(summary, plan, time.monotonic() - began)
+    return ExitCode.FAULT if summary.labels["fault"] else ExitCode(min(1, summary.labels["error"]))
+
+
+def _kinds(again: str) -> frozenset[str]:
+    kinds = frozenset(part.strip() for part in again.split(",") if part.strip())
+    if not kinds <= AGAIN.keys():
+        raise InputError(f"--again takes {' and '.join(AGAIN)}, with a comma between them.")
+    return kinds
 
 
 def rows_of(summary: Summary) -> list[tuple[str, int]]:
-    """What was counted, with its names."""
-    rows = [(verdict.replace("_", " "), count) for verdict, count in sorted(summary.verdicts.items())]
-    if summary.errors or not summary.skipped:
-        rows.append(("error line" if summary.errors == 1 else "error lines", summary.errors))
+    """What was counted, with its names; error lines also where there are none."""
+    counts = summary.labels | {"error": summary.labels["error"]}
+    order = sorted(counts, key=lambda label: (label in NAMES, label))
+    rows = [(NAMES.get(label, (label.replace("_", " "),) * 2)[counts[label] != 1], counts[label]) for label in order]
     others = (
-        ("faults of the program", summary.faults),
-        ("answered by an earlier run", summary.skipped),
+        ("answered by an earlier run", summary.earlier),
         ("computed once with another line", summary.duplicates),
     )
     return rows + [(name, count) for name, count in others if count]
 
 
-def summary_sentence(summary: Summary) -> str:
-    """One line with all counts."""
-    return ", ".join(f"{count} {name}" for name, count in rows_of(summary)) + "."
+def summary_sentences(summary: Summary, seconds: float) -> list[str]:
+    """All counts, the rate, and the first reason of what has no verdict."""
+    sentences = [", ".join(f"{count} {name}" for name, count in rows_of(summary)) + "."]
+    if summary.new:
+        sentences.append(f"{summary.new} lines in {seconds:.1f} s, {summary.new / seconds:.3g} a second.")
+    for label in ("undetermined", "error", "fault"):
+        if label in summary.first:
+            sentences.append(f"The first {NAMES.get(label, (label,))[0]}: {summary.first[label]}")
+    return sentences
 
 
-def _show(summary: Summary, seconds: float) -> None:
-    """A table on a terminal, one sentence elsewhere."""
-    if not sys.stderr.isatty():
-        print(summary_sentence(summary), file=sys.stderr)
-        return
-    from rich.console import Console
-    from rich.table import Table
+def _show(summary: Summary, plan: BatchPlan, seconds: float) -> None:
+    """A table on a terminal, sentences elsewhere."""
+    sentences = summary_sentences(summary, seconds)
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.table import Table
 
-    table = Table("lines", "", title="Batch", caption=f"{seconds:.1f} s")
-    for name, count in rows_of(summary):
-        table.add_row(name, str(count))
-    Console(stderr=True).print(table)
+        table = Table("lines", "", title="Batch", caption=f"{seconds:.1f} s")
+        for name, count in rows_of(summary):
+            table.add_row(name, str(count))
+        Console(stderr=True).print(table)
+        sentences = sentences[1:]
+    if summary.replaced:
+        sentences.append(f"Answers that were replaced are in {replaced_path(plan.output)}.")
+    print("\n".join(sentences), file=sys.stderr)
+
+
+def _how_far(summary: Summary, total: int | None) -> str:
+    of_all = "" if total is None else f" of {total}"
+    return f"{summary.labels.total()}{of_all} lines answered"
 
 
 @contextmanager
-def _progress(source: Path) -> Iterator[Report]:
-    """A progress bar on a terminal, silence elsewhere."""
-    if not sys.stderr.isatty() or not source.is_file():
-        yield lambda line: None
+def _progress(summary: Summary, total: int | None) -> Iterator[Report]:
+    """A progress bar on a terminal, a line every minute elsewhere."""
+    if not sys.stderr.isatty():
+        said = time.monotonic()
+
+        def say(line: Line) -> None:
+            nonlocal said
+            if time.monotonic() - said > BETWEEN_LINES:
+                said = time.monotonic()
+                print(f"{_how_far(summary, total)}.", file=sys.stderr)
+
+        yield say
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True)) as progress:
-        task = progress.add_task("systems", total=count_lines(source))
+        task = progress.add_task("systems", total=total)
         yield lambda line: progress.update(task, completed=line.number)

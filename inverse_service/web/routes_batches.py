@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncIterator
 from typing import Any, Literal
 
@@ -30,6 +31,7 @@ NDJSON = "application/x-ndjson"
 NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
 BODY_FACTOR = 64
 AT_ONCE = 200
+KEEP_ALIVE = 10.0
 KindName = Literal["solve", "check", "simulate", "work-precision"]
 # A stream that wakes for every job would read the store more than it writes answers.
 SMALLEST_PAUSE = 0.02
@@ -106,14 +108,14 @@ async def dismiss(request: Request, id: str) -> Response:
 async def results(request: Request, id: str) -> Response:
     """The answers as NDJSON in the order in which they come, each with the `id` of its line.
 
-    The stream begins with the first answer and stays open until every line has its own.
+    The stream stays open until every line has its answer; an empty line each 10 s of silence says that it lives.
     """
     found = await _known(request, id)
     return StreamingResponse(_stream(engine_of(request), found), media_type=NDJSON)
 
 
 async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
-    sent, after = 0, 0
+    sent, after, spoken = 0, 0, time.monotonic()
     with engine.hub.waiting(ANY) as changed:
         while sent < batch.total and not engine.hub.closing:
             changed.clear()
@@ -122,8 +124,11 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
             except StoreUnavailable:  # the stream goes on when it is back
                 answers = []
             if answers:
-                after, sent = answers[-1].order, sent + len(answers)
+                after, sent, spoken = answers[-1].order, sent + len(answers), time.monotonic()
                 yield b"".join(answer_line(answer) for answer in answers)
+            if time.monotonic() - spoken > KEEP_ALIVE:  # or the reader and proxies take us for dead
+                spoken = time.monotonic()
+                yield b"\n"
             if len(answers) < AT_ONCE and sent < batch.total:
                 await until_set(changed, 0.5)
                 await asyncio.sleep(SMALLEST_PAUSE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import signal
 import subprocess
@@ -16,9 +17,13 @@ SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
 COMMAND = [sys.executable, "-m", "inverse_service.cli", "batch"]
 
 
-def batch(source: Path, output: Path) -> subprocess.CompletedProcess[str]:
-    command = [*COMMAND, str(source), "--output", str(output), "--workers", "2", "--time-limit", "20"]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+def batch(source: object, output: object, *more: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    command = [*COMMAND, str(source), "--output", str(output), "--workers", "2", "--time-limit", "20", *more]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
+
+
+def written(*documents: dict[str, Any]) -> str:
+    return "".join(json.dumps(document) + "\n" for document in documents)
 
 
 def answers(path: Path) -> list[dict[str, Any]]:
@@ -44,7 +49,7 @@ def test_bad_lines_become_error_lines_and_the_rest_goes_on(files: tuple[Path, Pa
     ]
     source.write_text("\n".join(lines))
     run = batch(source, output)
-    assert run.returncode == 0, run.stderr
+    assert run.returncode == 1, run.stderr
     found = {answer["line"]: answer for answer in answers(output)}
     assert sorted(found) == [1, 3, 4, 5, 6, 7, 8]
     assert [found[k]["verdict"] for k in (1, 6)] == ["variational", "variational"]
@@ -54,10 +59,14 @@ def test_bad_lines_become_error_lines_and_the_rest_goes_on(files: tuple[Path, Pa
     assert found[5]["duplicate_of"] == 1
     assert found[7]["error"]["errors"][0]["pointer"] == "/equations/x"
     assert found[7]["error"]["errors"][0]["column"] == 2
-    assert "2 variational" in run.stderr
+    assert "2 variational, 5 error lines" in run.stderr
+    assert "The first error line: Line 3: The document is not JSON" in run.stderr
+    assert " a second." in run.stderr
     assert "Traceback" not in run.stderr
     before = output.read_bytes()
-    assert "answered by an earlier run" in batch(source, output).stderr
+    again = batch(source, output)
+    assert "2 variational, 5 error lines, 7 answered by an earlier run." in again.stderr
+    assert again.returncode == 1
     assert output.read_bytes() == before
 
 
@@ -101,3 +110,95 @@ def test_files_that_cannot_be_used_are_exit_2(files: tuple[Path, Path]) -> None:
     output.write_text("my thesis\n")
     assert batch(source, output).returncode == 2
     assert output.read_text() == "my thesis\n"
+
+
+SPRING = {"equations": "x'' = -x"}
+SWIRL = {"equations": ["x'' = x^2+y^2", "y'' = 0"]}
+
+
+def test_an_inserted_or_changed_line_is_never_given_the_answer_of_another(files: tuple[Path, Path]) -> None:
+    source, output = files
+    source.write_text(written(SPRING, SWIRL, {"id": "a", **SPRING}, {"id": "typo", "equations": "x'' = -k*x"}))
+    assert batch(source, output).returncode == 1
+    mended = {"id": "typo", "equations": "x'' = -k*x", "parameters": ["k"]}
+    source.write_text(written({"equations": "z'' = -z^5"}, SPRING, SWIRL, {"id": "a", **SWIRL}, mended))
+    run = batch(source, output)
+    assert (run.returncode, "answered by an earlier run" in run.stderr) == (0, False), run.stderr
+    assert f"Answers that were replaced are in {output}.replaced." in run.stderr
+    found = {answer["id"]: answer for answer in answers(output)}
+    assert len(found) == len(answers(output)) == 5
+    assert [found[k]["verdict"] for k in (1, 2, 3, "a", "typo")] == [
+        "variational", "variational", "not_variational", "not_variational", "variational",
+    ]  # fmt: skip
+    assert list(found[1]["system"]["equations"]) == ["z"]
+    assert batch(source, output).stderr.endswith("5 answered by an earlier run.\n")
+
+
+def test_errors_and_undetermined_lines_are_asked_again_where_it_is_wished(files: tuple[Path, Path]) -> None:
+    source, output = files
+    source.write_text(written({"id": "good", **SPRING}, {"id": "bad", "equations": "x'' = -k*x"}))
+    batch(source, output)
+    good, bad = ([a for a in answers(output) if a["id"] == id] for id in ("good", "bad"))
+    undetermined = {"id": "good", "line": 1, "digest": good[0]["digest"], "verdict": "undetermined", "reason": "so"}
+    output.write_text(written(undetermined, *bad))
+    kept = batch(source, output)
+    assert "1 undetermined, 1 error line, 2 answered by an earlier run." in kept.stderr
+    assert "The first undetermined: so" in kept.stderr
+    run = batch(source, output, "--again", "errors,undetermined")
+    assert "1 variational, 1 error line.\n2 lines in" in run.stderr
+    assert sorted((a["id"], a.get("verdict")) for a in answers(output)) == [("bad", None), ("good", "variational")]
+    assert batch(source, output, "--again", "everything").returncode == 2
+
+
+def test_a_batch_goes_from_standard_input_to_standard_output_and_through_gzip(files: tuple[Path, Path]) -> None:
+    source, output = files
+    piped = batch("-", "-", input=written({"id": "a", **SPRING}, {"id": "b", **SWIRL}))
+    assert {json.loads(line)["id"]: json.loads(line)["verdict"] for line in piped.stdout.splitlines()} == {
+        "a": "variational", "b": "not_variational",
+    }  # fmt: skip
+    packed = source.with_suffix(".ndjson.gz")
+    packed.write_bytes(gzip.compress(written({"id": "a", **SPRING}).encode()))
+    assert batch(packed, output.with_suffix(".gz")).returncode == 0
+    assert json.loads(gzip.decompress(output.with_suffix(".gz").read_bytes()))["verdict"] == "variational"
+
+
+def test_a_file_of_another_kind_is_exit_2_at_once(files: tuple[Path, Path]) -> None:
+    source, output = files
+    for text, words in (
+        (json.dumps([SPRING, SWIRL]), "a JSON array"),
+        (json.dumps(SPRING, indent=2), "several lines"),
+        ("id,equations\n" * 11, "The first 10 lines are all error lines"),
+    ):
+        output.unlink(missing_ok=True)
+        source.write_text(text)
+        for _ in range(2):  # the second time the ten answers are there
+            run = batch(source, output)
+            assert (run.returncode, words in run.stderr, run.stderr.count("\n")) == (2, True, 1), run.stderr
+    nine = "nonsense\n" * 9 + json.dumps(SPRING) + "\n" + "nonsense\n" * 9
+    source.write_text(nine)
+    output.unlink()
+    assert batch(source, output).returncode == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], number: signal.Signals) -> None:
+    source, output = files
+    hard = {"equations": {f"x{k}": "+".join(f"x{j}'^2*sin(x{k}*x{j})" for j in range(8)) for k in range(8)}}
+    source.write_text(written(SPRING, hard))
+    command = [*COMMAND, str(source), "--output", str(output), "--workers", "2"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        end = time.monotonic() + 120
+        while (not output.exists() or not output.read_bytes()) and time.monotonic() < end:
+            time.sleep(0.01)
+        process.send_signal(number)
+        said = process.communicate(timeout=30)[1]
+    assert (process.returncode, said) == (130, "1 of 2 lines answered; the same command goes on where it was.\n")
+    assert len(answers(output)) == 1
+
+
+def test_a_full_output_is_exit_2(files: tuple[Path, Path]) -> None:
+    source, _ = files
+    source.write_text(written(SPRING))
+    with open("/dev/full", "wb") as full:
+        run = subprocess.run([*COMMAND, source, "--output", "-"], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (run.returncode, run.stderr) == (2, "The output cannot be written: no space left on device.\n")

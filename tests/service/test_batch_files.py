@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
+import os
 from pathlib import Path
 
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES, count_lines, finished_keys, read_lines
+from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES, count_lines, open_source, read_lines
+from inverse_service.service.jobs.batch_output import key_of, open_output, replaced_path
 
 
 def lines(*texts: str) -> list[tuple[object, ...]]:
@@ -47,25 +50,78 @@ def test_a_line_that_is_too_long_is_a_fault_and_the_rest_goes_on(tmp_path: Path)
 
 def test_ids_one_and_text_one_are_two_ids() -> None:
     found = list(read_lines(io.BytesIO(b'{"id": 1}\n{"id": "1"}')))
-    assert len({line.key for line in found}) == 2
+    assert len({key_of(line) for line in found}) == 2
 
 
-def test_a_half_written_last_line_is_cut_off(tmp_path: Path) -> None:
-    path = tmp_path / "out.ndjson"
-    whole = json.dumps({"id": "a", "line": 1}) + "\n" + json.dumps({"id": None, "line": 2}) + "\n"
-    path.write_text(whole + '{"id": "b", "li')
-    assert finished_keys(path) == {'id "a"', "line 2"}
-    assert path.read_text() == whole
+def answer(id: object, line: int = 1, **more: object) -> bytes:
+    return json.dumps({"id": id, "line": line, "verdict": "variational", "digest": "d", **more}).encode() + b"\n"
 
 
-def test_a_missing_output_has_no_answers(tmp_path: Path) -> None:
-    assert finished_keys(tmp_path / "none") == set()
+def test_a_digest_is_of_document_and_options_and_not_of_the_id() -> None:
+    texts = (
+        '{"id": 1, "a": "x", "b": 1}', '{"b": 1, "a": "x"}', '{"a": "y", "b": 1}', '{"a": "x", "b": 1.0}',
+        '{"a": "x", "b": 1, "options": {"seed": 2}}', '{"id": [], "a": "x", "b": 1}', "[", "[[",
+    )  # fmt: skip
+    digests = [line.digest for line in read_lines(io.BytesIO("\n".join(texts).encode()))]
+    assert digests[0] == digests[1]
+    assert len(set(digests[1:])) == len(texts) - 1
+
+
+@pytest.mark.parametrize("name", ["out.ndjson", "out.ndjson.gz"])
+def test_what_was_half_written_is_cut_off_and_the_rest_kept(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    with open_output(path) as output:
+        assert output.known == {}
+        output.add(answer("a"))
+    whole = path.read_bytes()
+    half = gzip.compress(answer("b"))[:-3] if name.endswith("gz") else b'{"id": "b", "li'
+    path.write_bytes(whole + half)
+    with open_output(path) as output:
+        assert set(output.known) == {'id "a"'}
+        output.add(answer(None, 2))
+    assert path.read_bytes().startswith(whole)
+    with open_output(path) as output:
+        assert set(output.known) == {'id "a"', "line 2"}
+
+
+@pytest.mark.parametrize("name", ["out.ndjson", "out.ndjson.gz"])
+def test_an_answer_to_another_question_makes_place_and_is_kept_beside(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    with open_output(path) as output:
+        for line in (answer("a", 1, digest="old"), answer("b", 2)):
+            output.add(line)
+    path.chmod(0o640)
+    with open_output(path) as output:
+        output.add(answer("a", 1, digest="new"))
+    opened = gzip.open if name.endswith("gz") else open
+    with opened(path, "rb") as kept, opened(replaced_path(path), "rb") as replaced:
+        assert kept.readlines() == [answer("b", 2), answer("a", 1, digest="new")]
+        assert replaced.readlines() == [answer("a", 1, digest="old")]
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert {p.name for p in tmp_path.iterdir()} == {name, f"{name}.replaced"}
 
 
 @pytest.mark.parametrize("content", ["hello\n", "[1]\n", "{}\n", "\x00\n"])
-def test_a_file_that_is_no_output_is_left_as_it_is(tmp_path: Path, content: str) -> None:
-    path = tmp_path / "out.ndjson"
+@pytest.mark.parametrize("name", ["out.ndjson", "out.gz"])
+def test_a_file_that_is_no_output_is_left_as_it_is(tmp_path: Path, content: str, name: str) -> None:
+    path = tmp_path / name
     path.write_text(content + "rest")
-    with pytest.raises(InputError, match="not an answer"):
-        finished_keys(path)
+    with pytest.raises(InputError, match="choose another file"), open_output(path):
+        raise AssertionError
     assert path.read_text() == content + "rest"
+
+
+def test_a_device_a_pipe_and_a_folder_are_no_output(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (Path("/dev/full"), Path("/dev/null"), tmp_path / "pipe", tmp_path):
+        with pytest.raises(InputError, match="regular file"), open_output(path):
+            raise AssertionError
+
+
+@pytest.mark.parametrize("damage", ["plain", "cut", "foreign"])
+def test_a_damaged_compressed_input_is_one_sentence(tmp_path: Path, damage: str) -> None:
+    good = gzip.compress(b"{}\n" * 9)
+    path = tmp_path / "in.ndjson.gz"
+    path.write_bytes({"plain": b"{}\n", "cut": good[:-9], "foreign": good[:20] + b"abc" * 9}[damage])
+    with pytest.raises(InputError, match="damaged or end too early"), open_source(path) as stream:
+        list(read_lines(stream))

@@ -7,18 +7,19 @@ service, over a store in the temporary folder that lives as long as the run (`jo
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import queue
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents.problem_documents import of_input_error
 from inverse_service.service.jobs.asking import request_of
-from inverse_service.service.jobs.batch_files import Line, finished_keys, read_lines
+from inverse_service.service.jobs.batch_files import Line, open_source, read_lines
+from inverse_service.service.jobs.batch_output import Known, Output, key_of, open_output
 from inverse_service.service.jobs.line_answers import answer_line, error_line
 from inverse_service.service.jobs.model import BULK, BatchAnswer, Job
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
@@ -29,50 +30,111 @@ from inverse_service.service.jobs.workers import Executor, Workers
 
 # Jobs that are open at the same time, for each worker: enough that none waits for a line to be read.
 AHEAD = 8
+# So many error lines at the beginning, and nothing else, are a file of another kind.
+FIRST = 10
+# What `again` names, as answers are counted.
+AGAIN = {"errors": ("error", "fault"), "undetermined": ("undetermined",)}
 
 
 @dataclass(frozen=True, slots=True)
 class BatchPlan:
-    """What to do with each line of `source`, and where answers go; `cluster`: a Dask scheduler."""
+    """What to do with each line of `source`, and where answers go; `cluster`: a Dask scheduler.
+
+    `again`: which answers of an earlier run do not count, some of "errors" and "undetermined".
+    """
 
     source: Path
     output: Path
     options: JobOptions
     workers: int
     cluster: str | None = None
+    again: frozenset[str] = frozenset()
 
 
 @dataclass(slots=True)
 class Summary:
-    """Counts of a run: by verdict, error lines, faults of ours, lines answered by an earlier run."""
+    """Lines by what their answers are counted as, and the first reason of each kind; those of earlier runs included."""
 
-    verdicts: Counter[str] = field(default_factory=Counter)
-    errors: int = 0
-    faults: int = 0
-    skipped: int = 0
+    labels: Counter[str] = field(default_factory=Counter)
+    first: dict[str, str] = field(default_factory=dict)
+    earlier: int = 0
     duplicates: int = 0
+    replaced: bool = False
+
+    def count(self, answer: Known) -> None:
+        """One more line is answered."""
+        self.labels[answer.label] += 1
+        if answer.reason:
+            self.first.setdefault(answer.label, answer.reason)
+
+    @property
+    def new(self) -> int:
+        """Lines that this run answered."""
+        return self.labels.total() - self.earlier
 
 
-def run_batch(plan: BatchPlan, report: Callable[[Line], None] = lambda line: None) -> Summary:
+def run_batch(plan: BatchPlan, summary: Summary, report: Callable[[Line], None] = lambda line: None) -> None:
     """Answer every line of the source that the output does not answer yet, one line each.
 
-    Answers come in the order in which they are done. `report` is called once a line. Raises
-    InputError where the files cannot be used; a bad line is an error line, not an exception.
+    Answers come in the order in which they are done; `summary` counts them, `report` is called once a line.
+    Raises InputError where the files cannot be used, or nothing but error lines begins the input.
     """
-    _refuse_same_file(plan)
-    summary = Summary()
-    with plan.source.open("rb") as source, _locked_output(plan.output) as output:
-        lines = _open_lines(read_lines(source), finished_keys(plan.output), summary, report)
+    if plan.output.exists() and plan.source.exists() and plan.output.samefile(plan.source):
+        raise InputError("The output file is the input file; choose another one for --output.")
+    with open_source(plan.source) as source, open_output(plan.output) as output:
+        run = _Run(plan.again, output, summary, report)
+        lines = run.open_lines(read_lines(source))
         first = next(lines, None)
-        if first is None:
-            return summary
-        with _engine(plan) as engine:
-            for line, answer in engine.answers(_chained(first, lines)):
-                output.write(answer)
-                _count(summary, json.loads(answer))
-                report(line)
-            summary.duplicates = engine.duplicates
-    return summary
+        if first is not None:
+            with _engine(plan) as engine:
+                for line, answer in engine.answers(itertools.chain((first,), lines)):
+                    run.count(line, output.add(answer))
+                summary.duplicates = engine.duplicates
+        summary.replaced = output.superseded
+
+
+class _Run:
+    """Which lines are open, and what became of the first ten."""
+
+    def __init__(self, again: frozenset[str], output: Output, summary: Summary, report: Callable[[Line], None]) -> None:
+        self._again = frozenset(label for name in again for label in AGAIN[name])
+        self._output, self._summary, self._report = output, summary, report
+        self._earlier = dict(output.known)
+        self._first: list[int] = []
+        self._bad: set[int] = set()
+
+    def open_lines(self, lines: Iterator[Line]) -> Iterator[Line]:
+        """The lines without an answer that counts: of this very question, and not one to be asked again."""
+        for line in lines:
+            if not self._first:
+                _refuse_other_layouts(line)
+            if len(self._first) < FIRST:
+                self._first.append(line.number)
+            answer = self._earlier.get(key_of(line))
+            if answer is None or answer.digest != line.digest or answer.label in self._again:
+                yield line
+            else:
+                self._summary.earlier += 1
+                self.count(line, answer)
+
+    def count(self, line: Line, answer: Known) -> None:
+        """A line is answered; raises InputError where it is the last of ten bad ones that begin the input."""
+        self._summary.count(answer)
+        self._report(line)
+        if answer.label == "error" and line.number in self._first:
+            self._bad.add(line.number)
+            if len(self._bad) == FIRST:
+                raise InputError(
+                    f"The first {FIRST} lines are all error lines, so the batch stops; the first says: "
+                    f"{self._summary.first['error']}"
+                )
+
+
+def _refuse_other_layouts(line: Line) -> None:
+    if line.raw.startswith(b"["):
+        raise InputError("The input is a JSON array; write one document a line, as 'jq -c .[] FILE' does.")
+    if line.raw == b"{":
+        raise InputError("A document stands on several lines; write one document a line, as 'jq -c . FILE' does.")
 
 
 class BatchEngine:
@@ -103,7 +165,8 @@ class BatchEngine:
             request = request_of("solve", document, read_options(given, self._options), priority=BULK)
         except InputError as error:
             problem = of_input_error(error)
-            yield line, error_line(line.number, json.dumps(line.identifier), problem, line.duplicate_of)
+            identifier = json.dumps(line.identifier)
+            yield line, error_line(line.number, identifier, problem, line.duplicate_of, line.digest)
             return
         known = self._store.job(request.id)
         self.duplicates += known is not None
@@ -153,60 +216,6 @@ def _executor(plan: BatchPlan) -> Executor:
     return open_cluster(plan.cluster, plan.options.memory_limit)
 
 
-def _chained(first: Line, rest: Iterator[Line]) -> Iterator[Line]:
-    yield first
-    yield from rest
-
-
 def _answer(line: Line, job: Job) -> bytes:
-    return answer_line(BatchAnswer(line.number, json.dumps(line.identifier), job.status, job.body, 0))
-
-
-def _open_lines(
-    lines: Iterator[Line], done: set[str], summary: Summary, report: Callable[[Line], None]
-) -> Iterator[Line]:
-    for line in lines:
-        if line.key in done:
-            summary.skipped += 1
-            report(line)
-        else:
-            yield line
-
-
-def _count(summary: Summary, answer: dict[str, Any]) -> None:
-    if "error" not in answer:
-        summary.verdicts[answer["verdict"]] += 1
-    elif answer["error"]["status"] >= 500:
-        summary.faults += 1
-    else:
-        summary.errors += 1
-
-
-def _refuse_same_file(plan: BatchPlan) -> None:
-    if not plan.source.is_file():
-        raise InputError("The input file of the batch does not exist or is not a file; give one system a line in it.")
-    if plan.output.exists() and plan.output.samefile(plan.source):
-        raise InputError("The output file is the input file; choose another one for --output.")
-
-
-@contextlib.contextmanager
-def _locked_output(path: Path) -> Iterator[IO[bytes]]:
-    """The output, open for appending without a buffer, for this process alone."""
-    try:
-        stream = path.open("ab", buffering=0)
-    except OSError as error:
-        raise InputError(f"The output file cannot be written: {error.strerror}.") from None
-    with stream:
-        _lock(stream)
-        yield stream
-
-
-def _lock(stream: IO[bytes]) -> None:
-    try:
-        import fcntl
-    except ImportError:
-        return
-    try:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        raise InputError("Another batch is writing to the output file; wait for it or choose another file.") from None
+    identifier = json.dumps(line.identifier)
+    return answer_line(BatchAnswer(line.number, identifier, job.status, job.body, digest=line.digest))

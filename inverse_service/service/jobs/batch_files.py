@@ -1,18 +1,23 @@
-"""The two files of a batch: lines in, lines out, and where an interrupted run goes on."""
+"""The input of a batch: a file, standard input or a .gz, one document a line."""
 
 from __future__ import annotations
 
 import contextlib
-import json
+import gzip
+import hashlib
+import sys
+import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import read_json
+from inverse_service.service.jobs.identity import document_digest
 
 MAX_LINE_BYTES = 1_000_000
+STANDARD = "-"
 Identifier = str | int
 
 
@@ -21,6 +26,7 @@ class Line:
     """One line of the input; `fault` says why it cannot be solved, else `document` is to be solved.
 
     `identifier` is its own `id`, or its line number where it has none; None where it is unreadable.
+    `raw` are the bytes of a line that is no document.
     """
 
     number: int
@@ -28,18 +34,25 @@ class Line:
     document: Any = None
     fault: InputError | None = None
     duplicate_of: int | None = None
+    raw: bytes = b""
 
     @property
-    def key(self) -> str:
-        """What an answer is found by when the batch is started again."""
-        return answer_key({"id": self.identifier, "line": self.number, "duplicate_of": self.duplicate_of})
+    def digest(self) -> str:
+        """What the line asks, its options included, its id left out: an answer holds only for this."""
+        return hashlib.sha256(self.raw).hexdigest() if self.document is None else document_digest(self.document)
 
 
-def answer_key(answer: dict[str, Any]) -> str:
-    """By id; by line number for a line without a readable id or with the id of another line."""
-    if answer.get("id") is None or answer.get("duplicate_of") is not None:
-        return f"line {answer.get('line')}"
-    return f"id {json.dumps(answer['id'])}"
+def open_source(path: Path) -> contextlib.AbstractContextManager[IO[bytes]]:
+    """The input, - for standard input, decompressed where its name ends so; raises InputError."""
+    if str(path) == STANDARD:
+        if sys.stdin is None:
+            raise InputError("Standard input is closed; name a file of one system a line.")
+        return contextlib.nullcontext(sys.stdin.buffer)
+    try:
+        return gzip.open(path) if path.suffix == ".gz" else path.open("rb")  # type: ignore[return-value]
+    except (OSError, ValueError) as error:
+        reason = (getattr(error, "strerror", None) or "the name is not a file name").lower()
+        raise InputError(f"The input {path} cannot be read: {reason}; name a file of one system a line.") from None
 
 
 def read_lines(stream: IO[bytes]) -> Iterator[Line]:
@@ -53,45 +66,20 @@ def read_lines(stream: IO[bytes]) -> Iterator[Line]:
             yield marked(_read_line(number, data), first_with)
 
 
-def count_lines(path: Path) -> int:
-    """How many lines there are, for the progress bar; empty ones included."""
-    with path.open("rb") as stream:
+def count_lines(path: Path) -> int | None:
+    """How many lines there are, empty ones included; None for what can be read only once."""
+    if not path.is_file():
+        return None
+    with open_source(path) as stream:
         return sum(1 for _ in _bounded_lines(stream))
-
-
-def finished_keys(path: Path) -> set[str]:
-    """The keys of all answers in an output file, a half-written last line cut off.
-
-    Raises InputError where the file is not the output of a batch, so that nothing is spoilt.
-    """
-    if not path.exists():
-        return set()
-    keys, whole = set(), 0
-    with path.open("r+b") as stream:
-        for number, data in enumerate(stream, 1):
-            if not data.endswith(b"\n"):
-                break
-            keys.add(_key_in_output(data, number))
-            whole += len(data)
-        stream.truncate(whole)
-    return keys
-
-
-def _key_in_output(data: bytes, number: int) -> str:
-    answer = None
-    with contextlib.suppress(ValueError, RecursionError):
-        answer = json.loads(data)
-    if not isinstance(answer, dict) or "line" not in answer or "id" not in answer:
-        raise InputError(f"Line {number} of the output file is not an answer of a batch; choose another file.")
-    return answer_key(answer)
 
 
 def _read_line(number: int, data: bytes) -> Line:
     try:
         value = read_json(data)
     except InputError as error:
-        return Line(number, None, fault=error)
-    return line_of(number, value)
+        return Line(number, None, fault=error, raw=data.strip())
+    return replace(line_of(number, value), raw=data.strip())
 
 
 def line_of(number: int, value: Any) -> Line:
@@ -102,7 +90,7 @@ def line_of(number: int, value: Any) -> Line:
     document = {key: part for key, part in value.items() if key != "id"}
     identifier = value.get("id", number)
     if isinstance(identifier, bool) or not isinstance(identifier, str | int) or len(str(identifier)) > 200:
-        return Line(number, None, fault=InputError("The id must be a text or whole number of at most 200 characters."))
+        return Line(number, None, fault=InputError("The id must be a text or an integer of at most 200 characters."))
     return Line(number, identifier, document)
 
 
@@ -114,14 +102,18 @@ def marked(line: Line, first_with: dict[Identifier, int]) -> Line:
     if first == line.number:
         return line
     fault = InputError(f"The id of this line was used on line {first} already; give each line its own.", "/id")
-    return Line(line.number, line.identifier, fault=fault, duplicate_of=first)
+    return replace(line, fault=fault, duplicate_of=first)
 
 
 def _bounded_lines(stream: IO[bytes]) -> Iterator[bytes | None]:
-    while data := stream.readline(MAX_LINE_BYTES + 1):
-        if len(data) <= MAX_LINE_BYTES or data.endswith(b"\n"):
-            yield data
-            continue
-        while data and not data.endswith(b"\n"):
-            data = stream.readline(MAX_LINE_BYTES)
-        yield None
+    try:
+        while data := stream.readline(MAX_LINE_BYTES + 1):
+            if len(data) <= MAX_LINE_BYTES or data.endswith(b"\n"):
+                yield data
+                continue
+            while data and not data.endswith(b"\n"):
+                data = stream.readline(MAX_LINE_BYTES)
+            yield None
+    except (OSError, EOFError, zlib.error) as error:  # OSError: BadGzipFile too
+        reason = getattr(error, "strerror", None) or "the compressed data are damaged or end too early"
+        raise InputError(f"The input cannot be read to its end: {reason.lower()}.") from None

@@ -42,6 +42,11 @@ def job_id(kind: str, document: Any, options: str) -> str:
     return hashlib.sha256("\x00".join(parts).encode()).hexdigest()[:DIGITS]
 
 
+def document_digest(document: Any) -> str:
+    """A hash of what is asked, whoever answers it: 64 hexadecimal digits."""
+    return hashlib.sha256(f"{canonical(document)}\x00{canonical(_order(document))}".encode()).hexdigest()
+
+
 def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, generation: int) -> str:
     """The id of a client's batch, so that one that is sent again after a lost answer is not stored twice.
 

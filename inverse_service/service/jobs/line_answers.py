@@ -11,20 +11,23 @@ from inverse_service.service.jobs.model import BatchAnswer
 
 def answer_line(answer: BatchAnswer) -> bytes:
     """JSON with the `id` and the number of the line in front, and a line feed at the end."""
-    head = f'{{"id": {answer.identifier}, "line": {answer.number}'.encode()
     if answer.status != "successful" or answer.body is None:
-        return error_line(answer.number, answer.identifier, _problem(answer))
+        return error_line(answer.number, answer.identifier, _problem(answer), digest=answer.digest)
+    digest = f', "digest": "{answer.digest}"' if answer.digest else ""
+    head = f'{{"id": {answer.identifier}, "line": {answer.number}{digest}'.encode()
     result = answer.body.strip()
     inside = result[1:-1].strip() if result[:1] == b"{" else b'"result": ' + result
     return head + (b", " + inside if inside else b"") + b"}\n"
 
 
-def error_line(number: int, identifier: str, problem: dict[str, Any], duplicate_of: int | None = None) -> bytes:
+def error_line(
+    number: int, identifier: str, problem: dict[str, Any], duplicate_of: int | None = None, digest: str = ""
+) -> bytes:
     """A problem document with the id of its line; `error` holds it once more for who looks for that key."""
     told = problem | {"detail": f"Line {number}: {problem['detail']}"}
     line: dict[str, Any] = {"id": json.loads(identifier), "line": number}
-    if duplicate_of is not None:
-        line["duplicate_of"] = duplicate_of
+    more = {"digest": digest or None, "duplicate_of": duplicate_of}
+    line |= {key: value for key, value in more.items() if value is not None}
     return as_bytes(line | told | {"error": told}) + b"\n"
 
 

@@ -121,13 +121,14 @@ class Batch:
 
 @dataclass(frozen=True, slots=True)
 class BatchAnswer:
-    """The answer to one line; `order` grows in the order in which answers came."""
+    """The answer to one line; `order` grows in the order in which answers came, `digest` is that of the question."""
 
     number: int
     identifier: str
     status: JobStatus
     body: bytes | None
-    order: int
+    order: int = 0
+    digest: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,43 @@
+"""The stream of a batch speaks now and then, so that no reader takes a healthy service for dead."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+import pytest
+
+from inverse_service.client.streams import BatchResults, Lines
+from inverse_service.service.jobs.model import Batch, BatchAnswer
+from inverse_service.settings import Settings
+from inverse_service.web import routes_batches
+from inverse_service.web.engine import Engine
+from inverse_service.web.hub import Hub
+
+
+class SlowStore:
+    """Has nothing for three times, then the only answer."""
+
+    looks = 0
+
+    def batch_answers(self, id: str, after: int, limit: int) -> list[BatchAnswer]:
+        self.looks += 1
+        return [] if self.looks < 4 else [BatchAnswer(1, '"a"', "successful", b'{"verdict": "variational"}', 7)]
+
+
+def test_a_silent_stream_sends_empty_lines_that_the_client_skips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes_batches, "KEEP_ALIVE", 0.0)
+    batch = Batch("b", "solve", "", 0.0, 1, {"running": 1})
+
+    async def sent() -> list[bytes]:
+        engine: Any = Engine(Settings())
+        engine._store, engine.hub = SlowStore(), Hub()
+        return [part async for part in routes_batches._stream(engine, batch)]
+
+    parts = asyncio.run(sent())
+    assert parts[:3] == [b"\n"] * 3
+    assert json.loads(parts[3]) == {"id": "a", "line": 1, "verdict": "variational"}
+    reader, lines = BatchResults("b", 1), Lines()
+    found = [item for line in lines.feed(b"".join(parts)) if (item := reader.feed(line)) is not None]
+    assert [answer.id for answer in found] == ["a"]
