@@ -7,7 +7,7 @@ from pathlib import Path
 from inverse_service.certificate import checker
 
 
-def test_the_checker_has_at_most_seven_hundred_lines() -> None:
+def test_the_checker_has_at_most_nine_hundred_lines() -> None:
     lines = Path(checker.__file__).read_text(encoding="utf-8").splitlines()
-    assert 0 < len(lines) <= 700
+    assert 0 < len(lines) <= 900
     assert max(map(len, lines)) <= 120
