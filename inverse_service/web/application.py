@@ -29,6 +29,7 @@ from inverse_service.web.engine import Engine
 from inverse_service.web.head_requests import HeadAsGet
 from inverse_service.web.headers import SecurityHeaders
 from inverse_service.web.measuring import Measured
+from inverse_service.web.pages.refused import page_of_refusal
 
 TITLE = "inverse-service"
 SUMMARY = "Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."
@@ -42,7 +43,7 @@ def create_application(settings: Settings) -> FastAPI:
     """The service; its worker processes live from start to shutdown of the application."""
     app = FastAPI(title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None)
     app.state.engine = Engine(settings)
-    problems.install(app)
+    problems.install(app, page_of_refusal)
     app.add_middleware(HeadAsGet)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Measured, counters=app.state.engine.counters)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
@@ -35,14 +35,21 @@ class Refusal(Exception):
         self.status, self.kind, self.detail, self.places, self.headers = status, kind, detail, places, dict(headers)
 
 
+def answer_to(request: Request, refusal: Refusal) -> Response:
+    """A page where a browser asks for one, else a problem document."""
+    shown = request.app.state.page_of_refusal(request, refusal)
+    return shown if shown is not None else problem(refusal)
+
+
 def problem(refusal: Refusal) -> Response:
     """The response of a refusal; its texts are ours, never the caller's."""
     content = problem_document(refusal.status, refusal.kind, refusal.detail, refusal.places)
     return Response(as_bytes(content), refusal.status, headers=refusal.headers, media_type=MEDIA_TYPE)
 
 
-def install(app: FastAPI) -> None:
-    """Make every error of the application a problem document."""
+def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response | None]) -> None:
+    """Make every error of the application a problem document, or a page where `page_of_refusal` makes one."""
+    app.state.page_of_refusal = page_of_refusal
     app.add_exception_handler(Refusal, _on_refusal)
     app.add_exception_handler(InputError, _on_input_error)
     app.add_exception_handler(WorkerFailed, _on_worker_failed)
@@ -57,7 +64,7 @@ def install(app: FastAPI) -> None:
 
 async def _on_refusal(request: Request, error: Exception) -> Response:
     assert isinstance(error, Refusal)
-    return problem(error)
+    return answer_to(request, error)
 
 
 async def _on_input_error(request: Request, error: Exception) -> Response:
@@ -103,7 +110,7 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
     if error.status_code == 405:
         known = {method.strip() for method in headers.pop("allow", headers.pop("Allow", "GET")).split(",")}
         headers["Allow"] = ", ".join(sorted(known | _methods(request)))
-    return problem(Refusal(error.status_code, kind, detail, headers=headers))
+    return answer_to(request, Refusal(error.status_code, kind, detail, headers=headers))
 
 
 def _methods(request: Request) -> set[str]:

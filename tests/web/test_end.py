@@ -35,18 +35,22 @@ def processes(session: int) -> list[int]:
 def test_no_worker_outlives_the_service(ending: signal.Signals, busy: bool) -> None:
     command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
-        assert process.stdout is not None
-        address = process.stdout.readline().strip()
-        assert httpx.get(f"{address}/readyz", timeout=30).status_code == 200
-        if busy:
-            with pytest.raises(httpx.ReadTimeout):
-                httpx.post(
-                    f"{address}/v1/solve",
-                    content=json.dumps(HARD),
-                    timeout=0.3,
-                    headers={"Content-Type": "application/json"},
-                )
-        assert len(processes(process.pid)) > 2
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            assert httpx.get(f"{address}/readyz", timeout=30).status_code == 200
+            if busy:
+                with pytest.raises(httpx.ReadTimeout):
+                    httpx.post(
+                        f"{address}/v1/solve",
+                        content=json.dumps(HARD),
+                        timeout=0.3,
+                        headers={"Content-Type": "application/json"},
+                    )
+            assert len(processes(process.pid)) > 2
+        except BaseException:
+            process.kill()  # leaving the block waits for the service, which nobody else would end
+            raise
         process.send_signal(ending)
     end = time.monotonic() + 60
     while processes(process.pid) and time.monotonic() < end:

@@ -11,6 +11,8 @@ TERMS = (
     "\u201cNames and questions\u201d, for example y'^2/x'."
 )
 ONE_QUESTION = "Ask one question instead of two: under \u201cNames and questions\u201d, L(q, q\u2032) alone."
+# Of a time limit; what comes after the search takes the rest.
+MUCH_OF = 0.8
 LONG_RUN = "inverse-service solve --time-limit 3600 system.json"
 
 
@@ -33,12 +35,22 @@ def advice_for(result: Mapping[str, Any], largest: float) -> list[Advice]:
 
 
 def _about_time(result: Mapping[str, Any], largest: float) -> list[Advice]:
-    limit = (result["provenance"].get("options") or {}).get("time_limit")
-    if not isinstance(limit, int | float) or (result["reason"] and "limit" not in result["reason"]):
+    limit = _limit_that_was_hit(result)
+    if limit is None:
         return []
-    if limit < largest:
-        return [Advice(f"Ask again with more time: this answer had {limit:g} s.", longer=largest)]
-    return [Advice("This service gives no more time; a machine of your own can.", LONG_RUN)]
+    if limit < MUCH_OF * largest:
+        return [Advice(f"Ask again with more time: this answer had {limit:.2g} s, and they ran out.", longer=largest)]
+    return [Advice("Time ran out. This service gives no more; a machine of your own can.", LONG_RUN)]
+
+
+def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
+    """The seconds that the work had, where it used them up; None where it ended by itself."""
+    provenance = result["provenance"]
+    stopped = (provenance.get("options") or {}).get("time_limit")
+    if isinstance(stopped, int | float):
+        return stopped if "limit" in result["reason"] else None
+    limit, used = provenance.get("time_limit"), (provenance.get("seconds") or {}).values()
+    return limit if isinstance(limit, int | float) and sum(used) >= MUCH_OF * limit else None
 
 
 def _about_size(result: Mapping[str, Any]) -> list[Advice]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from markupsafe import Markup
 
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.glossary import Term, terms_in
 from inverse_service.web.pages.rendering import duration
 
 TENSORS = (("Phi", "Φ", "\\Phi"), ("nabla_Phi", "∇Φ", "\\nabla\\Phi"))
 QUESTIONS = {"L(q, q')": "L(q, q\u2032)", "L(t, q, q')": "L(t, q, q\u2032)"}
+VERDICTS = {"variational": "a Lagrangian", "not_variational": "no Lagrangian", "undetermined": "undetermined"}
 # What no line can be broken in.
 UNBREAKABLE = ("<mtable", "<mfrac", "<msqrt")
 # A page shows so many steps; the whole is in the JSON.
@@ -22,10 +24,11 @@ MAX_STEPS = 200
 
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """A tensor of the conditions by name; a curvature as one matrix for each upper index."""
+    """A tensor by name, a curvature as one matrix for each upper index; shown once on the page, at `anchor`."""
 
     name: str
     math: Markup
+    anchor: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +39,7 @@ class Step:
     formula: Markup | None
     matrices: list[Matrix]
     is_wide: bool
+    terms: tuple[Term, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,7 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
     """The main answer of a result, or its `with_time`."""
     names = typesetting.names_of(result["system"])
     matrices = matrices_of(result["conditions"], names)
-    steps = [_step(step, names, matrices) for step in part["explanation"][:MAX_STEPS]]
+    steps = _said_once([_step(step, names, matrices) for step in part["explanation"][:MAX_STEPS]])
     return ShownAnswer(
         QUESTIONS[question],
         part["verdict"],
@@ -100,6 +104,15 @@ def headline(part: Mapping[str, Any], question: str) -> str:
     if part["lagrangian"] is None:
         return f"A regular Lagrangian {kind} exists; none was found in closed form."
     return f"These equations come from a regular Lagrangian {kind}."
+
+
+def title_of(result: Mapping[str, Any]) -> str:
+    """What tells this result from others in tabs and bookmarks: its name or first equation, and the verdict."""
+    system = result["system"] or {}
+    lines = list((system.get("equations") or {}).items())
+    first = f"{lines[0][0]}'' = {lines[0][1]}" if lines else "A system"
+    named = system.get("name") or (first if len(lines) < 2 else f"{first}, \u2026")
+    return f"{named[:60]}: {VERDICTS[result['verdict']]}"
 
 
 def other_question(result: Mapping[str, Any]) -> str:
@@ -145,13 +158,13 @@ def matrices_of(conditions: Mapping[str, Any] | None, names: Names) -> list[Matr
     if conditions is None:
         return []
     found = [
-        Matrix(symbol, _named_matrix(latex, conditions[key], names))
+        Matrix(symbol, _named_matrix(latex, conditions[key], names), f"matrix-{key}")
         for key, symbol, latex in TENSORS
         if conditions.get(key)
     ]
     for index, block in enumerate(conditions.get("R") or [], start=1):
         if any(entry != "0" for row in block for entry in row):
-            found.append(Matrix("R", _named_matrix(f"R^{{{index}}}", block, names)))
+            found.append(Matrix(f"R{index}", _named_matrix(f"R^{{{index}}}", block, names), f"matrix-R{index}"))
     return found
 
 
@@ -168,13 +181,25 @@ def _step(step: Mapping[str, str], names: Names, matrices: list[Matrix]) -> Step
     shown = None if says_formula or not step["latex"] else typesetting.latex(step["latex"])
     plain = step["text"].replace("nabla Phi", "∇Φ").replace("Phi", "Φ")
     used = [m for m in matrices if _uses(plain, m.name)]
-    return Step(text, shown, used, any(tag in text for tag in UNBREAKABLE))
+    return Step(text, shown, used, any(tag in text for tag in UNBREAKABLE), terms_in(plain))
+
+
+def _said_once(steps: Sequence[Step]) -> list[Step]:
+    """Links to matrices and words stand at the first step that uses them."""
+    seen: set[str] = set()
+    found = []
+    for step in steps:
+        matrices = [matrix for matrix in step.matrices if matrix.anchor not in seen]
+        terms = tuple(term for term in step.terms if term.key not in seen)
+        seen |= {matrix.anchor for matrix in matrices} | {term.key for term in terms}
+        found.append(replace(step, matrices=matrices, terms=terms))
+    return found
 
 
 def _uses(text: str, name: str) -> bool:
     if name == "Φ":
         return "Φ" in text.replace("∇Φ", "")
-    if name == "R":
+    if name.startswith("R"):
         return "R^j_kl" in text or "(R)_" in text or "components of R" in text
     return name in text
 

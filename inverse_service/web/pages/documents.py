@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
+from urllib.parse import urlencode
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import read_document, read_json, refuse_surrogates
@@ -16,6 +17,9 @@ KINDS = ("equations", "nonholonomic")
 ASSOCIATED = ("first", "second", "third", "search")
 FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
           "associated", "time", "special_cases", "ansatz", "time_limit")  # fmt: skip
+# What a link may say; `kind` is the form's own.
+LINKED = FIELDS[1:10]
+LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
 _FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
 
@@ -168,6 +172,22 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     else:
         fields["equations"] = equations_text(document.get("equations", ""))
     return fields
+
+
+def question_address(document: Mapping[str, Any]) -> str:
+    """The link that fills the form with this question, and does not ask it; nothing where it would be too long."""
+    fields = lean_fields(document)
+    wanted = {name: value for name, value in fields.items() if value and name in LINKED}
+    address = f"/?{urlencode(wanted)}"
+    return address if len(address) <= LONGEST_LINK else ""
+
+
+def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:
+    """The fields of a link with a question, None where it has none."""
+    if not (query.get("equations") or query.get("lagrangian")):
+        return None
+    fields = dict.fromkeys(FIELDS, "") | {name: query.get(name, "") for name in LINKED}
+    return fields | {"kind": "equations" if fields["equations"] else "nonholonomic"}
 
 
 def lean_fields(document: Mapping[str, Any]) -> dict[str, str]:

@@ -107,7 +107,8 @@ def page(template: str, status: int = 200, **values: Any) -> HTMLResponse:
 
 def sent(text: str, media_type: str, headers: Mapping[str, str], status: int = 200) -> HTMLResponse:
     """A text with its media type, compressed where the visitor takes that: formulas shrink to a tenth."""
-    body, more = text.encode(), {"Vary": "Accept-Encoding, Cookie"}
+    # A page is kept for Back and Forward only, so that what was typed into its form is still there.
+    body, more = text.encode(), {"Vary": "Accept-Encoding, Cookie", "Cache-Control": "private, no-cache"}
     if VISITOR.get().takes_gzip and len(body) > WORTH_COMPRESSING:
         # What is sent holds no secret that its length could give away.
         body, more = gzip.compress(body, 5, mtime=0), more | {"Content-Encoding": "gzip"}

@@ -18,7 +18,9 @@ from inverse_service.web.engine import Engine
 from inverse_service.web.pages import answers, cases, constrained, exports, figures, simulations, typesetting
 from inverse_service.web.pages.advice import advice_for
 from inverse_service.web.pages.calls import Answer, call
+from inverse_service.web.pages.documents import question_address
 from inverse_service.web.pages.forms import read_form
+from inverse_service.web.pages.glossary import TERMS
 from inverse_service.web.pages.rendering import can_simulate, page
 
 router = APIRouter()
@@ -201,6 +203,10 @@ def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | 
     return page(
         "result.html",
         active="",
+        title=answers.title_of(found),
+        question=question_address(system["given"]) if system else "",
+        glossary=TERMS,
+        address_of_result=f"{address}/results/{job['id']}",
         job=job,
         result=found,
         check=check,

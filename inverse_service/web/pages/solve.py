@@ -14,7 +14,7 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
-from inverse_service.web.pages.documents import document_of, fields_from, fields_of, lean_fields
+from inverse_service.web.pages.documents import document_of, fields_from, fields_of, fields_of_link, lean_fields
 from inverse_service.web.pages.forms import Form, read_form
 from inverse_service.web.pages.naming import Guess
 from inverse_service.web.pages.rendering import can_simulate, page
@@ -54,7 +54,10 @@ async def form(request: Request) -> HTMLResponse:
     """The form, empty, with an example of the catalogue, or with the document of a result."""
     query = request.query_params
     kind = "nonholonomic" if query.get("kind") == "nonholonomic" else "equations"
-    if "example" in query:
+    linked = fields_of_link(query)
+    if linked is not None:
+        fields = linked
+    elif "example" in query:
         fields = lean_fields(example_document(query["example"]))
     elif "job" in query:
         fields = await fields_of_job(request, query["job"])

@@ -32,6 +32,11 @@ VISITOR: ContextVar[Visitor] = ContextVar("visitor", default=Visitor())  # noqa:
 
 async def note_visitor(request: Request) -> None:
     """A dependency of every page: notes who looks at it."""
+    note_visitor_of(request)
+
+
+def note_visitor_of(request: Request) -> None:
+    """The colours and the address of who looks, without a client."""
     VISITOR.set(_visitor(request, ""))
 
 

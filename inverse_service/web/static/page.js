@@ -3,12 +3,16 @@
 const root = document.documentElement;
 root.classList.add("script");
 
-const ECHO_PAUSE = 60; // ms after the last key
+const ECHO_PAUSE = 120; // ms after the last key
+const FAULT_PAUSE = 900; // a half-typed equation is no mistake
+const DRAFT = "draft:";
 
 function echo(form) {
   const target = document.getElementById(form.dataset.understood ?? "understood");
   let timer = 0;
   let asked = null;
+  let typed = 0;
+  let scolding = 0;
   const ask = async () => {
     asked?.abort();
     asked = new AbortController();
@@ -18,8 +22,15 @@ function echo(form) {
     try {
       const answer = await fetch(`${form.dataset.echo}?fragment=1`, { method: "POST", body: sent, signal: asked.signal });
       if (!(answer.headers.get("content-type") ?? "").startsWith("text/html")) return;
-      target.innerHTML = await answer.text();
-      root.dataset.echoed = String(Number(root.dataset.echoed ?? 0) + 1);
+      const text = await answer.text();
+      clearTimeout(scolding);
+      const show = () => {
+        target.innerHTML = text;
+        focusWide(target);
+        root.dataset.echoed = String(Number(root.dataset.echoed ?? 0) + 1);
+      };
+      if (text.includes("data-problem") && Date.now() - typed < FAULT_PAUSE) scolding = setTimeout(show, FAULT_PAUSE - (Date.now() - typed));
+      else show();
     } catch (error) {
       if (error.name !== "AbortError") target.textContent = "The service does not answer at the moment.";
     }
@@ -28,9 +39,48 @@ function echo(form) {
     // Other equations are no longer the example whose name the form carries.
     if (form.elements.name && event.target.tagName === "TEXTAREA") form.elements.name.value = "";
     clearTimeout(timer);
+    clearTimeout(scolding);
+    typed = Date.now();
     timer = setTimeout(ask, ECHO_PAUSE);
   });
   return ask;
+}
+
+// What is typed survives a reload and the other tab: the draft of each form, until this window is closed.
+function drafts(form, ask) {
+  const name = `${DRAFT}${location.pathname}:${form.elements.kind?.value ?? ""}`;
+  const fields = [...form.querySelectorAll("textarea, input:not([type])")];
+  const asks = location.search && !location.search.startsWith("?kind=");
+  const kept = asks || document.querySelector(".desk.refused") ? null : JSON.parse(sessionStorage.getItem(name) ?? "null");
+  if (kept) {
+    for (const field of fields) if (field.name in kept) field.value = kept[field.name];
+    ask();
+  }
+  const keep = () => sessionStorage.setItem(name, JSON.stringify(Object.fromEntries(fields.map((field) => [field.name, field.value]))));
+  form.addEventListener("input", keep);
+  form.addEventListener("submit", keep);
+  form.addEventListener("filled", keep);
+}
+
+// A formula is a stop of the tab key only where there is something to scroll to.
+function focusWide(within) {
+  for (const place of within.querySelectorAll(".formula, .scroll, .proof p")) {
+    if (place.scrollWidth > place.clientWidth + 1) place.tabIndex = 0;
+    else if (!place.hasAttribute("data-stop")) place.removeAttribute("tabindex");
+  }
+}
+
+function sharing() {
+  for (const link of document.querySelectorAll("[data-share]")) {
+    const label = link.textContent;
+    link.addEventListener("click", async (event) => {
+      if (event.metaKey || event.ctrlKey || event.shiftKey || !navigator.clipboard) return;
+      event.preventDefault();
+      await navigator.clipboard.writeText(new URL(link.getAttribute("href"), location.href).href);
+      link.textContent = "Link copied";
+      setTimeout(() => (link.textContent = label), 1600);
+    });
+  }
 }
 
 function examples(form, ask) {
@@ -44,6 +94,7 @@ function examples(form, ask) {
         if (field.type === "checkbox") field.checked = Boolean(value);
         else field.value = value;
       }
+      form.dispatchEvent(new Event("filled"));
       if (form.elements.coordinates?.value) form.querySelector("details.more").open = true;
       const box = form.querySelector("textarea");
       box.focus({ preventScroll: true });
@@ -77,6 +128,7 @@ function submitKey(form) {
 
 function copying() {
   for (const button of document.querySelectorAll("[data-copy]")) {
+    const label = button.textContent;
     button.addEventListener("click", async () => {
       const text = document.getElementById(button.dataset.copy).textContent;
       try {
@@ -86,7 +138,7 @@ function copying() {
         getSelection().selectAllChildren(document.getElementById(button.dataset.copy));
         button.textContent = "Selected";
       }
-      setTimeout(() => (button.textContent = "Copy"), 1600);
+      setTimeout(() => (button.textContent = label), 1600);
     });
   }
 }
@@ -124,7 +176,10 @@ function following(place) {
     if (shown) text.textContent = shown;
   };
   for (const kind of ["message", "progress", "status"]) source.addEventListener(kind, look);
+  source.addEventListener("open", () => place.removeAttribute("data-away"));
   source.addEventListener("error", () => {
+    if (!place.hasAttribute("data-away")) text.textContent = "The service does not answer at the moment. The question is stored; this page goes on when it is back.";
+    place.setAttribute("data-away", "");
     if (source.readyState === EventSource.CLOSED) setTimeout(done, 2000);
   });
 }
@@ -143,11 +198,31 @@ function batchProgress(place) {
 for (const form of document.querySelectorAll("form[data-echo]")) {
   const ask = echo(form);
   if (form.dataset.understood) form.addEventListener("focusin", ask, { once: true });
-  else examples(form, ask);
+  else {
+    examples(form, ask);
+    drafts(form, ask);
+  }
   submitKey(form);
   form.querySelector("input[type=file]")?.addEventListener("change", ask);
 }
 copying();
+sharing();
+focusWide(document);
+addEventListener("resize", () => focusWide(document));
+for (const details of document.querySelectorAll("details")) details.addEventListener("toggle", () => focusWide(details));
+for (const place of document.querySelectorAll("[data-today]")) place.textContent = new Date().toISOString().slice(0, 10);
+addEventListener("beforeprint", () => {
+  for (const details of document.querySelectorAll("main details:not([open])")) {
+    details.open = true;
+    details.dataset.printed = "";
+  }
+});
+addEventListener("afterprint", () => {
+  for (const details of document.querySelectorAll("details[data-printed]")) {
+    details.open = false;
+    delete details.dataset.printed;
+  }
+});
 for (const form of document.querySelectorAll("[data-theme-form]")) themes(form);
 for (const place of document.querySelectorAll("[data-events]")) following(place);
 for (const place of document.querySelectorAll("[data-batch]")) batchProgress(place);

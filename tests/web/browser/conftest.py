@@ -143,6 +143,9 @@ def visited(page: Page, address: str) -> Iterator[Visit]:
     for event, listener in listeners.items():
         page.on(event, listener)
     yield Visit(page, address, seen)
+    # Drafts of forms are kept as long as a window; the next visitor has a new one.
+    if page.url.startswith(address):
+        page.evaluate("sessionStorage.clear()")
     # What still runs on the page ends here, within what is looked at.
     leave(page)
     for event, listener in listeners.items():

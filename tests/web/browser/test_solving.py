@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
-from .conftest import Look, Pages, Visit
+from .conftest import Look, Pages, Visit, new_page
 
 FIRST_DISK = "phi'' = 0\ntheta'' = 0\nx'' = -R*sin(phi)*phi'*theta'\ny'' = R*cos(phi)*phi'*theta'"
 NAMES = [f"x{k}" for k in range(8)]
@@ -90,10 +90,14 @@ def test_from_the_start_page_to_the_proof_for_the_rolling_disk(visit: Visit) -> 
     expect(visit.page.locator(".verdict.not_variational")).to_be_visible()
     steps = visit.page.locator(".proof > li")
     assert steps.count() >= 5
-    matrices = steps.nth(0).locator("details")
-    assert not matrices.locator("mtable").first.is_visible()
-    matrices.locator("summary").click()
-    expect(matrices.locator("mtable").first).to_be_visible()
+    matrix = visit.page.locator("#matrix-Phi mtable")
+    assert matrix.count() == 1
+    assert not matrix.is_visible()
+    steps.nth(0).get_by_role("link", name="Φ in full", exact=True).click()
+    expect(matrix).to_be_visible()
+    steps.nth(0).get_by_role("button", name="what is Φ?").click()
+    expect(visit.page.locator("#term-phi")).to_contain_text("Jacobi endomorphism")
+    visit.page.keyboard.press("Escape")
     expect(steps.last).to_contain_text("There is no Lagrangian")
     visit.page.get_by_role("button", name="Check again").click()
     expect(visit.page.get_by_role("status").get_by_text("valid")).to_be_visible()
@@ -206,3 +210,75 @@ def _colours(formula: Locator) -> tuple[int, int]:
     lightness = [picture.getpixel((picture.width - back, 4)) for back in (1, 60)]
     assert all(isinstance(value, int) for value in lightness)
     return lightness[0], lightness[1]
+
+
+def test_what_was_typed_survives_back_reload_and_the_other_tab(visit: Visit) -> None:
+    box = visit.page.get_by_label("Equations", exact=True)
+    visit.go("/")
+    box.fill("x'' = -x - x'/7")
+    visit.page.get_by_role("link", name="Nonholonomic system").click()
+    expect(visit.page.get_by_label("Lagrangian", exact=True)).to_be_visible()
+    visit.page.get_by_role("link", name="Equations", exact=True).click()
+    expect(box).to_have_value("x'' = -x - x'/7")
+    visit.page.reload()
+    expect(box).to_have_value("x'' = -x - x'/7")
+    visit.page.get_by_role("button", name="Find out").click()
+    expect(visit.page.locator(".verdict.variational")).to_be_visible()
+    visit.page.go_back()
+    expect(box).to_have_value("x'' = -x - x'/7")
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_a_link_carries_a_question_and_does_not_ask_it(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/?equations=x''+%3D+-k*x&parameters=k")
+    expect(at.page.get_by_label("Equations", exact=True)).to_have_value("x'' = -k*x")
+    expect(at.page.locator("#understood .formula")).to_have_count(1)
+    at.go("/?lagrangian=x'^2/2%2By'^2/2&constraints=x'-y'")
+    expect(at.page.get_by_label("Constraints", exact=True)).to_have_value("x'-y'")
+
+
+def test_the_link_to_the_question_of_a_result_fills_the_form_with_it(visit: Visit) -> None:
+    visit.go("/?example=sho")
+    visit.page.get_by_role("button", name="Find out").click()
+    link = visit.page.get_by_role("link", name="Link to this question").get_attribute("href")
+    assert link is not None
+    title = visit.page.title()
+    assert "Lagrangian" in title
+    visit.go(link)
+    expect(visit.page.get_by_label("Equations", exact=True)).to_have_value(re.compile("x''"))
+
+
+@pytest.mark.parametrize("path", ["/nope", "/?example=nope", "/simulate?system=nope", "/results/nope"])
+def test_a_mistyped_address_has_a_page(plain: Visit, path: str) -> None:
+    answer = plain.page.goto(plain.address + path)
+    assert answer is not None
+    assert answer.status in (404, 422)
+    expect(plain.page.get_by_role("heading", level=1)).to_be_visible()
+    expect(plain.page.get_by_role("link", name="Ask a question")).to_be_visible()
+
+
+def test_a_half_typed_equation_is_not_scolded(visit: Visit) -> None:
+    visit.go("/")
+    box = visit.page.get_by_label("Equations", exact=True)
+    box.fill("")
+    visit.page.evaluate(
+        "window.said = 0; new MutationObserver(() => { if (document.querySelector('[data-problem]')) window.said++; })"
+        ".observe(document.getElementById('understood'), {childList: true, subtree: true})"
+    )
+    box.press_sequentially("x'' = -sin(x) - 0.1*x'", delay=70)
+    expect(visit.page.locator("#understood .formula")).to_have_count(1)
+    assert visit.page.evaluate("window.said") == 0
+
+
+def test_a_printed_result_is_light_and_whole(browser: Browser, service: str) -> None:
+    page = new_page(browser, Look(scheme="dark"))
+    page.goto(f"{service}/?example=vertically-rolling-disk-first")
+    page.get_by_role("button", name="Find out").click()
+    expect(page.locator(".verdict")).to_be_visible()
+    page.emulate_media(media="print", color_scheme="dark")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    expect(page.locator("#matrix-Phi mtable")).to_be_visible()
+    expect(page.locator(".print-only")).to_contain_text(re.compile(r"/results/[0-9a-f]{40}.*20\d\d-"))
+    page.context.close()

@@ -43,6 +43,14 @@ def test_terms_are_asked_for_where_a_lagrangian_exists_and_was_not_found() -> No
     assert "Terms to try first" in found[0].text
 
 
+def test_a_search_that_ran_out_of_time_says_so() -> None:
+    existence = OPEN | {"verdict": "variational", "reason": ""}
+    hit = existence | {"provenance": {"time_limit": 1.0, "seconds": {"decision": 0.1, "search": 0.85}}}
+    assert [advice.longer for advice in advice_for(hit, 60.0)] == [None, 60.0]
+    ended = existence | {"provenance": {"time_limit": 50.0, "seconds": {"decision": 0.1, "search": 3.0}}}
+    assert [advice.longer for advice in advice_for(ended, 60.0)] == [None]
+
+
 @pytest.mark.parametrize("closed", [{"verdict": "not_variational"}, {"verdict": "variational", "lagrangian": {}}])
 def test_nothing_is_advised_where_nothing_is_open(closed: dict[str, Any]) -> None:
     assert advice_for(OPEN | closed, 60.0) == []

@@ -1,0 +1,27 @@
+"""A mistyped address or a form that was refused, as a page: a person gets no JSON."""
+
+from __future__ import annotations
+
+from starlette.requests import Request
+from starlette.responses import HTMLResponse
+
+from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.visitor import note_visitor_of
+from inverse_service.web.problems import Refusal
+
+TITLES = {403: "Not from here", 404: "There is nothing here", 405: "Not that way", 413: "That is too large"}
+REDIRECTS = range(300, 400)
+
+
+def page_of_refusal(request: Request, refusal: Refusal) -> HTMLResponse | None:
+    """The page, None for a program: calls under /v1, and who does not ask for HTML."""
+    if request.url.path.startswith("/v1/") or "text/html" not in request.headers.get("accept", ""):
+        return None
+    if refusal.status in REDIRECTS:
+        return None
+    note_visitor_of(request)
+    detail = "The address may be mistyped." if refusal.detail.startswith("There is nothing at") else refusal.detail
+    title = TITLES.get(refusal.status, "This was refused")
+    found = page("missing.html", refusal.status, active="", title=title, detail=detail)
+    found.headers.update(refusal.headers)
+    return found
