@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from benchmarks.hard_cases import contact_start, disk_start, particle_start
 from benchmarks.problems import CONTACT, DISK, PARTICLE
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
-from inverse_service.simulation.heyoka_reference import taylor_integrator
+from inverse_service.simulation.heyoka_reference import taylor_integrator, used_parameters
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.problem import Problem
 
@@ -138,7 +138,8 @@ def _rates(problem: Problem, values: dict[str, float]) -> Callable[[float, Seque
 def _heyoka(problem: Problem, start: Start, values: dict[str, float]) -> Iterator[_Setting]:
     size, begin = len(problem.coordinates), [*start.positions, *(start.velocities or ())]
     for power in range(6, 16):
-        integrator = taylor_integrator(problem, start, values, 10.0**-power)
+        integrator = taylor_integrator(problem, 10.0**-power)
+        integrator.pars[:] = [values[name] for name in used_parameters(problem)]
 
         def attempt(integrator: object = integrator) -> tuple[float, Array | None]:
             integrator.time = 0.0  # type: ignore[attr-defined]

@@ -1,11 +1,8 @@
-"""Other ways to run the same equations: generated C (gcc -O3), numba, and lambdify with fsolve."""
+"""Other ways to run the same equations: numba, and lambdify with fsolve."""
 
 from __future__ import annotations
 
-import ctypes
 import importlib.util
-import shutil
-import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,11 +11,9 @@ from typing import Any
 import symengine
 
 from benchmarks.simulation_cases import SpeedCase, lane, program
-from inverse_service.codegen.c_writer import CWriter
 from inverse_service.codegen.compiled import Compiled, card_of, kernel_text
-from inverse_service.codegen.kernel import Kernel
 from inverse_service.codegen.layout import changing
-from inverse_service.codegen.machine import Machine, load, object_code
+from inverse_service.codegen.machine import load, object_code
 from inverse_service.codegen.program import Assign, Program, Solve
 from inverse_service.simulation.choices import Grid
 from inverse_service.simulation.execution import execute, memory_of
@@ -30,22 +25,6 @@ def ours(case: SpeedCase) -> Runner:
     """LLVM IR compiled in this process."""
     made = program(case)
     return _kernel_runner(case, Compiled(card_of(made), load(object_code(kernel_text(made))), {}))
-
-
-def generated_c(case: SpeedCase, folder: Path) -> Runner | None:
-    """The same program, written as C, gcc -O3 -march=native; None without gcc."""
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        return None
-    made = program(case)
-    name = case.label.replace(" ", "").replace(",", "_").replace("=", "")
-    source, library = folder / f"{name}.c", folder / f"{name}.so"
-    source.write_text(Kernel(made, CWriter()).write(), encoding="utf-8")
-    flags = ["-O3", "-march=native", "-shared", "-fPIC"]
-    subprocess.run([compiler, *flags, str(source), "-o", str(library), "-lm"], check=True)
-    shared = ctypes.CDLL(str(library))
-    function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(("kernel", shared))
-    return _kernel_runner(case, Compiled(card_of(made), Machine(shared, function), {}))
 
 
 def _kernel_runner(case: SpeedCase, kernel: Compiled) -> Runner:

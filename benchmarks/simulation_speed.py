@@ -14,7 +14,7 @@ from pathlib import Path
 from benchmarks.hard_cases import disk_start
 from benchmarks.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, problem
 from benchmarks.simulation_cases import BARE, CASES, SpeedCase
-from benchmarks.simulation_routes import generated_c, lambdify_and_fsolve, ours, with_numba
+from benchmarks.simulation_routes import lambdify_and_fsolve, ours, with_numba
 from inverse_service.expressions.collecting import forget_expansions
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
@@ -49,14 +49,13 @@ def route_rows(report: Report, rounds: int = ROUNDS) -> list[RouteRow]:
 def _route_row(case: SpeedCase, folder: Path, report: Report, rounds: int) -> RouteRow:
     report(case.label)
     found = {
-        "ours": ours(case), "generated C": generated_c(case, folder), "numba": with_numba(case, folder),
+        "ours": ours(case), "numba": with_numba(case, folder),
         "lambdify + fsolve": lambdify_and_fsolve(case),
     }  # fmt: skip
-    times: dict[str, list[float]] = {name: [] for name, runner in found.items() if runner}
+    times: dict[str, list[float]] = {name: [] for name in found}
     for _ in range(rounds):
         for name, runner in found.items():
-            if runner:
-                times[name].append(1e9 * runner(_STEPS[name]) / _STEPS[name])
+            times[name].append(1e9 * runner(_STEPS[name]) / _STEPS[name])
     return RouteRow(case.label, {name: (min(values), statistics.median(values)) for name, values in times.items()})
 
 

@@ -84,7 +84,7 @@ def _spiral(found: Run, folder: Path) -> Statement:
 
 
 def _energy(found: Run, folder: Path) -> Statement:
-    errors = {label: found.method(label)["max_energy_error"] for label in ("variational-0", "nonholonomic-0")}
+    errors = {label: found.method(label)["max_discrete_energy_error"] for label in ("variational-0", "nonholonomic-0")}
     good = errors["variational-0"] < errors["nonholonomic-0"] / 5
     caption = (
         f"Figure 3: the energy error of the disk at alpha = 0 stays below {shown(errors['variational-0'])} for the "
@@ -96,7 +96,7 @@ def _energy(found: Run, folder: Path) -> Statement:
         finding(good),
         f"So it is at alpha = 0: {shown(errors['variational-0'])} against {shown(errors['nonholonomic-0'])}. At "
         "alpha = 1/2 it is the other way round, see below.", CODE,
-        (), (pictures.series(found, "energy", folder, "figure-3-energy", caption),),
+        (), (pictures.series(found, "discrete_energy", folder, "figure-3-energy", caption),),
     )  # fmt: skip
 
 
@@ -143,7 +143,7 @@ def _rows(found: Run) -> tuple[tuple[str, ...], ...]:
         for kind in ("variational", "nonholonomic"):
             method = next(m for m in found.result["methods"] if _is(m, kind, alpha))
             circle = method["circle"]
-            numbers = (circle["max_radial_distance"], circle["radius_change"], method["max_energy_error"],
+            numbers = (circle["max_radial_distance"], circle["radius_change"], method["max_discrete_energy_error"],
                        method["max_constraint"], method["max_phase_error"], circle["centre_drift"])  # fmt: skip
             rows.append((kind, method["alpha"], *map(shown, numbers)))
     return tuple(rows)

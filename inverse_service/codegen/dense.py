@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from inverse_service.codegen.writers import Writer
+from inverse_service.codegen.llvm_writer import LlvmWriter
 
 
-def solve_dense(writer: Writer, matrix: Sequence[Sequence[str]], right: Sequence[str]) -> tuple[list[str], str]:
+def solve_dense(writer: LlvmWriter, matrix: Sequence[Sequence[str]], right: Sequence[str]) -> tuple[list[str], str]:
     """(solution of matrix x = right, determinant), in values of the writer."""
     size = len(right)
     if size == 1:
@@ -26,11 +26,11 @@ def solve_dense(writer: Writer, matrix: Sequence[Sequence[str]], right: Sequence
     return _back(writer, rows), determinant
 
 
-def _less(writer: Writer, value: str, factor: str, other: str) -> str:
+def _less(writer: LlvmWriter, value: str, factor: str, other: str) -> str:
     return writer.binary("-", value, writer.binary("*", factor, other))
 
 
-def _by_cramer(writer: Writer, matrix: Sequence[Sequence[str]], right: Sequence[str]) -> tuple[list[str], str]:
+def _by_cramer(writer: LlvmWriter, matrix: Sequence[Sequence[str]], right: Sequence[str]) -> tuple[list[str], str]:
     (a, b), (c, d) = matrix
     determinant = _less(writer, writer.binary("*", a, d), b, c)
     first = _less(writer, writer.binary("*", right[0], d), b, right[1])
@@ -38,7 +38,7 @@ def _by_cramer(writer: Writer, matrix: Sequence[Sequence[str]], right: Sequence[
     return [writer.binary("/", first, determinant), writer.binary("/", second, determinant)], determinant
 
 
-def _pivot(writer: Writer, rows: list[list[str]], column: int, determinant: str) -> str:
+def _pivot(writer: LlvmWriter, rows: list[list[str]], column: int, determinant: str) -> str:
     """The largest entry of the column comes up by exchanges, each of which turns the determinant's sign."""
     for row in range(column + 1, len(rows)):
         larger = writer.compare(">", writer.absolute(rows[row][column]), writer.absolute(rows[column][column]))
@@ -50,7 +50,7 @@ def _pivot(writer: Writer, rows: list[list[str]], column: int, determinant: str)
     return determinant
 
 
-def _back(writer: Writer, rows: Sequence[Sequence[str]]) -> list[str]:
+def _back(writer: LlvmWriter, rows: Sequence[Sequence[str]]) -> list[str]:
     size = len(rows)
     solution = [""] * size
     for row in reversed(range(size)):

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import symengine
 
 from inverse_service.codegen.algebra import Formula
-from inverse_service.codegen.writers import Writer
+from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.errors import InputError
 
 _LIBRARY = {
@@ -23,7 +23,7 @@ _LARGEST_PRODUCT = 64
 class Emitter:
     """Values of formulas already written; `bind` says what a name stands for at this place of the code."""
 
-    def __init__(self, writer: Writer) -> None:
+    def __init__(self, writer: LlvmWriter) -> None:
         self.writer = writer
         self._values: dict[Formula, str] = {}
         self._pairs: dict[Formula, tuple[str, str]] = {}

@@ -11,22 +11,26 @@ from inverse_service.codegen.constants import GUARDED, NO_CONVERGENCE, SINGULAR
 from inverse_service.codegen.dense import solve_dense
 from inverse_service.codegen.emission import Emitter
 from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE
-from inverse_service.codegen.program import Iterate, Solve
-from inverse_service.codegen.writers import Writer
+from inverse_service.codegen.llvm_writer import LlvmWriter
+from inverse_service.codegen.program import Iterate, Solve, size_name
 
-MOST_NEWTON_STEPS = 16
+MOST_NEWTON_STEPS = 32
 MOST_ITERATIONS = 200
 # Newton's last correction may be this large (relative): quadratic convergence squares it.
 LAST_CORRECTION = 1e-9
 ROUND_OFF = 4.5e-16
+# A correction that no longer falls is noise if it is this small beside the greatest increments of the run so far.
+NOISE = 1e-6
+EARLIEST_NOISE = 4  # iterations after which quadratic convergence has come to its end
+HUGE = 1.7e308
 
 
 class Blocks:
     """Writes implicit blocks and the tests that end a run, and counts them."""
 
-    def __init__(self, writer: Writer, emitter: Emitter) -> None:
+    def __init__(self, writer: LlvmWriter, emitter: Emitter) -> None:
         self.writer, self.emitter = writer, emitter
-        self._solves = self._labels = 0
+        self._solves = self._labels = self._iterated = 0
 
     def write(self, block: Solve | Iterate) -> None:
         if isinstance(block, Iterate):
@@ -48,14 +52,19 @@ class Blocks:
         w.write(STOPPED_AT, w.select(stops, w.read(CLOCK), w.read(STOPPED_AT)))
         w.write(STOPPED_VALUE, w.select(stops, value, w.read(STOPPED_VALUE)))
 
-    def keep_sign(self, slot: str, value: str, code: int) -> None:
-        """The value must keep the sign it had first; where the slot is 0 there is no first yet."""
+    def keep_sign(self, slot: str, value: str, code: int, smooth: str | None = None) -> None:
+        """The value must keep the sign it had first, but where `smooth` holds; 0 in the slot: there is no first yet."""
         w = self.writer
         sign, zero = w.read(slot), w.number(0.0)
-        first = w.select(w.compare("<", value, zero), w.number(-1.0), w.number(1.0))
-        sign = w.select(w.compare("==", sign, zero), first, sign)
+        own = w.select(w.compare("<", value, zero), w.number(-1.0), w.number(1.0))
+        fresh = w.compare("==", sign, zero)
+        sign = w.select(fresh, own, sign)
+        good = w.compare(">", w.binary("*", sign, value), zero)
+        if smooth is not None:
+            good = w.compare("==", w.select(good, w.number(1.0), w.select(smooth, w.number(1.0), zero)), w.number(1.0))
+            sign = w.select(smooth, own, sign)
         w.write(slot, sign)
-        self.stop_unless(w.compare(">", w.binary("*", sign, value), zero), code, value)
+        self.stop_unless(good, code, value)
 
     def _declare(self, names: Sequence[str]) -> None:
         for name in names:
@@ -91,11 +100,12 @@ class Blocks:
         """It must keep its sign; the first and the last good one are kept."""
         w, place = self.writer, self._solves
         first = w.read(f"first_{place}")
-        first = w.select(w.compare("==", first, w.number(0.0)), determinant, first)
-        w.write(f"first_{place}", first)
-        good = w.compare(">", w.binary("*", first, determinant), w.number(0.0))
+        good = w.compare(">=", w.binary("*", first, determinant), w.number(0.0))
+        good = w.both(good, w.compare("!=", determinant, w.number(0.0)))
         self.stop_unless(good, SINGULAR + place, determinant)
         going = w.compare("==", w.read(STATUS), w.number(0.0))
+        begun = w.compare("!=", first, w.number(0.0))
+        w.write(f"first_{place}", w.select(begun, first, w.select(going, determinant, first)))
         w.write(f"last_{place}", w.select(going, determinant, w.read(f"last_{place}")))
         self._solves += 1
 
@@ -116,11 +126,13 @@ class Blocks:
         w = self.writer
         w.write_counter("iterations", w.add_counters(w.read_counter("iterations"), "1"))
 
-    def _begin_loop(self, unknowns: Sequence[str], extra: Sequence[str]) -> str:
+    def _begin_loop(self, unknowns: Sequence[str]) -> str:
         """Slots, first guesses rate * h and the label of the loop."""
         w, e = self.writer, self.emitter
         label = f"iterate_{self._labels}"
-        self._declare([*unknowns, *extra])
+        self._declare([*unknowns, f"{label}_settled", f"{label}_before"])
+        w.write(f"{label}_settled", w.number(0.0))
+        w.write(f"{label}_before", w.number(HUGE))
         step = e.value(symbol("h"))
         for name in unknowns:
             w.write(name, w.binary("*", w.read(f"{name}_rate"), step))
@@ -133,6 +145,7 @@ class Blocks:
 
     def _end_loop(self, label: str, settled: str, most: int) -> None:
         w = self.writer
+        w.write(f"{label}_settled", settled)
         count = w.add_counters(w.read_counter(label), "1")
         w.write_counter(label, count)
         self._count_iteration()
@@ -149,18 +162,17 @@ class Blocks:
         entries = [entry for row in block.jacobian for entry in row]
         formulas = self._hoisted([*block.residuals, *entries], block.unknowns)
         tag = f"b{self._solves}"
-        self._declare([f"{tag}_settled", f"{tag}_determinant"])
+        self._declare([f"{tag}_determinant"])
         w.write(f"{tag}_determinant", w.number(0.0))
         with e.inner():
-            label = self._begin_loop(block.unknowns, [])
+            label = self._begin_loop(block.unknowns)
             values = e.write(formulas)
             matrix = [values[size * (k + 1) : size * (k + 2)] for k in range(size)]
             change, determinant = solve_dense(w, matrix, values[:size])
-            settled = self._apply(block.unknowns, change, block.scales, LAST_CORRECTION)
-            w.write(f"{tag}_settled", settled)
+            settled = self._apply(label, block, change, LAST_CORRECTION)
             self._keep_worst(f"{tag}_determinant", determinant)
             self._end_loop(label, settled, MOST_NEWTON_STEPS)
-        good = w.compare("==", w.read(f"{tag}_settled"), w.number(1.0))
+        good = w.compare("==", w.read(f"{label}_settled"), w.number(1.0))
         self.stop_unless(good, NO_CONVERGENCE + self._solves, w.read(f"{tag}_determinant"))
         self._guard(block, w.read(f"{tag}_determinant"))
         self._test_determinant(w.read(f"{tag}_determinant"))
@@ -173,27 +185,50 @@ class Blocks:
         turned = w.compare("<", w.binary("*", first, met), w.number(0.0))
         w.write(slot, w.select(turned, met, determinant))
 
-    def _apply(self, names: Sequence[str], change: Sequence[str], scales: Sequence[str], relative: float) -> str:
-        """unknown -= change; 1 where every change is within its tolerance, else 0.
+    def _apply(self, label: str, block: Solve | Iterate, change: Sequence[str], relative: float) -> str:
+        """unknown -= change; 1 from where every change is within its tolerance or is noise, else 0.
 
-        The round-off of every state variable of the block counts for every unknown: an angle of 1e5 is known
-        to 1e-11 only, and so is a change of momentum that passes 0 there.
+        The round-off of every state variable of the block counts for every unknown: an angle of 1e5 is known to 1e-11
+        only, and so is a change of momentum that passes 0 there. Corrections are noise where they no longer fall
+        (Hairer, Lubich, Wanner, VIII.6) and are small beside the greatest increments of the run so far: a stiff force
+        is known to its stiffness times the round-off of the place, however small it is itself.
         """
-        w, e = self.writer, self.emitter
-        settled, noise = w.number(1.0), ""
-        for scale in dict.fromkeys(scale for scale in scales if scale):
-            size = w.binary("*", w.number(ROUND_OFF), w.absolute(e.value(symbol(scale))))
-            noise = w.binary("+", noise, size) if noise else size
-        for name, delta in zip(names, change, strict=True):
-            old = e.value(symbol(name))
-            new = w.binary("-", old, delta)
+        w = self.writer
+        within, small, total, noise = w.number(1.0), w.number(1.0), w.number(0.0), self._noise(block)
+        bounds = self._bounds(block)
+        for name, delta in zip(block.unknowns, change, strict=True):
+            new = w.binary("-", self.emitter.value(symbol(name)), delta)
             w.write(name, new)
-            allowed = w.binary("*", w.number(relative), w.absolute(new))
-            if noise:
-                allowed = w.binary("+", allowed, noise)
-            within = w.compare("<=", w.absolute(delta), allowed)
-            settled = w.select(within, settled, w.number(0.0))
-        return settled
+            size, moved = w.absolute(delta), w.absolute(new)
+            allowed = w.binary("+", w.binary("*", w.number(relative), moved), noise)
+            within = w.select(w.compare("<=", size, allowed), within, w.number(0.0))
+            small = w.select(w.compare("<=", size, bounds[name[0]]), small, w.number(0.0))
+            total = w.binary("+", total, w.binary("*", delta, delta))
+        stalls = w.compare(">=", total, w.read(f"{label}_before"))
+        early = w.compare_counters("<", w.read_counter(label), str(EARLIEST_NOISE))
+        w.write(f"{label}_before", w.choose(early, w.number(HUGE), total))
+        reached = w.select(w.compare("==", within, w.number(1.0)), within, w.select(stalls, small, w.number(0.0)))
+        before = w.read(f"{label}_settled")
+        return w.select(w.compare("==", before, w.number(1.0)), before, reached)
+
+    def _noise(self, block: Solve | Iterate) -> str:
+        """The round-off of the state variables that the unknowns are added to."""
+        w, noise = self.writer, self.writer.number(0.0)
+        for scale in dict.fromkeys(scale for scale in block.scales if scale):
+            size = w.binary("*", w.number(ROUND_OFF), w.absolute(self.emitter.value(symbol(scale))))
+            noise = w.binary("+", noise, size)
+        return noise
+
+    def _bounds(self, block: Solve | Iterate) -> dict[str, str]:
+        """What counts as small for the unknowns of each letter: NOISE times the greatest so far."""
+        w, found = self.writer, {}
+        for letter in dict.fromkeys(name[0] for name in block.unknowns):
+            greatest = w.read(size_name(self._iterated, letter))
+            for name in (name for name in block.unknowns if name[0] == letter):
+                size = w.absolute(self.emitter.value(symbol(name)))
+                greatest = w.select(w.compare(">", size, greatest), size, greatest)
+            found[letter] = w.binary("*", w.number(NOISE), greatest)
+        return found
 
     def _keep_rates(self, unknowns: Sequence[str]) -> None:
         w, e = self.writer, self.emitter
@@ -203,22 +238,23 @@ class Blocks:
             value = w.read(name)
             e.bind(name, value)
             w.write(f"{name}_rate", w.select(going, w.binary("/", value, step), w.read(f"{name}_rate")))
+            size, kept = w.absolute(value), size_name(self._iterated, name)
+            larger = w.both(going, w.compare(">", size, w.read(kept)))
+            w.write(kept, w.select(larger, size, w.read(kept)))
+        self._iterated += 1
 
     def _iterate(self, block: Iterate) -> None:
         w, e = self.writer, self.emitter
         formulas = self._hoisted(block.formulas, block.unknowns)
-        tag = f"f{self._labels}"
-        self._declare([f"{tag}_settled"])
         with e.inner():
-            label = self._begin_loop(block.unknowns, [])
+            label = self._begin_loop(block.unknowns)
             values = e.write(formulas)
             change = [
                 w.binary("-", e.value(symbol(name)), value) for name, value in zip(block.unknowns, values, strict=True)
             ]
-            settled = self._apply(block.unknowns, change, block.scales, ROUND_OFF)
-            w.write(f"{tag}_settled", settled)
+            settled = self._apply(label, block, change, ROUND_OFF)
             self._end_loop(label, settled, MOST_ITERATIONS)
-        good = w.compare("==", w.read(f"{tag}_settled"), w.number(1.0))
+        good = w.compare("==", w.read(f"{label}_settled"), w.number(1.0))
         self.stop_unless(good, NO_CONVERGENCE + 50, w.number(0.0))
         self._keep_rates(block.unknowns)
 

@@ -8,12 +8,12 @@ rows written, Newton iterations], `record` one row of `Layout.columns` for each 
 from __future__ import annotations
 
 from inverse_service.codegen.algebra import STEP
-from inverse_service.codegen.constants import NOT_FINITE, WATCHED
+from inverse_service.codegen.constants import NOT_FINITE, UNOBSERVABLE, WATCHED
 from inverse_service.codegen.emission import Emitter
 from inverse_service.codegen.implicit import Blocks
 from inverse_service.codegen.layout import CLOCK, STATUS, Layout, changing, layout_of
+from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.program import Assign, Program
-from inverse_service.codegen.writers import Writer
 
 CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iterations")
 
@@ -21,7 +21,7 @@ CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iteratio
 class Kernel:
     """Writes one program with one writer."""
 
-    def __init__(self, program: Program, writer: Writer) -> None:
+    def __init__(self, program: Program, writer: LlvmWriter) -> None:
         self.program, self.writer = program, writer
         self.layout: Layout = layout_of(program)
         self.emitter = Emitter(writer)
@@ -81,8 +81,9 @@ class Kernel:
             else:
                 self.blocks.write(statement)
         self._watch()
+        seen = self._seen()
         self._leave_if_stopped("stopped_early", "go_on")
-        self._observe()
+        self._observe(seen)
         self._update()
 
     def _bind_state(self) -> None:
@@ -92,13 +93,22 @@ class Kernel:
     def _watch(self) -> None:
         w = self.writer
         watches = self.program.watches
-        values = self.emitter.write([watch.formula for watch in watches]) if watches else []
-        for place, (watch, value) in enumerate(zip(watches, values, strict=True)):
+        values = self.emitter.write([formula for watch in watches for formula in watch.formulas]) if watches else []
+        for place, watch in enumerate(watches):
+            value = values.pop(0)
+            limit, zero = w.number(watch.limit), w.number(0.0)
             if watch.kind == "sign":
-                self.blocks.keep_sign(f"watch_{place}", value, WATCHED + place)
+                smooth = w.compare("<", values.pop(0), limit) if watch.unless is not None else None
+                self.blocks.keep_sign(f"watch_{place}", value, WATCHED + place, smooth)
+                continue
+            if watch.kind == "positive":
+                good = w.compare(">", value, zero)
+            elif watch.kind == "bound":
+                good = w.compare("<", w.absolute(value), limit)
             else:
-                within = w.compare("<", w.absolute(value), w.number(watch.limit))
-                self.blocks.stop_unless(within, WATCHED + place, value)
+                beyond = w.compare(">", w.absolute(value), limit)
+                good = w.compare("==", w.select(beyond, limit, zero), zero)
+            self.blocks.stop_unless(good, WATCHED + place, value)
 
     def _leave_if_stopped(self, stopped: str, onwards: str) -> None:
         """A single trajectory ends here; lanes go on until all have ended."""
@@ -113,10 +123,17 @@ class Kernel:
         going = self.writer.compare("==", self.writer.read(STATUS), self.writer.number(0.0))
         return self.writer.select(going, value, self.writer.number(0.0))
 
-    def _observe(self) -> None:
+    def _seen(self) -> list[str]:
+        """The observed values; one that is not finite ends the run."""
         w = self.writer
-        observed = self.program.observed
-        values = self.emitter.write([formula for _, formula in observed]) if observed else []
+        values = self.emitter.write([formula for _, formula in self.program.observed]) if self.program.observed else []
+        for place, value in enumerate(values):
+            finite = w.compare("==", w.binary("*", value, w.number(0.0)), w.number(0.0))
+            self.blocks.stop_unless(finite, UNOBSERVABLE + place, value)
+        return values
+
+    def _observe(self, values: list[str]) -> None:
+        w = self.writer
         for place, value in enumerate(values):
             size, greatest = w.absolute(self._alive(value)), w.read(f"maximum_{place}")
             w.write(f"maximum_{place}", w.select(w.compare(">", size, greatest), size, greatest))

@@ -41,6 +41,7 @@ def layout_of(program: Program) -> Layout:
         *program.state,
         *(f"{name}_low" for name in changing(program)),
         *(f"{name}_rate" for name in program.unknowns),
+        *program.sizes,
         *(f"{which}_{k}" for k in range(len(solves)) for which in ("first", "last")),
         *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind == "sign"),
         *(f"maximum_{k}" for k in range(len(program.observed))),

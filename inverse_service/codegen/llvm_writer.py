@@ -86,6 +86,10 @@ class LlvmWriter:
     def select(self, condition: str, yes: str, no: str) -> str:
         return self._new(f"select {self.truth} {condition}, {self.type} {yes}, {self.type} {no}")
 
+    def choose(self, condition: str, yes: str, no: str) -> str:
+        """As `select`, by a condition on counters, which is one for all lanes."""
+        return self._new(f"select i1 {condition}, {self.type} {yes}, {self.type} {no}")
+
     def slot(self, name: str) -> None:
         self._slots.append(f"  %s_{name} = alloca {self.type}, align 64")
 

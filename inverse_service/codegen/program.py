@@ -43,16 +43,30 @@ class Iterate:
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """A quantity tested after each step: "sign" must keep its sign, "bound" must stay below `limit` in size."""
+    """A quantity tested after each step.
+
+    "sign" must keep its sign, "positive" must be above 0, "bound" must stay below `limit` in size and have a value,
+    "map" must stay below it where it has one. A sign may turn where `unless` is below `limit`.
+    """
 
     kind: str
     formula: Formula
     quantity: str
     remedy: str
     limit: float = 1.0
+    unless: Formula | None = None
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        return (self.formula,) if self.unless is None else (self.formula, self.unless)
 
 
 Statement = Assign | Solve | Iterate
+
+
+def size_name(block: int, unknown: str) -> str:
+    """Where the greatest size of the unknowns with this letter is kept; `block` counts those that are iterated."""
+    return f"size_{block}_{unknown[0]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,3 +95,9 @@ class Program:
     def unknowns(self) -> tuple[str, ...]:
         """All unknowns of implicit blocks; their rates (unknown / h) are kept as the next guess."""
         return tuple(name for block in self.blocks for name in block.unknowns)
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """Names of the greatest increments so far: one for each letter in each block that is iterated."""
+        blocks = (block for block in self.blocks if not (isinstance(block, Solve) and block.affine))
+        return tuple(dict.fromkeys(size_name(k, name) for k, block in enumerate(blocks) for name in block.unknowns))

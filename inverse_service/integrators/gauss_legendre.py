@@ -10,14 +10,6 @@ from typing import Any
 
 from mpmath import mp
 
-from inverse_service.integrators.card import MethodCard
-
-CARD = MethodCard(
-    name="reference",
-    order="2 s with s stages, s = 6",
-    requires="the accelerations of the true motion, and a step at which the fixed-point iteration contracts",
-    source="J. C. Butcher, Implicit Runge-Kutta processes, Math. Comp. 18 (1964) 50",
-)
 STAGES = 6
 Rows = tuple[tuple[float, ...], ...]
 

@@ -8,17 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from inverse_service.integrators.card import MethodCard
 from inverse_service.integrators.variational import Gradient, Number, Vector, between, raw_step
 
 Forms = Callable[[Vector], list[Vector]]
-
-CARD = MethodCard(
-    name="nonholonomic",
-    order="2 at alpha = 1/2 or symmetrised, else 1; 4, 6, 8 by composition of alpha = 1/2 or symmetrised",
-    requires="a regular Lagrangian and constraints linear in the velocities",
-    source="J. Cortes, S. Martinez, Non-holonomic integrators, Nonlinearity 14 (2001) 1365",
-)
 
 
 def discrete_constraints(q: Vector, d: Vector, parts: Sequence[Number], forms: Forms) -> Vector:

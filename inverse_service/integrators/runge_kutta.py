@@ -8,12 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from inverse_service.integrators.card import MethodCard
-
-CARD = MethodCard(
-    name="runge_kutta", order="4, 5 or 8", requires="the accelerations of the true motion", source="see the tableaux"
-)
-
 
 @dataclass(frozen=True, slots=True)
 class Tableau:

@@ -149,17 +149,22 @@ def start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array,
     """p = dL~/dv at a start on the constraints, (n,), with its limit where a d_i vanishes there.
 
     p_i = C_i n q_i'/(d_i r') is a constant of the motion; on the constraints q_i' is c d_i/n, so that
-    the quotient stays finite: it is taken from d_i/d_i stripped, a constant.
+    the quotient stays finite: it is taken from d_i/d_i stripped, a constant. Not finite where r' = 0 or all d_i = 0.
     """
+    with np.errstate(all="ignore"):
+        return _start_momenta(found, motion, positions, velocities)
+
+
+def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array) -> Array:
     k, names = found.turning, motion.coordinates
-    rate = float(velocities[k])
+    rate = np.float64(velocities[k])  # of numpy, so that what is not defined becomes nan
     table: dict[Expression, Array | float] = {Symbol(name): value for name, value in motion.values.items()}
     table[Symbol(names[k])] = positions[k : k + 1]
     raw = _directions(motion)
     mass = motion.mass
     d = np.array([float(array_value(raw[i], table)[0]) if i in raw else 0.0 for i in range(len(names))])
-    length = float(np.sqrt(d @ mass @ d))
-    speed = float(d @ mass @ velocities) / length
+    length = np.sqrt(d @ mass @ d)
+    speed = d @ mass @ velocities / length
     norm = float(array_value(found.norm, table)[0])
     momenta = velocities.astype(float).copy()
     shift = 0.0

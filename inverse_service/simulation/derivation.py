@@ -85,7 +85,8 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
     """The problem for methods that integrate q'' = f."""
     if derived.accelerations is None or isinstance(derived.accelerations, Unavailable):
         return derived.accelerations or Unavailable("The accelerations were not derived.")
-    return Problem(scene.coordinates, tuple(scene.values), accelerations=derived.accelerations)
+    names, values = scene.coordinates, tuple(scene.values)
+    return Problem(names, values, constraints=scene.constraints, accelerations=derived.accelerations)
 
 
 def _exact(scene: Scene) -> ExactMotion | NoExactMotion:

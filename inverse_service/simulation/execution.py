@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.codegen.compiled import Card, Compiled
-from inverse_service.codegen.constants import GUARDED, NO_CONVERGENCE, NOT_FINITE, SINGULAR, WATCHED
+from inverse_service.codegen.constants import GUARDED, NO_CONVERGENCE, NOT_FINITE, SINGULAR, UNOBSERVABLE, WATCHED
 from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.simulation.choices import Grid
@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 _FIRST_PIECE = 4096
 _SECONDS_PER_PIECE = 0.1
 _REMEDY = "take a smaller step"
+_UNDEFINED = "a formula of the scene ends there: begin elsewhere, stop before, or leave the quantity out of observe"
+_KINDS = {"bound": "guard", "map": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
 NEARLY_SINGULAR = 0.25
 
@@ -114,9 +116,12 @@ def stopped(card: Card, memory: FloatArray, lane: int, unknown_names: Mapping[st
         return None
     step = int(memory[layout.place(STOPPED_AT), lane])
     value = float(memory[layout.place(STOPPED_VALUE), lane])
+    if code >= UNOBSERVABLE:
+        quantity = f"{card.observed[code - UNOBSERVABLE]}, which has no finite value"
+        return Stopped("off_domain", step, quantity, value, _UNDEFINED)
     if code >= WATCHED:
         kind, quantity, remedy = card.watches[code - WATCHED]
-        return Stopped("guard" if kind == "bound" else "singular", step, quantity, value, remedy)
+        return Stopped(_KINDS.get(kind, "singular"), step, quantity, value, remedy)
     if code >= GUARDED:
         quantity = f"1 - det/det(h -> 0): {_determinant(card, code - GUARDED, unknown_names)}"
         return Stopped("guard", step, quantity, value, _REMEDY)

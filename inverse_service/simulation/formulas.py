@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from inverse_service.codegen.algebra import ZERO, Evaluator, Formula, closure, free_names, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, Number, Power, Product, Symbol, Velocity, walk
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.walls import walls
 
 # t in a kernel: the time at the start of the step, a state variable of systems that depend on it.
 MOMENT = symbol("t")
@@ -23,7 +24,8 @@ Gradient = Callable[[list[Formula], list[Formula]], list[Formula]]
 
 @dataclass(frozen=True, slots=True)
 class Denominator:
-    """A factor by which a formula divides: where it vanishes, the formula has no value."""
+    """What a formula divides by, or takes a logarithm or a root of: where it vanishes, the formula has a pole or an
+    end."""
 
     formula: Formula
     text: str
@@ -168,9 +170,29 @@ class Formulas:
 
     @cached_property
     def denominators(self) -> list[Denominator]:
-        """The factors that L~ divides by, parameters alone left out."""
-        tree = self.problem.free_lagrangian
-        return [self._denominator(base) for base in _divisors(tree)] if tree is not None else []
+        """The walls of L~, parameters alone left out."""
+        return self.walls_of([self.problem.free_lagrangian])
+
+    def walls_of(self, trees: Sequence[Expression | None]) -> list[Denominator]:
+        """What may not change its sign where the formulas are to stay smooth, each once."""
+        names = [*self.problem.coordinates, *(f"p_{name}" for name in self.problem.coordinates)]
+        moving: set[Expression] = {Symbol(name) for name in names}
+        found = dict.fromkeys(wall for tree in trees if tree is not None for wall in walls(tree, moving))
+        return [self._denominator(wall) for wall in found]
+
+    @cached_property
+    def momenta_may_fail(self) -> list[Formula]:
+        """p - L~_v(q, H_p), where it is not seen to be 0: a Legendre map that is no map of all momenta.
+
+        An L~ quadratic in the velocities has one of all; empty there.
+        """
+        velocities, momenta = self.symbols("v"), self.symbols("p")
+        slopes = [self.free_lagrangian.diff(v) for v in velocities]
+        if not any(slope.diff(v).free_symbols & set(velocities) for slope in slopes for v in velocities):
+            return []
+        table = dict(zip(velocities, (self.hamiltonian.diff(p) for p in momenta), strict=True))
+        defects = [p - slope.subs(table) for p, slope in zip(momenta, slopes, strict=True)]
+        return [defect for defect in defects if defect.expand() != ZERO]
 
     def _denominator(self, base: Expression) -> Denominator:
         moves = any(isinstance(node, Velocity) for node in walk(base))
@@ -187,14 +209,3 @@ def _pivot(entries: Sequence[Formula]) -> int:
         raise InputError("The constraints are not independent: leave the redundant one out.")
     constant = [k for k in present if not entries[k].free_symbols]
     return (constant or present)[-1]
-
-
-def _divisors(tree: Expression) -> list[Expression]:
-    """Bases of negative powers that hold a coordinate or a velocity, each once."""
-    found: dict[Expression, None] = {}
-    for node in walk(tree):
-        if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value < 0:
-            for factor in node.base.factors if isinstance(node.base, Product) else (node.base,):
-                if any(isinstance(leaf, Symbol | Velocity) for leaf in walk(factor)):
-                    found.setdefault(factor)
-    return list(found)

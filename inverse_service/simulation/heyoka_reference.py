@@ -5,8 +5,10 @@ F. Biscani, D. Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614.
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,7 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    walk,
 )
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
@@ -30,6 +33,11 @@ from inverse_service.simulation.choices import Grid, Observation, Start
 from inverse_service.simulation.problem import Problem
 
 _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"), "coth": ("cosh", "sinh")}
+
+
+MOST_STEPS = 2_000_000
+LARGE = 8  # coordinates beyond which its code is written in loops, as its documentation advises
+_ONE_AT_A_TIME = threading.Lock()
 
 
 def load_heyoka() -> Any:
@@ -43,20 +51,27 @@ def load_heyoka() -> Any:
 
 def run_heyoka(
     problem: Problem, start: Start, grid: Grid, values: Mapping[str, float], observation: Observation,
-    tolerance: float = 1e-15,
+    tolerance: float = 1e-15, stop: Callable[[], bool] | None = None,
 ) -> Trajectory:  # fmt: skip
-    """The motion at the recorded steps of the grid, to round-off."""
+    """The motion at the recorded steps of the grid, to round-off; it takes at most MOST_STEPS steps of its own."""
     if problem.accelerations is None:
         raise InputError("heyoka needs the accelerations of the motion, which this scene does not have.")
     if start.velocities is None:
         raise InputError("heyoka starts from velocities: give velocities instead of momenta.")
-    begin = time.perf_counter()
-    integrator = taylor_integrator(problem, start, values, tolerance)
-    compiled = time.perf_counter()
     steps = np.unique([*range(0, grid.steps + 1, grid.record_every), grid.steps])
     times = steps * grid.step
-    code, *_, rows = integrator.propagate_grid(times)
-    passed = time.perf_counter() - compiled
+    with _ONE_AT_A_TIME:
+        begin = time.perf_counter()
+        integrator = taylor_integrator(problem, tolerance)
+        integrator.state[:] = [*start.positions, *start.velocities]
+        integrator.pars[:] = [float(values[name]) for name in used_parameters(problem)]
+        integrator.time = 0.0
+        compiled = time.perf_counter()
+        limits: dict[str, Any] = {"max_steps": MOST_STEPS}
+        if stop is not None:
+            limits["callback"] = lambda _: not stop()
+        code, *_, rows = integrator.propagate_grid(times, **limits)
+        passed = time.perf_counter() - compiled
     size = len(problem.coordinates)
     rows = np.asarray(rows)
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
@@ -69,7 +84,7 @@ def run_heyoka(
         times=times[:good],
         positions=positions,
         momenta=None,
-        velocities=velocities if observation.velocities else None,
+        velocities=velocities,
         outcome=_outcome(str(code), good, steps, times),
         force_evaluations=0,
         newton_iterations=0,
@@ -89,27 +104,38 @@ def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
     if "time_limit" in code and good == len(steps):
         return Outcome("completed", int(steps[-1]), float(times[-1]))
     place = min(good, len(steps) - 1)
-    return Outcome(
-        "not_finite", int(steps[place]), float(times[place]), "the Taylor series", None,
-        "the accelerations have no finite value there: use a regular form of the motion",
-    )  # fmt: skip
+    at = int(steps[place]), float(times[place])
+    if "cb_stop" in code:
+        return Outcome("cancelled", *at)
+    if "step_limit" in code:
+        remedy = "its steps become ever shorter before that: the motion ends there, or the tolerance is too small"
+        return Outcome("not_finite", *at, f"heyoka, after {MOST_STEPS} steps", None, remedy)
+    remedy = "the accelerations have no finite value there: use a regular form of the motion"
+    return Outcome("not_finite", *at, "the Taylor series", None, remedy)
 
 
-def taylor_integrator(problem: Problem, start: Start, values: Mapping[str, float], tolerance: float = 1e-15) -> Any:
-    """heyoka's integrator for q' = v, v' = accelerations, parameters put in as numbers."""
+def used_parameters(problem: Problem) -> list[str]:
+    """Those that occur in the accelerations: heyoka takes no others."""
+    used = {node.name for tree in problem.accelerations or () for node in walk(tree) if isinstance(node, Symbol)}
+    return [name for name in problem.parameters if name in used]
+
+
+@lru_cache(maxsize=64)
+def taylor_integrator(problem: Problem, tolerance: float = 1e-15) -> Any:
+    """heyoka's integrator for q' = v, v' = accelerations, with parameters that get their values later; made once."""
     heyoka = load_heyoka()
     names = [f"q{k}" for k in range(len(problem.coordinates))] + [f"v{k}" for k in range(len(problem.coordinates))]
     variables = heyoka.make_vars(*names)
     size = len(problem.coordinates)
-    table: dict[Expression, Any] = {PI: heyoka.expression(np.pi)}
-    table |= {Symbol(name): heyoka.expression(float(values[name])) for name in problem.parameters}
-    table[TIME] = heyoka.time
+    table: dict[Expression, Any] = {PI: heyoka.expression(np.pi), TIME: heyoka.time}
+    parameters = used_parameters(problem)
+    table |= {Symbol(name): heyoka.par[k] for k, name in enumerate(parameters)}
     table |= {Symbol(name): variables[k] for k, name in enumerate(problem.coordinates)}
     table |= {Velocity(name): variables[size + k] for k, name in enumerate(problem.coordinates)}
     forces = [_translated(tree, table, heyoka) for tree in problem.accelerations or ()]
     system = [*zip(variables[:size], variables[size:], strict=True), *zip(variables[size:], forces, strict=True)]
-    state = [*start.positions, *(start.velocities or ())]
-    return heyoka.taylor_adaptive(system, [float(x) for x in state], tol=tolerance, compact_mode=False)
+    pars = [0.0] * len(parameters)
+    return heyoka.taylor_adaptive(system, [0.0] * 2 * size, tol=tolerance, pars=pars, compact_mode=size > LARGE)
 
 
 def _translated(tree: Expression, table: Mapping[Expression, Any], heyoka: Any) -> Any:

@@ -57,7 +57,7 @@ def run(
     check(problem, choice, [grid])
     observation = observation or Observation()
     if choice.method == "heyoka":
-        return run_heyoka(problem, start, grid, values, observation, choice.tolerance)
+        return run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
     formulas = Formulas(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters)

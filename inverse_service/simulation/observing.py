@@ -1,8 +1,8 @@
 """What a scene observes: formulas for the kernel, and numbers made of the recorded points.
 
 energy        E = v L_v - L of the original system; max_energy_error = max |E_k/E_0 - 1|, E_0 that of the initial
-              data, over all steps at the point and velocity of the discrete Lagrangian (of order 2 at best),
-              max_energy_error_at_points at the recorded points with the velocities of the momenta
+              data, at the recorded points with their velocities (those of the momenta), for every method alike;
+              max_discrete_energy_error at the point and velocity of the discrete Lagrangian, over all steps
 constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all steps, and
               max_constraint_at_points = max |w(q_k) v_k| with v_k from the momenta of a variational method
 momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k - p_0|
@@ -52,9 +52,8 @@ ENERGY_START = "energy_of_the_start"
 
 
 def greatest(values: Array) -> float | None:
-    """The greatest absolute value; nan (no value) does not count, None where one is infinite or none is left."""
-    sizes = np.abs(values[~np.isnan(values)])
-    largest = float(sizes.max()) if len(sizes) else np.inf
+    """The greatest absolute value; None where one is not finite, or there is none."""
+    largest = float(np.abs(values).max()) if len(values) else np.inf
     return largest if np.isfinite(largest) else None
 
 
@@ -101,18 +100,6 @@ def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:
         if differentiate(lagrangian, Symbol(name)) == ZERO
         and all(differentiate(w, Velocity(name)) == ZERO for w in constrained)
     }
-
-
-def energy_numbers(trajectory: Trajectory, start: float) -> dict[str, Any]:
-    """Relative to E_0, or absolute where E_0 is 0."""
-    scale = abs(start) or 1.0
-    last = trajectory.series["energy_error"][-1]
-    numbers: dict[str, Any] = {
-        "energy_start": start,
-        "max_energy_error": trajectory.maxima["energy_error"] / scale,
-        "final_energy_error": abs(float(last)) / scale,
-    }
-    return numbers | ({} if start else {"energy_error_is": "absolute, because the energy of the start is 0"})
 
 
 def depends_on_time(scene: Scene) -> bool:

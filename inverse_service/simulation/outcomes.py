@@ -49,7 +49,7 @@ def trajectory_of(
         times=np.concatenate([[0.0], steps * grid.step]),
         positions=positions,
         momenta=carried if letter == "p" and observation.momenta and not np.isnan(carried).any() else None,
-        velocities=velocities if observation.velocities else None,
+        velocities=velocities if observation.velocities or letter == "v" else None,
         outcome=_outcome(f, choice, card, run, lane, halt, grid, begin),
         force_evaluations=card.forces * taken + run.iterations * (6 if choice.method == "reference" else 1),
         newton_iterations=run.iterations,

@@ -3,7 +3,8 @@
 variational     v = dH~/dp(q_k, p_k)
 nonholonomic    v = g^-1 (p_k - b) with L_v = g v + b, put on the constraints: p_k still holds half a reaction
 
-They are as accurate as the method, where the discrete velocity (q_(k+1) - q_k)/h is of order 2 at best.
+They are as accurate as the method, where the discrete velocity (q_(k+1) - q_k)/h is of order 2 at best. Methods of
+order 2 without them have the mean of the discrete velocities on both sides.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.choices import Grid
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.scene import Scene
 
@@ -32,6 +34,14 @@ def point_velocities(
         return _velocities(scene, problem, method, trajectory, values)
     except np.linalg.LinAlgError:  # the kinetic energy is degenerate at a point
         return None
+
+
+def mean_velocities(positions: Array, grid: Grid) -> Array | None:
+    """Differences of positions about each point, of order 2, (m, n); None where steps are left out."""
+    if grid.record_every > 1 or len(positions) < 3:
+        return None
+    found: Array = np.gradient(positions, grid.step, axis=0, edge_order=2)
+    return found
 
 
 def _velocities(

@@ -17,7 +17,6 @@ from inverse_service.simulation.observing import (
     conserved_momenta,
     constraint_numbers,
     depends_on_time,
-    energy_numbers,
     error_numbers,
     greatest,
     momentum_numbers,
@@ -26,7 +25,7 @@ from inverse_service.simulation.observing import (
     point_energy,
     start_energy,
 )
-from inverse_service.simulation.point_velocities import point_velocities
+from inverse_service.simulation.point_velocities import mean_velocities, point_velocities
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.scene import Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, true_rows
@@ -34,6 +33,7 @@ from inverse_service.simulation.truth import Truth, true_rows
 Array = NDArray[np.float64]
 NO_CONSTANT = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
 
+_NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
 _NO_ENERGY = "The system is given by its equations and not by a Lagrangian, so there is no energy."
 
 
@@ -89,25 +89,39 @@ def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, A
 
 
 def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The discrete energy; for compositions, which it cannot measure, that at the points takes its place."""
+    """The energy at the recorded points for every method; that of the discrete Lagrangian, where there is one, under a
+    name of its own."""
     start = start_energy(run.scene)
     if start is None:
         return {"max_energy_error": None, "energy_note": _NO_ENERGY}, {}
-    numbers = energy_numbers(run.trajectory, start)
-    series = run.trajectory.series["energy_error"] + start
+    numbers, series = _discrete_energy(run, start)
     velocities = _point_velocities(run)
+    if velocities is None:
+        note = {} if depends_on_time(run.scene) else {"energy_note": _NO_VELOCITIES}
+        return {"energy_start": start, "max_energy_error": None} | note | numbers, series
+    points = point_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
+    series = {"energy": points} | series
     if depends_on_time(run.scene):
-        if velocities is not None:
-            series = point_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
-        return {"energy_start": start, "max_energy_error": None, "energy_note": NO_CONSTANT}, {"energy": series}
-    if velocities is not None:
-        points = point_energy(run.scene, run.trajectory.positions, velocities)
-        errors = np.abs(points - start) / (abs(start) or 1.0)
-        numbers["max_energy_error_at_points"] = greatest(errors)
-        if run.requested.choice is not None and run.requested.choice.order > 2:
-            numbers |= {"max_energy_error": greatest(errors), "final_energy_error": float(errors[-1])}
-            series = points
-    return numbers, {"energy": series}
+        return {"energy_start": start, "max_energy_error": None, "energy_note": NO_CONSTANT}, series
+    errors = np.abs(points - start) / (abs(start) or 1.0)
+    found: dict[str, Any] = {
+        "energy_start": start,
+        "max_energy_error": greatest(errors),
+        "final_energy_error": float(errors[-1]),
+    }
+    found |= {} if start else {"energy_error_is": "absolute, because the energy of the start is 0"}
+    return found | numbers, series
+
+
+def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[str, Array]]:
+    """E at the point and velocity of the discrete Lagrangian, the paper's: of methods of order 2 that have one."""
+    choice = run.requested.choice
+    if choice is None or run.requested.alpha is None or choice.order > 2:
+        return {}, {}
+    series = {"discrete_energy": run.trajectory.series["energy_error"] + start}
+    if depends_on_time(run.scene):
+        return {}, series
+    return {"max_discrete_energy_error": run.trajectory.maxima["energy_error"] / (abs(start) or 1.0)}, series
 
 
 def _point_constraints(run: Observed) -> dict[str, Any]:
@@ -118,9 +132,11 @@ def _point_constraints(run: Observed) -> dict[str, Any]:
 
 
 def _point_velocities(run: Observed) -> Array | None:
-    if run.problem is None:
-        return None
-    return point_velocities(run.scene, run.problem, run.requested.method, run.trajectory, dict(run.values))
+    if run.problem is None or run.requested.alpha is None:
+        return run.trajectory.velocities
+    method, values = run.requested.method, dict(run.values)
+    found = point_velocities(run.scene, run.problem, method, run.trajectory, values)
+    return mean_velocities(run.trajectory.positions, run.scene.grid) if found is None else found
 
 
 def _compared(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -27,6 +28,7 @@ from inverse_service.simulation.truth import Truth, exact_trajectory, true_motio
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 Stop = Callable[[], bool]
+FAULT = "This method failed by a fault of the program ({}): please report the scene."
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,11 @@ def run_scene(
     runs = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
-        runs.append(run_method(scene, requested, derived, truth, stop, find))
+        try:
+            runs.append(run_method(scene, requested, derived, truth, stop, find))
+        except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
+            logging.getLogger(__name__).exception("the method %s failed", requested.method)
+            runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
     return SceneRun(scene, derived, truth, tuple(runs))
 
 

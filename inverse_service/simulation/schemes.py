@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from inverse_service.codegen.algebra import ALPHA, HALF, ONE, STEP, Formula, contains, number, symbol, translate
-from inverse_service.codegen.planning import plan, used_only
+from inverse_service.codegen.planning import determinant, plan, used_only
 from inverse_service.codegen.program import Assign, Iterate, Program, Statement, Watch
 from inverse_service.errors import InputError
 from inverse_service.integrators.gauss_legendre import collocation
@@ -22,6 +22,17 @@ from inverse_service.simulation.formulas import MOMENT, Formulas
 
 SMALLER_STEP = "take a smaller step"
 GUARD_REMEDY = "take a smaller step or smaller free constants of the free Lagrangian"
+OTHER_LAGRANGIAN = (
+    "the free Lagrangian ends there: give another free_lagrangian, or use the method reference or runge-kutta"
+)
+RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
+RANK_REMEDY = "divide the constraints by what vanishes there, begin elsewhere, or take a smaller step"
+MAP_LIMIT = 1e-12
+REGULAR_MOTION = "the equations of motion end there: use coordinates in which they are regular, or stop before"
+RESOLUTION = "the error of a step beside its change of the velocity, squared"
+# Ratios squared: a wall is passed smoothly below a hundredth; a force that acts in the last stage alone has a tenth.
+SMOOTH, RESOLVED = 1e-4, 0.05
+ROUND_OFF, SMALLEST = 1e-18, 1e-300
 
 
 def alpha_of(choice: MethodChoice) -> Formula:
@@ -62,10 +73,13 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     else:
         equations, pushes = hamiltonian_step(q, p, d, f.symbols("e"), STEP, alpha, slope_q, slope_p)
         unknowns, watched = [*d, *f.symbols("e")], between(p, f.symbols("e"), 1 - alpha)
-    guards = _guards(f, between(q, d, alpha), watched, _moment(alpha)) if choice.guard else []
-    watches = [*_velocity_watches(f, q, d, alpha), *guards]
+    point = dict(zip([*q, *p, MOMENT], [*between(q, d, alpha), *watched, _moment(alpha)], strict=True))
+    guards = _guards(f, point) if choice.guard else []
+    watches = [*_velocity_watches(f, q, d, alpha), *_domain_watches(f, point), *guards]
     scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
-    statements = plan(equations, [str(name) for name in unknowns], scales, guarded=choice.guard)
+    # The determinant of a mean of two places has zeros of its own, which the factors of L~ name better.
+    guarded = choice.guard and len(parts_of(choice)) == 1
+    statements = plan(equations, [str(name) for name in unknowns], scales, guarded)
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
@@ -91,17 +105,38 @@ def _moment(part: Formula) -> Formula:
     return MOMENT + part * STEP
 
 
-def _guards(f: Formulas, place: list[Formula], momentum: list[Formula], moment: Formula) -> list[Watch]:
+def _domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
+    """H~ must stay where it is the Hamiltonian of L~: poles and ends of its own, and p = dL~/dv(q, H_p)."""
+    trees = [f.problem.free_hamiltonian]
+    watches = [Watch("sign", wall.formula.subs(point), wall.text, OTHER_LAGRANGIAN) for wall in f.walls_of(trees)]
+    if f.momenta_may_fail:
+        size = sum((p**2 for p in f.symbols("p")), ONE)
+        defect = sum((one**2 for one in f.momenta_may_fail), number(0)) / size
+        text = "p - dL/dv at the velocities that the Hamiltonian gives"
+        watches.append(Watch("map", defect.subs(point), text, OTHER_LAGRANGIAN, MAP_LIMIT))
+    return watches
+
+
+def _rank_watches(f: Formulas, place: Sequence[Formula]) -> list[Watch]:
+    """det(omega(q_k) omega(q_(k+1))^T) > 0: at a loss of rank in between the span of the constraints turns round."""
+    if not f.forms:
+        return []
+    before, after = f.forms_at(f.symbols("q")), f.forms_at(place)
+    entries = [[sum((a * b for a, b in zip(row, other, strict=True)), number(0)) for other in after] for row in before]
+    if not determinant(entries).free_symbols:
+        return []
+    return [Watch("positive", determinant(entries), RANK, RANK_REMEDY)]
+
+
+def _guards(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
     """h |d2H/dq_i dp_i| < 1 where it is not constant: for the class of the paper this is h |G'(r1)| < 1."""
-    table = dict(zip([*f.symbols("q"), *f.symbols("p")], [*place, *momentum], strict=True))
-    names = set(table)
-    table[MOMENT] = moment
+    names = {*f.symbols("q"), *f.symbols("p")}
     watches = []
     for k, coordinate in enumerate(f.problem.coordinates):
         mixed = f.hamiltonian.diff(symbol(f"q{k}")).diff(symbol(f"p{k}"))
         if mixed.free_symbols & names:
             text = f"h*|d2H/d{coordinate} dp_{coordinate}|"
-            watches.append(Watch("bound", STEP * mixed.subs(table), text, GUARD_REMEDY))
+            watches.append(Watch("bound", STEP * mixed.subs(point), text, GUARD_REMEDY))
     return watches
 
 
@@ -199,7 +234,9 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
         stages.append((velocity, forces))
     origin = [number(0)] * f.size
     changes = [change for which in (0, 1) for change in _stage_point(origin, stages, which, tableau.weights)]
-    return _point_program(f, observation, tuple(statements), changes, len(tableau.rows))
+    forces = [[STEP * force for force in stage[1]] for stage in (stages[0], stages[-1])]
+    watches = _resolution_watches(f, changes, *forces) if choice.guard else []
+    return _point_program(f, observation, tuple(statements), changes, watches, len(tableau.rows))
 
 
 def _stage_point(
@@ -237,19 +274,46 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
     changes = [
         STEP * (v[k] + sum((number(position_weights[i]) * u[i][k] for i in stages), number(0))) for k in range(f.size)
     ] + [sum((number(weights[i]) * u[i][k] for i in stages), number(0)) for k in range(f.size)]
-    return _point_program(f, observation, (block,), changes, 0)
+    watches = _resolution_watches(f, changes, u[0], u[-1]) if choice.guard else []
+    return _point_program(f, observation, (block,), changes, watches, 0)
+
+
+def _resolution_watches(
+    f: Formulas, changes: Sequence[Formula], first: Sequence[Formula], last: Sequence[Formula]
+) -> list[Watch]:
+    """The increments of v against the rule of the two ends: far apart where a step jumps over what the force does.
+
+    For an oscillation they differ by (h omega)^2/12 of themselves. Walls of the accelerations may be passed where they
+    differ by little: there the motion is smooth although its formula is not.
+    """
+    moved = changes[f.size :]
+    difference = sum(((d - (a + b) / 2) ** 2 for d, a, b in zip(moved, first, last, strict=True)), number(0))
+    size = sum((d**2 + a**2 + b**2 for d, a, b in zip(moved, first, last, strict=True)), number(0))
+    used = {name for force in f.accelerations for name in force.free_symbols}
+    steps = [*(x / STEP for x in f.symbols("q") if x in used), *(v for v in f.symbols("v") if v in used)]
+    noise = number(ROUND_OFF) * sum((x**2 for x in steps), number(0))
+    ratio = difference / (size + noise + number(SMALLEST))
+    after = [x + d for x, d in zip((*f.symbols("q"), *f.symbols("v")), changes, strict=True)]
+    point = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*after, _moment(ONE)], strict=True))
+    walls = [
+        Watch("sign", wall.formula.subs(point), wall.text, REGULAR_MOTION, SMOOTH, ratio)
+        for wall in f.walls_of(f.problem.accelerations or ())
+    ]
+    return [*walls, Watch("bound", ratio, RESOLUTION, SMALLER_STEP, RESOLVED)]
 
 
 def _point_program(
-    f: Formulas, observation: Observation, statements: tuple[Statement, ...], changes: list[Formula], forces: int
-) -> Program:
+    f: Formulas, observation: Observation, statements: tuple[Statement, ...], changes: list[Formula],
+    watches: Sequence[Watch], forces: int,
+) -> Program:  # fmt: skip
     carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
+    watches = [*watches, *_rank_watches(f, [q + d for q, d in zip(f.symbols("q"), changes, strict=False)])]
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation.observables)
     state, updates = _with_clock(f, carried, changes, observed)
-    needed = [*updates, *(formula for _, formula in observed)]
+    needed = [*updates, *(one for watch in watches for one in watch.formulas), *(formula for _, formula in observed)]
     return Program(
         state=state, arguments=("h", "a", *f.parameters), statements=used_only(statements, needed),
-        updates=tuple(updates), observed=observed, forces=forces,
+        updates=tuple(updates), watches=tuple(watches), observed=observed, forces=forces,
     )  # fmt: skip
 
 
@@ -264,6 +328,7 @@ def _program(
 ) -> Program:
     """The program of a method on (q, p); `momenta` are the coordinates whose momentum is carried."""
     known = _assigned(statements)
+    watches = [*watches, *_rank_watches(f, between(f.symbols("q"), f.symbols("d"), 1))]
     places = range(f.size) if momenta is None else momenta
     state = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
     q, d = f.symbols("q"), f.symbols("d")
@@ -272,7 +337,7 @@ def _program(
     updates = tuple(None if number(0) in (change, known.get(change)) else change for change in changes)
     displacement = tuple(d) if observation.velocities else ()
     needed = [*(u for u in updates if u is not None), *displacement]
-    needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
+    needed += [*(formula for watch in watches for formula in watch.formulas), *(formula for _, formula in observed)]
     return Program(
         state=state,
         arguments=("h", "a", *f.parameters),

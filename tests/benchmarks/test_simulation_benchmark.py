@@ -12,14 +12,9 @@ from benchmarks.hard_cases import judge as judge_case
 from benchmarks.hard_cases import near_singular, starts
 from benchmarks.simulation_cases import CASES, SpeedCase, lane, program
 from benchmarks.simulation_peers import peer_rows
-from benchmarks.simulation_routes import generated_c, lambdify_and_fsolve, ours, python_text, with_numba
+from benchmarks.simulation_routes import lambdify_and_fsolve, ours, python_text, with_numba
 from benchmarks.simulation_speed import effect_rows, ensemble_rows, latency_rows, long_rows
-from inverse_service.codegen.c_writer import CWriter
-from inverse_service.codegen.compiled import card_of
-from inverse_service.codegen.kernel import Kernel
-from inverse_service.codegen.layout import changing
 from inverse_service.simulation.choices import Grid
-from inverse_service.simulation.execution import memory_of
 from inverse_service.simulation.methods import run
 
 
@@ -38,16 +33,6 @@ def test_python_text_of_the_numba_route_is_the_same_step(case: SpeedCase) -> Non
     assert np.abs(np.array(end[:size]) - found.positions[-1]).max() < 1e-12
 
 
-def test_c_text_has_the_whole_loop() -> None:
-    made = program(CASES[1])
-    text = Kernel(made, CWriter()).write()  # type: ignore[arg-type]
-    assert text.count("void kernel(") == 1
-    assert "goto next_step" in text
-    memory = memory_of(card_of(made), [lane(CASES[1])])
-    assert memory.shape == (card_of(made).layout.size, 1)
-    assert changing(made) == ("q0", "q1", "q2", "q3", "p0")
-
-
 def test_hard_case_page_tells_right_from_wrong() -> None:
     judged = [judge_case(next(iter(near_singular()))), judge_case(next(iter(starts())))]
     page = simulation.hard_cases_page(judged)
@@ -64,8 +49,6 @@ def test_every_part_runs(tmp_path: Path) -> None:
     assert ours(CASES[0])(100) > 0
     assert with_numba(CASES[0], tmp_path)(100) > 0
     assert lambdify_and_fsolve(CASES[0])(5) > 0
-    maker = generated_c(CASES[0], tmp_path)
-    assert maker is None or maker(100) > 0
     assert {"read", "Legendre", "compile"} <= set(latency_rows(quiet, 1)[0].stages)
     assert all(row.core[0] > 0 for row in ensemble_rows(quiet, 1, 9, 10))
     assert len(effect_rows(quiet, 1, 100)) == 6

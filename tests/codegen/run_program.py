@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import ctypes
-import shutil
-import subprocess
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
 from inverse_service.codegen.algebra import Formula
-from inverse_service.codegen.c_writer import CWriter
 from inverse_service.codegen.compiled import Card, card_of, kernel_text
-from inverse_service.codegen.kernel import Kernel
 from inverse_service.codegen.machine import load, object_code
 from inverse_service.codegen.program import Program
-
-GCC = shutil.which("gcc")
 
 
 def program_for(formulas: Sequence[Formula], arguments: Sequence[str]) -> Program:
@@ -55,13 +47,3 @@ def values_of(formulas: Sequence[Formula], lanes: Sequence[Mapping[str, float]])
     machine = load(object_code(kernel_text(program, len(lanes))))
     call(machine.call, card, memory)
     return np.array([memory[card.layout.place(name)] for name in program.state])
-
-
-def compiled_c(program: Program, folder: Path) -> object:
-    """The same program through gcc."""
-    source, library = folder / "kernel.c", folder / "kernel.so"
-    source.write_text(Kernel(program, CWriter()).write(), encoding="utf-8")  # type: ignore[arg-type]
-    subprocess.run(
-        [str(GCC), "-O2", "-ffp-contract=off", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True
-    )
-    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(("kernel", ctypes.CDLL(str(library))))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol
-from tests.codegen.run_program import GCC, call, card_of, compiled_c, memory_for, program_for, values_of
+from tests.codegen.run_program import call, card_of, memory_for, program_for, values_of
 
 FORMULAS = [
     "x + 2*y - 3", "-x", "-x - y", "x*y/(1 + x^2)", "1/x/y", "-1/(x*y)", "x^3*y^-2", "(x + y)^7", "sqrt(x)*y",
@@ -78,21 +77,6 @@ def test_sine_and_cosine_are_good_to_two_units() -> None:
                     worst = max(worst, abs(memory[row, lane] - expected) / math.ulp(expected))
     assert worst <= 2.0
     assert np.isnan(values_of([symengine.sin(x)], [{"x": float("inf")}])).all()
-
-
-@pytest.mark.skipif(GCC is None, reason="no gcc")
-def test_c_and_llvm_agree(tmp_path: Path) -> None:
-    table = names_of((), ("x", "y"))
-    formulas = [translate(tree_of(text), table) for text in FORMULAS]
-    program = program_for(formulas, ["c0", "c1"])
-    card = card_of(program)
-    function = compiled_c(program, tmp_path)
-    for point in POINTS:
-        memory = memory_for(card, [point])
-        assert call(function, card, memory) == 1
-        ours = values_of(formulas, [point])
-        theirs = np.array([memory[card.layout.place(name)] for name in program.state])
-        assert np.allclose(ours, theirs, rtol=1e-13, atol=1e-14)
 
 
 def test_what_has_no_formula_is_refused() -> None:

@@ -47,7 +47,10 @@ def test_series_keep_every_peak_and_name_best_and_worst(disk: dict[str, Any]) ->
     lines = {line.get_label(): line for line in figure.axes[0].get_lines()}
     for method in disk["result"]["methods"]:
         assert max(lines[method["label"]].get_ydata()) == pytest.approx(method["max_energy_error"])
-    assert "nonholonomic-0.5 has the least" in caption
+    assert "variational-0.5 has the least" in caption
+    discrete = series_figure("discrete_energy", disk["result"], disk["tables"])
+    assert discrete is not None
+    assert "nonholonomic-0.5 has the least" in discrete[1]
     assert "nonholonomic-1 the most" in caption
     assert series_figure("energy", disk["result"], {}) is None
 

@@ -33,7 +33,7 @@ def test_the_table_of_the_disk_is_measured() -> None:
     for label, cells in rows:
         method = found[label]
         circle = method["circle"]
-        measured = (circle["max_radial_distance"], circle["radius_change"], method["max_energy_error"],
+        measured = (circle["max_radial_distance"], circle["radius_change"], method["max_discrete_energy_error"],
                     method["max_constraint"], method["max_phase_error"])  # fmt: skip
         for cell, value in zip(cells.split(" | "), measured, strict=True):
             if cell == "round-off":

@@ -158,17 +158,6 @@ def test_compensated_sums_keep_a_million_steps() -> None:
     assert np.abs(found.positions[:, 0] / np.array([1.0, 25e3, 5e4, 75e3, 1e5]) - [0, 1, 1, 1, 1]).max() < 4e-16
 
 
-def test_both_references_agree() -> None:
-    from inverse_service.simulation.references import references_agree
-
-    for what, start, values in ((DISK, disk_start(), C), (CONTACT, contact_start(), {"k": 0.3})):
-        agreement = references_agree(what, start, Grid(0.05, 400), values)
-        assert agreement.agree
-        assert agreement.difference < 1e-13
-    singular = problem("x", accelerations=("-1/x^2",))
-    assert not references_agree(singular, Start((1.0,), (0.0,)), Grid(0.05, 40), {}).agree
-
-
 def test_records_are_decimated_and_the_last_step_is_always_there() -> None:
     every = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(0.1, 1003), C)
     some = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(0.1, 1003, 100), C)

@@ -21,13 +21,17 @@ FLOOR = 1e-17
 Column = Callable[[Mapping[str, Any], Mapping[str, Array]], Array | None]
 
 
-def energy_error(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
-    """|E/E_0 - 1|, or |E - E_0| where E_0 is 0."""
-    if "energy" not in table:
-        return None
-    start = method["energy_start"]
-    found: Array = np.abs(table["energy"] - start) / (abs(start) or 1.0)
-    return found
+def energy_error(name: str) -> Column:
+    """|E/E_0 - 1|, or |E - E_0| where E_0 is 0, of a column of energies."""
+
+    def error(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
+        if name not in table:
+            return None
+        start = method["energy_start"]
+        found: Array = np.abs(table[name] - start) / (abs(start) or 1.0)
+        return found
+
+    return error
 
 
 def constraint_defect(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
@@ -42,7 +46,12 @@ def column(name: str) -> Column:
 
 
 QUANTITIES: dict[str, tuple[str, str, Column]] = {
-    "energy": ("|E/E₀ - 1|", "energy error", energy_error),
+    "energy": ("|E/E₀ - 1|", "energy error", energy_error("energy")),
+    "discrete_energy": (
+        "|E/E₀ - 1| of the discrete Lagrangian",
+        "discrete energy error",
+        energy_error("discrete_energy"),
+    ),
     "constraints": ("greatest |ω(q) q'|", "defect of the constraints", constraint_defect),
     "error": ("greatest distance from the true motion", "trajectory error", column("error")),
     "phase": ("|phase error| in radians", "phase error", column("phase_error")),

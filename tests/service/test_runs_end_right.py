@@ -1,0 +1,222 @@
+"""Scenes that once ended `completed` and were wrong, or took their neighbours with them: now right, or typed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inverse_service.service.scenes.simulating import simulate
+
+FREE = {"coordinates": ["x", "y", "z"], "lagrangian": "(x'^2+y'^2+z'^2)/2"}
+DISK = {
+    "system": {"catalogue": "vertically-rolling-disk"},
+    "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
+    "step": 0.05,
+    "steps": 40,
+}
+OSCILLATOR = {
+    "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
+    "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+    "step": 0.1,
+}
+
+
+def methods(document: dict[str, Any], limit: float = 60.0) -> dict[str, dict[str, Any]]:
+    return {method["label"]: method for method in simulate(document, None, limit)["methods"]}
+
+
+def outcomes(document: dict[str, Any]) -> dict[str, str]:
+    return {label: method["outcome"] for label, method in methods(document).items()}
+
+
+@pytest.mark.parametrize("roll", [1, 0])
+def test_a_disk_that_does_not_turn_keeps_the_methods_that_can_run(roll: int) -> None:
+    """The class of the paper excludes r1' = 0: L~ says so, and the others run."""
+    initial = {"positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 0, "theta": roll}}
+    found = methods(DISK | {"initial": initial, "methods": ["variational", "nonholonomic", "modified", "exact"]})
+    assert found["variational-0.5"]["outcome"] == found["modified-0.5"]["outcome"] == "off_domain"
+    assert found["variational-0.5"]["stopped"]["quantity"] == "phi'"
+    assert found["nonholonomic-0.5"]["outcome"] == found["exact"]["outcome"] == "completed"
+
+
+@pytest.mark.parametrize(
+    ("system", "positions", "velocities", "kept"),
+    [
+        (FREE | {"constraints": ["z' + x*y'"]}, {"x": 1, "y": 0, "z": 0}, {"x": 0, "y": 1}, "completed"),
+        (FREE | {"constraints": ["x*z' - x^2*y'"]}, {"x": 0, "y": 0, "z": 0}, {"x": 1, "y": 1, "z": 1}, "singular"),
+        ({"coordinates": ["phi", "x", "y"], "lagrangian": "(x'^2+y'^2+phi'^2)/2",
+          "constraints": ["sin(phi)*x' - cos(phi)*y'"]}, {"phi": 0.3, "x": 0, "y": 0}, {"phi": 0, "x": 1}, "completed"),
+    ],
+    ids=["particle", "rank 0", "knife edge"],
+)  # fmt: skip
+def test_motions_that_the_class_excludes_are_typed(
+    system: dict[str, Any], positions: dict[str, float], velocities: dict[str, float], kept: str
+) -> None:
+    scene = {"system": system, "initial": {"positions": positions, "velocities": velocities}}
+    found = outcomes(scene | {"step": 0.05, "steps": 40, "methods": ["variational", "nonholonomic"]})
+    assert found == {"variational-0.5": "off_domain", "nonholonomic-0.5": kept}
+
+
+def test_one_method_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fault of ours in a method is that method's outcome."""
+    from inverse_service.simulation import running
+
+    whole = running.run_method
+
+    def broken(scene: Any, requested: Any, *rest: Any) -> Any:
+        return 1 / 0 if requested.method == "reference" else whole(scene, requested, *rest)
+
+    monkeypatch.setattr(running, "run_method", broken)
+    found = methods(OSCILLATOR | {"steps": 10, "methods": ["reference", "variational"]})
+    assert found["reference"]["outcome"] == "failed"
+    assert "fault of the program" in found["reference"]["reason"]
+    assert found["variational-0.5"]["outcome"] == "completed"
+
+
+@pytest.mark.parametrize("order", [2, 8])
+@pytest.mark.parametrize("step", [0.02, 0.01])
+def test_a_run_ends_where_the_free_hamiltonian_ends(order: int, step: float) -> None:
+    """A charged particle with drag: the catalogue's H~ is that of L~ only while x' > 0."""
+    initial = {"positions": {"x": 0.394, "y": 0.893}, "velocities": {"x": 0.528, "y": -0.49}}
+    method = {"method": "variational", "order": order}
+    scene = {"system": {"catalogue": "magnetic-drag-b-x"}, "initial": initial, "step": step, "time": 6}
+    (found,) = methods(scene | {"methods": [method], "observe": ["error"]}).values()
+    assert found["outcome"] in ("singular", "off_domain")
+    assert 1 < found["stopped"]["time"] < 2
+    assert found["max_error"] < 1e-4
+
+
+@pytest.mark.parametrize("alpha", ["0", "1/4", "1/3", "1"])
+@pytest.mark.parametrize(("order", "bound"), [(4, 2e-6), (6, 1e-8), (8, 1e-12)])
+def test_symmetrised_steps_are_composed(alpha: str, order: int, bound: float) -> None:
+    """In the Hamiltonian form too, and at alpha = 0, where they are the steps of Stormer and Verlet."""
+    method = {"method": "variational", "alpha": alpha, "symmetrised": True, "order": order}
+    (found,) = methods(OSCILLATOR | {"time": 10, "methods": [method], "observe": ["error"]}).values()
+    assert found["outcome"] == "completed"
+    assert found["max_error"] < bound
+
+
+@pytest.mark.parametrize("alpha", ["0", "1/4", "1"])
+def test_symmetrised_steps_are_composed_with_constraints(alpha: str) -> None:
+    initial = {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}}
+    method = {"method": "variational", "alpha": alpha, "symmetrised": True, "order": 4}
+    constants = {"C_x": 0.01, "C_y": 0.01}
+    scene = DISK | {"initial": initial, "steps": 20, "constants": constants, "methods": [method], "observe": ["error"]}
+    (found,) = methods(scene).values()
+    assert found["outcome"] == "completed"
+    assert found["max_error"] < 1e-6
+
+
+@pytest.mark.parametrize("step", [0.02, 0.01])
+def test_what_falls_into_a_pole_ends_there(step: float) -> None:
+    """L = x'^2/2 - log(x) from rest at x = 1: x = 0 at t = sqrt(pi/2), where E and the motion end."""
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - log(x)"},
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": step,
+        "time": 5,
+        "methods": ["reference", "runge-kutta", {"method": "runge-kutta", "order": 8}, "variational"],
+        "observe": ["energy", "trajectory"],
+    }
+    for method in methods(scene).values():
+        assert method["outcome"] in ("singular", "no_convergence"), method["label"]
+        assert method["stopped"]["time"] == pytest.approx(np.sqrt(np.pi / 2), abs=2 * step)
+        assert None not in method["points"]["columns"]["energy"]
+        assert min(method["points"]["columns"]["x"]) > 0
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "constraints"),
+    [
+        ("xyz", ["x*z' - x*y'"]),
+        ("xyz", ["x*y' - sin(x)*z'"]),
+        ("xyzw", ["y' - z'", "y' - (1+x)*z' + x*w'"]),
+    ],
+)
+def test_a_loss_of_rank_ends_the_run(coordinates: str, constraints: list[str]) -> None:
+    system = {
+        "coordinates": list(coordinates),
+        "lagrangian": "+".join(f"{name}'^2/2" for name in coordinates),
+        "constraints": constraints,
+    }
+    scene = {
+        "system": system,
+        "initial": {"positions": {"x": -1, "y": 0, "z": 0, "w": 0}, "velocities": {"x": 1, "y": 0.5}},
+        "step": 0.02,
+        "time": 3,
+        "methods": ["variational", {"method": "variational", "order": 4}, {"method": "variational", "alpha": 0},
+                    "nonholonomic", "runge-kutta"],
+        "observe": ["energy"],
+    }  # fmt: skip
+    scene["initial"]["positions"] = {name: -1 if name == "x" else 0 for name in coordinates}  # type: ignore[index]
+    for method in methods(scene).values():
+        assert method["outcome"] in ("singular", "guard")
+        assert method["stopped"]["time"] == pytest.approx(1, abs=0.05)
+        assert method["max_energy_error"] < 1e-3
+
+
+@pytest.mark.parametrize("k", [1e4, 1e6, 1e8])
+@pytest.mark.parametrize("resolution", [0.1, 0.5, 1, 1.9])
+def test_stiff_steps_converge_to_their_own_noise(k: float, resolution: float) -> None:
+    """A stiff spring pendulum from its rest length: the force is known to k times the round-off of the place."""
+    scene = {
+        "system": {"coordinates": ["x", "y"], "parameters": ["k", "g"],
+                   "lagrangian": "(x'^2+y'^2)/2 - k*(sqrt(x^2+y^2)-1)^2/2 - g*y"},
+        "parameters": {"k": k, "g": 1},
+        "initial": {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0.3 if k == 1e6 else 0}},
+        "step": resolution / k**0.5,
+        "steps": 2000,
+        "methods": ["variational", {"method": "variational", "order": 4}, {"method": "variational", "form": "raw"}],
+        "observe": ["energy"],
+    }  # fmt: skip
+    for method in methods(scene).values():
+        assert method["outcome"] == "completed", method
+        assert method["max_energy_error"] < 1e-3
+
+
+def test_a_first_step_that_does_not_converge_is_not_called_singular() -> None:
+    scene = OSCILLATOR | {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + cos(3*x)"}, "step": 30, "steps": 10,
+        "methods": [{"method": "variational", "guard": False}],
+    }  # fmt: skip
+    (found,) = methods(scene).values()
+    assert found["outcome"] == "completed" or found["stopped"]["value"] != 0
+
+
+def test_the_energy_error_is_of_one_quantity_for_every_method() -> None:
+    """The implicit midpoint rule keeps the energy of the oscillator exactly, and the table says so."""
+    alike = ["variational", {"method": "variational", "form": "raw"}, "nonholonomic"]
+    scene = OSCILLATOR | {"time": 100, "observe": ["energy"], "methods": [*alike, "runge-kutta"]}
+    found = methods(scene)
+    for label in ("variational-0.5", "variational-0.5-raw", "nonholonomic-0.5"):
+        assert found[label]["max_energy_error"] < 1e-14
+        assert found[label]["max_discrete_energy_error"] == pytest.approx(2.49e-3, rel=0.01)
+    assert found["runge-kutta"]["max_energy_error"] == pytest.approx(1.39e-5, rel=0.02)
+    assert "max_discrete_energy_error" not in found["runge-kutta"]
+
+
+@pytest.mark.parametrize("method", ["heyoka"])
+def test_a_series_whose_steps_shrink_without_end_is_stopped(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("heyoka")
+    from inverse_service.simulation import heyoka_reference
+
+    monkeypatch.setattr(heyoka_reference, "MOST_STEPS", 50)
+    found = methods(OSCILLATOR | {"time": 1000, "methods": [method, "variational"]})
+    assert found[method]["outcome"] == "not_finite"
+    assert "50 steps" in found[method]["stopped"]["quantity"]
+    assert found["variational-0.5"]["outcome"] == "completed"
+
+
+def test_the_time_limit_stops_heyoka() -> None:
+    pytest.importorskip("heyoka")
+    found = methods(OSCILLATOR | {"steps": 100, "methods": ["heyoka"]}, limit=0.0)
+    assert found["heyoka"]["outcome"] == "cancelled"
+
+
+def test_heyoka_is_compiled_once() -> None:
+    pytest.importorskip("heyoka")
+    scene = OSCILLATOR | {"steps": 100, "methods": [{"method": "heyoka", "label": name} for name in "ab"]}
+    found = methods(scene)
+    assert found["b"]["seconds"]["compile"] < 0.01
