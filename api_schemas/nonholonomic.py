@@ -59,7 +59,7 @@ class NonholonomicDocument(Document):
     """
 
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)]
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
     lagrangian: Text
     constraints: Constraints
     parameters: Parameters = Field(default_factory=list)

@@ -10,11 +10,15 @@ from api_schemas.base import Document
 
 
 class ProblemPlace(Document):
-    """One fault: RFC 6901 pointer, column from 1 in the string there, and what to write instead."""
+    """One fault: RFC 6901 pointer, column from 1 in the string there, and what to write instead.
+
+    `instead` lists texts, each of which may have been meant in the place of the name at the column.
+    """
 
     pointer: str
     column: int | None = None
     detail: str
+    instead: list[str] = Field(default_factory=list)
 
 
 class ProblemDocument(Document):
@@ -36,7 +40,7 @@ class ParsedFormula(Document):
 
 
 class ParseAnswer(Document):
-    """What was understood: each acceleration, and the names by what they stand for."""
+    """What was understood: each acceleration, and the names by what they stand for; `guessed` were not declared."""
 
     name: str
     coordinates: list[str]
@@ -44,6 +48,7 @@ class ParseAnswer(Document):
     functions: dict[str, list[str]]
     equations: dict[str, ParsedFormula]
     depends_on_time: bool
+    guessed: list[str] = Field(default_factory=list)
 
 
 class CheckAnswer(Document):

@@ -93,7 +93,10 @@ class OtherAnswer(Document):
 
 
 class ResultDocument(OtherAnswer):
-    """Everything found out about one system; the main fields answer `question`."""
+    """Everything found out about one system; the main fields answer `question`.
+
+    `guessed` are names that the document did not declare and asked to be taken as constants (or functions).
+    """
 
     format: Literal["inverse-service/result/1"] = FORMAT
     system: UnderstoodSystem | None
@@ -102,4 +105,5 @@ class ResultDocument(OtherAnswer):
     conditions: ConditionsPart | None = None
     with_time: OtherAnswer | None = None
     special_cases: SpecialCasesPart | None = None
+    guessed: list[str] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from decimal import Decimal
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
@@ -57,7 +57,8 @@ Equations = Annotated[
 ]
 Parameters = Annotated[
     Annotated[dict[Name, Value | None], Field(max_length=MAX_PARAMETERS), Tag("<mapping>")]
-    | Annotated[list[Name], Field(max_length=MAX_PARAMETERS), Tag("<list>")],
+    | Annotated[list[Name], Field(max_length=MAX_PARAMETERS), Tag("<list>")]
+    | Annotated[Literal["guess"], Tag("<text>")],
     Discriminator(shape),
 ]
 Arguments = Annotated[list[Name], Field(min_length=1, max_length=MAX_FUNCTION_ARGUMENTS)]
@@ -68,7 +69,8 @@ class SystemDocument(Document):
 
     `coordinates`: left out, they are the keys of `equations` or the names with two primes in it.
     `equations`: an object with each acceleration, a list or a text of whole equations.
-    `parameters`: a list of names, or an object with values (null leaves one generic).
+    `parameters`: a list of names, or an object with values (null leaves one generic); "guess", or a name "..."
+       beside the others, takes names that are not declared as constants and lists them in `guessed`.
     `functions`: arbitrary functions, each with the coordinates it depends on.
     `time_dependent_lagrangian`: false asks for L(q, q'), true for L(t, q, q'), left out: both.
     `ansatz`: terms such as "y'^2/x'" that a Lagrangian is first looked for in.

@@ -40,7 +40,7 @@ HOSTILE = (
     # what is not a document at all
     Hostile("empty", b"", "empty"),
     Hostile("blank", b" \n\t ", "empty"),
-    Hostile("not-json", b"x'' = -x", "JSON"),
+    Hostile("not-json", b"x: -x", "JSON"),
     Hostile("half-json", b'{"coordinates": ["x"', "JSON"),
     Hostile("two-documents", b"{} {}", "JSON"),
     Hostile("list", b"[]", "object", ""),

@@ -71,7 +71,13 @@ def run() -> None:
 
 @application.command()
 def solve(
-    file: Annotated[str, typer.Argument(help="A System document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")],
+    file: Annotated[
+        str,
+        typer.Argument(
+            help="A document (JSON, .yaml, .toml), a file of equations, - for standard input, a name of the catalogue, "
+            "or the equations themselves: \"x'' = -k*x\"."
+        ),
+    ],
     format: Annotated[Format, typer.Option(help="How to write the result.")] = Format.json,
     time_limit: Seconds = None,
     seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
@@ -79,11 +85,18 @@ def solve(
     special_cases: Annotated[
         bool, typer.Option("--special-cases", help="Also: for which parameters is the verdict another?")
     ] = False,
+    guess: Annotated[
+        bool | None,
+        typer.Option(
+            "--guess/--no-guess",
+            help="Take undeclared names as constants, and say so; the default for equations on the command line only.",
+        ),
+    ] = None,
 ) -> None:
     """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
     from inverse_service.cli.solving import solve_file
 
-    sys.exit(solve_file(file, format.value, time_limit, seed, explain, special_cases))
+    sys.exit(solve_file(file, format.value, time_limit, seed, explain, special_cases, guess))
 
 
 @application.command()

@@ -20,7 +20,10 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
                 data = stream.read(limit + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "the name is not a file name"
-        raise InputError(f"The file cannot be read: {reason}; name a file, or - for standard input.") from None
+        shown = "".join(c if c.isprintable() else "?" for c in name[:200])
+        raise InputError(
+            f"The file '{shown}' cannot be read: {reason}; name a file, or - for standard input."
+        ) from None
     if len(data) > limit:
         raise LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
     return data

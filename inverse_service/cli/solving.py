@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 from typing import Any
 
+from inverse_service import catalogue
 from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.files import read_bytes
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.mechanics.document_names import AND_GUESS, GUESS
 from inverse_service.service.documents.reading import read_document
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.alone import run_alone
@@ -21,19 +24,59 @@ STAGE_WIDTH = 78
 
 
 def solve_file(
-    name: str, form: str, time_limit: float | None, seed: int, explain: bool, special_cases: bool = False
+    name: str,
+    form: str,
+    time_limit: float | None,
+    seed: int,
+    explain: bool,
+    special_cases: bool = False,
+    guess: bool | None = None,
 ) -> ExitCode:
     """Solve the document in a process of its own and print the result."""
     settings = read_settings()
     limit = time_limit_or(settings.time_limit, time_limit)
-    document, given = split_options(read_document(read_bytes(name), name))
+    document, given = split_options(given_document(name, guess))
     asked = read_options(given, JobOptions(limit, settings.memory_limit, seed))
     if special_cases and isinstance(document, dict):
         document = {**document, "special_cases": True}
     result = _solve(document, SolveOptions(seed=asked.seed, time_limit=asked.time_limit), asked.memory_limit)
     sys.stdout.write(_written(result, form, explain))
     sys.stdout.flush()
+    if result.get("guessed") and form != "text":
+        print(f"Not declared, taken as constants: {', '.join(result['guessed'])}.", file=sys.stderr)
     return ExitCode.OPEN if result["verdict"] == "undetermined" else ExitCode.DONE
+
+
+def given_document(name: str, guess: bool | None) -> Any:
+    """The document of a file, of standard input (-), of equations given as they are, or of the catalogue.
+
+    `guess`: whether undeclared names are constants; left out, they are where equations are given as they are.
+    """
+    if name == "-" or _is_file(name):
+        document = read_document(read_bytes(name), name)
+    elif "=" in name or "''" in name:
+        document = read_document(name, "") if "=" in name else {"equations": name}
+        guess = guess if guess is not None else "equations" in document and "parameters" not in document
+    elif name in catalogue.names():
+        document = catalogue.document(name)
+    else:
+        document = read_document(read_bytes(name), name)
+    return with_guess(document) if guess and isinstance(document, dict) else document
+
+
+def with_guess(document: dict[str, Any]) -> dict[str, Any]:
+    """The same document, its undeclared names taken as constants."""
+    named = document.get("parameters") or ()
+    if isinstance(named, dict):
+        return document | {"parameters": {**named, AND_GUESS: None}}
+    return document | {"parameters": [*named, AND_GUESS] if isinstance(named, list) and named else GUESS}
+
+
+def _is_file(name: str) -> bool:
+    try:
+        return Path(name).is_file()
+    except (OSError, ValueError):  # too long, or with a character that no name has
+        return False
 
 
 def time_limit_or(default: float, given: float | None) -> float:

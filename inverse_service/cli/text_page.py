@@ -22,6 +22,8 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     """The whole page, ending with a newline."""
     part = result.get("nonholonomic")
     lines = [] if part is None else [*nonholonomic_lines(part), ""]
+    if result.get("guessed"):
+        lines.append(f"  not declared, taken as constants: {', '.join(result['guessed'])}")
     lines += [*_system(result["system"]), *_answer(result, asks_for_time(result), explain)]
     if result["with_time"] is not None:
         lines += ["", *_answer(result["with_time"], True, explain)]

@@ -10,17 +10,18 @@ _LETTERS = [
 ]  # fmt: skip
 _SMALL = "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b6\u03b7\u03b8\u03b9\u03ba\u03bb\u03bc\u03bd\u03be\u03bf\u03c0\u03c1"
 _SMALL += "\u03c3\u03c4\u03c5\u03c6\u03c7\u03c8\u03c9"
+# Letters of another shape are names of their own; the micro sign is the letter mu.
 _VARIANTS = {
-    "\u03d5": "phi", "\u03d1": "theta", "\u03f5": "epsilon", "\u03f1": "rho", "\u03d6": "pi", "\u03c2": "sigma",
-    "\u03f0": "kappa", "\u00b5": "mu",
+    "\u03d5": "varphi", "\u03d1": "vartheta", "\u03f5": "varepsilon", "\u03f1": "varrho", "\u03d6": "varpi",
+    "\u03c2": "varsigma", "\u03f0": "varkappa",
 }  # fmt: skip
 
 GREEK: dict[str, str] = dict(zip(_SMALL, _LETTERS, strict=True))
-GREEK |= {small.upper(): name.capitalize() for small, name in zip(_SMALL, _LETTERS, strict=True)} | _VARIANTS
-GREEK_COMMANDS: dict[str, str] = {name: name for name in GREEK.values()} | {
-    "var" + name: name for name in ("phi", "theta", "epsilon", "rho", "pi", "sigma", "kappa")
-}
-LETTER_COMMANDS = GREEK_COMMANDS | {"ell": "l"}
+GREEK |= {small.upper(): name.capitalize() for small, name in zip(_SMALL, _LETTERS, strict=True)}
+GREEK |= _VARIANTS | {"\u00b5": "mu"}
+# Names that look or sound alike, each with the one that it is read as where only that one is declared.
+ALIKE = {name: name.removeprefix("var") for name in _VARIANTS.values()} | {"ell": "l"}
+LETTER_COMMANDS: dict[str, str] = {name: ALIKE.get(name, name) for name in (*GREEK.values(), "ell")}
 SCRIPT_L = "\u2113"
 
 SUBSCRIPTS = {chr(0x2080 + digit): str(digit) for digit in range(10)}
@@ -42,7 +43,7 @@ def letter(character: str) -> tuple[str, int] | None:
     if character in GREEK:
         return GREEK[character], 0
     if character == SCRIPT_L:
-        return "l", 0
+        return "ell", 0
     if character in SUBSCRIPTS:
         return SUBSCRIPTS[character], 0
     if character in _DOTS:

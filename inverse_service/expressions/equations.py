@@ -25,19 +25,27 @@ class EquationTokens:
 
 
 def split(tokens: Sequence[Token], end_column: int) -> list[EquationTokens]:
-    """One entry for each equation: ; and line ends and commas outside brackets separate; empty ones are dropped."""
+    """One entry for each equation: ; and line ends and commas outside brackets separate; empty ones are dropped.
+
+    A comma separates equations only: where one of the parts has an = and the other none, it is refused.
+    """
     groups: list[EquationTokens] = []
+    commas: list[Token] = []
     current: list[Token] = []
     open_brackets = 0
     for place, token in enumerate(tokens):
         open_brackets += token.is_operator("(", "[") - token.is_operator(")", "]")
         if _separates(tokens, place, current, open_brackets):
             groups.append(EquationTokens(tuple(current), token.column))
+            commas += [token] * token.is_operator(",")
             current = []
         elif token.kind != "newline":
             current.append(token)
     groups.append(EquationTokens(tuple(current), end_column))
-    return [group for group in groups if group.tokens]
+    found = [group for group in groups if group.tokens]
+    if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
+        raise refusal("a comma parts an equation", commas[0].column, "write a decimal point, or ; between equations")
+    return found
 
 
 def _separates(tokens: Sequence[Token], place: int, current: list[Token], open_brackets: int) -> bool:

@@ -155,13 +155,20 @@ class FormulaParser(OperandParser):
             raise unexpected(ahead, f"the argument of {token.text} in brackets")
         with self._stream.nested():
             argument = self._factor()
-            if ahead.kind == "number" and not self._bare_ends():
+            following = self._stream.ahead
+            if ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
+                if following.space_before or token.text in ("sqrt", "cbrt"):
+                    raise self._unclear_end(token)
                 argument = product([argument, self._factor()], ahead.column, self._limits)
         after = self._stream.ahead
         if after.is_operator("/") or (_starts_factor(after) and not self._bare_ends()):
-            name = token.text
-            raise refusal(f"where the argument of {name} ends is not clear", after.column, f"write {name}( and )")
+            raise self._unclear_end(token)
         return argument
+
+    def _unclear_end(self, token: Token) -> InputError:
+        name = token.text
+        what = f"where the argument of {name} ends is not clear"
+        return refusal(what, self._stream.ahead.column, f"write {name}( and )")
 
     def _bare_ends(self) -> bool:
         """Whether a bare argument ends here: before an operator, another function or a velocity."""

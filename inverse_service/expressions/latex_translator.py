@@ -9,7 +9,7 @@ from inverse_service.expressions.characters import LETTER_COMMANDS
 from inverse_service.expressions.latex_derivatives import LatexDerivatives
 from inverse_service.expressions.latex_scanner import Raw
 from inverse_service.expressions.latex_time import role_before, time_argument
-from inverse_service.expressions.latex_words import FONTS
+from inverse_service.expressions.latex_words import FONTS, MARKED
 from inverse_service.expressions.tokenizer import NUMBER, number_token
 from inverse_service.expressions.tokens import FACTOR, Token, limit_passed, refusal, shorten
 from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED
@@ -28,8 +28,6 @@ _REASONS = {
     "ddddot": "write equations of second order",
     "vert": "absolute values are not differentiable, write the branch u or -u",
     "lvert": "absolute values are not differentiable, write the branch u or -u",
-    "hat": "write a name without it",
-    "vec": "write the components",
 }
 
 
@@ -130,7 +128,8 @@ class LatexTranslator(LatexDerivatives):
         elif name == "\\":
             self._emit(";", raw)
         else:
-            instead = _REASONS.get(name) or _refused_function(name) or "write the formula without it"
+            known = MARKED.get(name) or _REASONS.get(name) or _refused_function(name)
+            instead = known or "write the formula without it"
             raise refusal(f"the command \\{shorten(name)} is not accepted", raw.column, instead)
 
     def _function(self, name: str, raw: Raw) -> None:

@@ -9,7 +9,18 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.tokens import refusal
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS, REFUSED
 
-FONTS = ("mathrm", "operatorname", "operatorname*", "text", "mathit", "mathbf", "boldsymbol", "mathsf", "mathcal")
+FONTS = ("mathrm", "operatorname", "operatorname*", "text", "mathit")
+_COMPONENTS = "a vector is not accepted, write an equation for each component"
+_OTHER_LETTER = "letters of this kind are names of their own, write another name such as B_1"
+# A bold r is not the r of the next line, nor is a script L the l.
+VECTORS = dict.fromkeys(
+    ("mathbf", "boldsymbol", "bm", "pmb", "bf", "textbf", "vec", "overrightarrow", "underline"), _COMPONENTS
+)
+OTHER_LETTERS = dict.fromkeys(
+    ("mathcal", "mathscr", "mathfrak", "mathbb", "mathsf", "mathtt", "hat", "widehat", "bar", "overline", "tilde"),
+    _OTHER_LETTER,
+)
+MARKED = VECTORS | OTHER_LETTERS
 _WORDS = FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys()
 
 
@@ -91,6 +102,8 @@ class LatexWords:
         return digits
 
     def _plain_piece(self, raw: Raw) -> str:
+        if raw.is_command(*MARKED):
+            raise refusal(f"\\{raw.text} stands", raw.column, MARKED[raw.text])
         if raw.kind == "command":
             return raw.text if self._names.role(raw.text) else LETTER_COMMANDS.get(raw.text, "")
         return raw.text if raw.kind in ("letter", "digit") else ""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.characters import LETTER_COMMANDS, letter
+from inverse_service.expressions.characters import GREEK, LETTER_COMMANDS, letter
 from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.tokens import joined, refusal, shorten
 from inverse_service.expressions.vocabulary import FUNCTIONS, RESERVED, reason_against
@@ -89,29 +89,64 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
             column,
             f'declare it in "functions" with its arguments, use a known function{hint}, or write * before the bracket',
         )
-    hint = _meant(name, names)
-    if hint:
-        return refusal(shown, column, f'did you mean {hint}? else add it to "parameters"')
+    meant = (*difflib.get_close_matches(name, [*names.declared(), *FUNCTIONS], 1, 0.7), *readings(name, names))
+    if meant:
+        hint = " or ".join(dict.fromkeys(meant))
+        return refusal(shown, column, f'did you mean {hint}? else add it to "parameters"', meant)
+    if looks_like_a_coordinate(name):
+        return refusal(shown, column, ASK_FOR_THE_TIME, ("t",))
     return refusal(shown, column, f'add it to "parameters"; the coordinates are {joined(names.coordinates)}')
 
 
-def _meant(name: str, names: Names) -> str:
-    close = difflib.get_close_matches(name, [*names.declared(), *FUNCTIONS], 1, 0.7)
-    parts = _product(name, names)
-    return "*".join(parts) if parts else close[0] if close else ""
+ASK_FOR_THE_TIME = (
+    'is it the independent variable? write t; a coordinate? add its equation; a constant? add it to "parameters"'
+)
+_LONGEST_PRODUCT = 20
+_COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
 
 
-def _product(name: str, names: Names) -> list[str]:
-    """The name cut into declared names (xy into x, y), longest first; empty if it cannot be cut so."""
-    parts: list[str] = []
-    known = sorted((*names.declared(), "t", "pi"), key=len, reverse=True)
-    while name and len(parts) < 8:
-        part = next((word for word in known if name.startswith(word)), None)
-        if part is None:
-            return []
-        parts.append(part)
-        name = name[len(part) :]
-    return parts if len(parts) > 1 and not name else []
+def looks_like_a_coordinate(name: str) -> bool:
+    """Whether most people mean a variable by the name: x, r_2, tau; x_0 is a constant to most."""
+    stem = name.rstrip("123456789").rstrip("_")
+    return stem in _COORDINATE_LETTERS
+
+
+def readings(name: str, names: Names) -> tuple[str, ...]:
+    """What an undeclared name may be that is known names and at most one letter: kx is k*x, sinx is sin(x).
+
+    dx is x' to most and is given both ways; a Greek letter is a name.
+    """
+    if name in GREEK.values() or len(name) > _LONGEST_PRODUCT:
+        return ()
+    known = {*names.declared(), "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
+    cuts = [_cut(name, known)]
+    for place, letter_alone in enumerate(name):
+        before, after = _cut(name[:place], known), _cut(name[place + 1 :], known)
+        if before is not None and after is not None and letter_alone.isalpha():
+            cuts.append([*before, letter_alone, *after])
+    found = [cut for cut in cuts if cut and len(cut) > 1 and (cut[-1] not in FUNCTIONS or names.role(cut[-1]))]
+    if not found:
+        return ()
+    motion = (f"{name[1:]}'",) if name[0] == "d" and name[1:] in names.coordinates else ()
+    return (*motion, _written(min(found, key=len), names))
+
+
+def _cut(word: str, known: Collection[str]) -> list[str] | None:
+    """The word as the fewest known names; None where it cannot be cut so."""
+    best: dict[int, list[str]] = {0: []}
+    for end in range(1, len(word) + 1):
+        cuts = [[*best[k], word[k:end]] for k in range(end) if k in best and word[k:end] in known]
+        if cuts:
+            best[end] = min(cuts, key=len)
+    return best.get(len(word))
+
+
+def _written(parts: Sequence[str], names: Names) -> str:
+    """The parts as a product, a function with what follows as its argument."""
+    for place, part in enumerate(parts):
+        if part in FUNCTIONS and names.role(part) is None:
+            return "*".join([*parts[:place], f"{part}({_written(parts[place + 1 :], names)})"])
+    return "*".join(parts)
 
 
 def declared_name(text: str, pointer: str, what: str = "name") -> str:
@@ -138,8 +173,7 @@ def _ascii(text: str) -> str:
     match = _LATEX_NAME.fullmatch(text)
     if match is None:
         return text
-    words = [LETTER_COMMANDS.get(word, word) for word in match.groups() if word]
-    return "_".join(words)
+    return "_".join(word for word in match.groups() if word)
 
 
 def check_clashes(names: Names, keyed_parameters: bool = False) -> None:

@@ -62,7 +62,7 @@ class OperandParser(ABC):
         if name == "pi":
             return self._single(PI, token)
         if name in ("e", "E"):
-            return self._single(Apply("exp", ONE), token)
+            return self._euler(token)
         if name == "t" and self._names.time:
             return self._single(TIME, token)
         if name == "t":
@@ -71,6 +71,27 @@ class OperandParser(ABC):
         if dotted:
             return self._coordinate(*dotted, token)
         raise unknown_name(token.text, self._names, token.column, self._stream.ahead.text)
+
+    def _euler(self, token: Token) -> Expression:
+        """exp(1) where it is raised to a formula; a charge e, or its square, is no number."""
+        if not self._stream.ahead.is_operator("^") or self._number_alone():
+            name = token.text
+            instead = f"write exp(1), exp(2), or declare {name} where it is a name of yours"
+            raise refusal(f"{name} is Euler's number only in a power such as {name}^x", token.column, instead)
+        return Apply("exp", ONE)
+
+    def _number_alone(self) -> bool:
+        """Whether the exponent after the ^ ahead is one number, with signs or brackets about it."""
+        distance, depth, numbers = 1, 0, 0
+        while True:
+            token = self._stream.look(distance)
+            depth += token.is_operator("(") - token.is_operator(")")
+            numbers += token.kind == "number"
+            if token.kind != "number" and not token.is_operator("(", ")", "-", "+"):
+                return False
+            if depth == 0 and not token.is_operator("-", "+"):
+                return numbers == 1
+            distance += 1
 
     def _single(self, node: Expression, token: Token) -> Expression:
         """A name that stands alone; InputError where a bracket makes it look like a function."""

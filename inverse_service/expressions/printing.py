@@ -1,4 +1,4 @@
-"""Trees to canonical plain text, a small part of what `text.py` reads:
+"""Trees to canonical plain text, a small part of what `reader.py` reads:
 
     formula   = ["-"] term {(" + " | " - ") term}
     term      = factors ["/" (factor | "(" factors ")")]

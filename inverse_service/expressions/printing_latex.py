@@ -21,7 +21,9 @@ from inverse_service.expressions.tree import (
     walk,
 )
 
-_COMMANDS = {name: f"\\{name}" for name in ("sin", "cos", "tan", "cot", "sec", "csc", "sinh", "cosh", "tanh", "coth")}
+_COMMANDS = {
+    name: f"\\{name}" for name in ("exp", "sin", "cos", "tan", "cot", "sec", "csc", "sinh", "cosh", "tanh", "coth")
+}
 _COMMANDS |= {"log": "\\ln", "asin": "\\arcsin", "acos": "\\arccos", "atan": "\\arctan"}
 _WITHOUT_COMMAND = ("omicron", "Alpha", "Beta", "Epsilon", "Zeta", "Eta", "Iota", "Kappa", "Mu", "Nu", "Omicron")
 _NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
@@ -90,9 +92,9 @@ def _atom(expression: Expression, raised: bool = False) -> str:
             return name_latex(name, "dot")
         case Acceleration(name):
             return name_latex(name, "ddot")
-        case Apply("exp", argument) if not raised:
+        case Apply("exp", argument) if not raised and not isinstance(argument, Number):
             return f"e^{{{to_latex(argument)}}}"
-        case Apply(function, argument) if function != "exp":
+        case Apply(function, argument) if function != "exp" or isinstance(argument, Number):
             return f"{_command(function)}{_brackets(argument)}"
         case Power(base, exponent) if exponent == HALF:
             return f"\\sqrt{{{to_latex(base)}}}"
@@ -111,7 +113,7 @@ def _command(function: str) -> str:
 
 
 def name_latex(name: str, accent: str = "") -> str:
-    r"""r1 as r_{1}, phi as \varphi, x_left as x_{\mathrm{left}}; `accent` goes over the body."""
+    r"""r1 as r_{1}, phi as \phi, x_left as x_{\mathrm{left}}; `accent` goes over the body."""
     parts = written(name)
     body = _word(parts.body)
     if accent:
@@ -122,7 +124,7 @@ def name_latex(name: str, accent: str = "") -> str:
 
 def _word(word: str) -> str:
     if greek_letter(word) and word not in _NO_COMMAND:
-        return "\\varphi" if word == "phi" else f"\\{word}"
+        return f"\\{word}"
     return word if len(word) == 1 or word.isdigit() else f"\\mathrm{{{word}}}"
 
 

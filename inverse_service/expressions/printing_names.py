@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from inverse_service.expressions.characters import GREEK
+from inverse_service.expressions.characters import GREEK, SCRIPT_L
 
 _PARTS = re.compile(r"([A-Za-z]+)(.*)")
-_LETTERS = {name: character for character, name in reversed(GREEK.items())}
+_LETTERS = {name: character for character, name in reversed(GREEK.items())} | {"ell": SCRIPT_L}
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,10 +2,10 @@ r"""One entry for formulas in plain text and in LaTeX: a backslash or a brace me
 
 from __future__ import annotations
 
-from inverse_service.expressions import equations, latex, text
+from inverse_service.expressions import equations, latex
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tokenizer import tokenize
-from inverse_service.expressions.tokens import Token
+from inverse_service.expressions.tokens import Token, refuse_decimal_commas
 from inverse_service.expressions.tree import Expression
 
 
@@ -16,19 +16,19 @@ def is_latex(formula: str) -> bool:
 
 def read_formula(formula: str, names: Names) -> Expression:
     """The formula as a tree; InputError or LimitError with the column."""
-    return latex.parse(formula, names) if is_latex(formula) else text.parse(formula, names)
+    return equations.read_formula(read_tokens(formula, names), len(formula) + 1, names)
 
 
 def read_equations(formula: str, names: Names) -> list[tuple[Expression, Expression]]:
     """(left, right) of each equation; no = means = 0."""
-    if is_latex(formula):
-        return latex.parse_equations(formula, names)
-    return text.parse_equations(formula, names)
+    return [equations.read_equation(group, names) for group in split_equations(formula, names)]
 
 
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens alone, before any name is looked up."""
-    return latex.tokenize(formula, names) if is_latex(formula) else tokenize(formula)
+    tokens = latex.tokenize(formula, names) if is_latex(formula) else tokenize(formula)
+    refuse_decimal_commas(tokens)
+    return tokens
 
 
 def split_equations(formula: str, names: Names) -> list[equations.EquationTokens]:

@@ -1,4 +1,11 @@
-"""Plain text to tokens; every character is accepted for a reason or refused with its column."""
+"""Plain text to tokens; every character is accepted for a reason or refused with its column.
+
+Accepted: decimal numbers, read exactly (0.1 is 1/10); + - * / ^ and ** (right associative);
+products without sign where nobody can misread them (2x, 2 sin x, m g); functions of
+`vocabulary.py`, sin x and sin^2(x); x', x_dot, xdot, diff(x, t), Derivative(x, t) and the same
+with two; declared functions A(r1), A'(r1), diff(A(r1), r1), B[1,0](x, y); Greek letters, raised
+digits and typographic signs. See `grammar.py`.
+"""
 
 from __future__ import annotations
 
@@ -137,11 +144,16 @@ def _name(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Toke
 
 
 def _long_name(text: str, place: int) -> tuple[str, int, int]:
-    parts, order = [], 0
+    """A name with other letters than ASCII in it; dots stand over its first letter, as a subscript may follow."""
+    parts: list[str] = []
+    order, start = 0, place
     while place < len(text) and (found := letter(text[place])):
         parts.append(found[0])
         order += found[1]
         place += 1
+        unclear = found[1] and len([part for part in parts if part]) > 1
+        if unclear or (order and found[0][:1].isalpha() and len(parts) > 1 and "_" not in parts):
+            raise refusal("dots stand over a letter inside a name", start + 1, "write * between factors")
     return "".join(parts), order, place
 
 

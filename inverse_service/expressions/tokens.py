@@ -33,9 +33,25 @@ class Token:
         return self.kind == "operator" and self.text in texts
 
 
-def refusal(what: str, column: int, instead: str) -> InputError:
-    """An InputError whose sentence says what is wrong, where, and what to write instead."""
-    return InputError(f"{what} at column {column}: {instead}.", column=column)
+def refusal(what: str, column: int, instead: str, meant: tuple[str, ...] = ()) -> InputError:
+    """An InputError whose sentence says what is wrong, where, and what to write instead.
+
+    `meant` are texts one of which may have been meant in the place of the token there.
+    """
+    return InputError(f"{what} at column {column}: {instead}.", column=column, instead=meant)
+
+
+def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
+    """InputError for 1,5: a decimal comma to some, two numbers to others. B[1,0] holds orders and is none."""
+    square = 0
+    for place in range(1, len(tokens) - 1):
+        comma, after = tokens[place], tokens[place + 1]
+        square += tokens[place - 1].is_operator("[") - tokens[place - 1].is_operator("]")
+        numbers = tokens[place - 1].kind == "number" and after.kind == "number"
+        if comma.is_operator(",") and numbers and not square and not after.space_before:
+            raise refusal(
+                "a comma stands between digits", comma.column, "write a decimal point, or a space after a comma"
+            )
 
 
 def limit_passed(what: str, column: int, bound: int) -> LimitError:

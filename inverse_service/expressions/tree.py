@@ -1,6 +1,6 @@
 """Syntax trees of formulas: frozen data, exact numbers, no evaluation of text.
 
-A tree is built by the readers (`text.py`, `latex.py`) or by the functions `add`, `multiply`,
+A tree is built by the reader (`reader.py`) or by the functions `add`, `multiply`,
 `power`, `apply` here, which flatten, fold numbers and drop neutral elements; they never expand.
 Names are plain data: what a `Symbol` stands for (coordinate, parameter, time `t`, the number
 `pi`) is known only to the system that holds the tree.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 from inverse_service.errors import InputError
@@ -13,31 +14,25 @@ from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES
 _LONGEST_ARGUMENTS = 400
 
 
-def inferred_coordinates(equations: Mapping[str, str] | Sequence[str] | str, declared: Names) -> tuple[str, ...]:
-    """The keys, or the names with two time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
+def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int = 2) -> tuple[str, ...]:
+    """The names with this many time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
 
-    `declared` holds parameters and functions only, which are no coordinates.
+    `texts` are given by their pointers; `declared` holds parameters and functions, which are no coordinates.
     """
-    if isinstance(equations, Mapping):
-        return tuple(dict.fromkeys(_key_name(key, declared) for key in equations))
-    texts = [equations] if isinstance(equations, str) else list(equations)
     found: dict[str, None] = {}
-    for place, text in enumerate(texts):
-        pointer = "/equations" if isinstance(equations, str) else f"/equations/{place}"
-        if not isinstance(text, str):
-            raise InputError("an equation is not a text: write it in quotation marks, as in \"x'' = -x\".", pointer)
+    for pointer, text in texts.items():
         try:
             tokens = read_tokens(text, declared)
         except InputError as error:
             raise error.at(pointer) from None
-        names = [name for name in accelerated_names(tokens) if declared.role(declared.spelling(name)) is None]
+        names = [name for name in moving_names(tokens, order) if declared.role(declared.spelling(name)) is None]
         found.update(dict.fromkeys(declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
 
 
 def key_coordinate(key: str, names: Names, pointer: str) -> str:
     """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if it is none."""
-    name = names.spelling(_key_name(key, names))
+    name = names.spelling(key_name(key, names))
     if name not in names.coordinates:
         raise InputError(
             f"there is an equation for '{shorten(key)}', which is not a coordinate: the coordinates are "
@@ -47,7 +42,8 @@ def key_coordinate(key: str, names: Names, pointer: str) -> str:
     return name
 
 
-def _key_name(key: str, names: Names) -> str:
+def key_name(key: str, names: Names) -> str:
+    """The name that a key of `equations` holds, with or without two derivatives."""
     pointer = "/equations/" + key.replace("~", "~0").replace("/", "~1")
     if names.role(key):
         return key
@@ -55,46 +51,39 @@ def _key_name(key: str, names: Names) -> str:
         tokens = read_tokens(key[:200], names)
     except InputError:
         tokens = []
-    accelerated = accelerated_names(tokens)
+    accelerated = moving_names(tokens, 2)
     if len(accelerated) == 1 and all(token.kind == "prime" for token in tokens[1:]):
         return accelerated[0]
     return declared_name(key, pointer, "coordinate")
 
 
-def accelerated_names(tokens: Sequence[Token]) -> list[str]:
-    """The names that stand with two time derivatives, in order of appearance."""
+def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
+    """The names that stand with at least this many time derivatives, in order of appearance; V''(x) is no motion."""
     found = []
     for place, token in enumerate(tokens):
         if token.kind != "name":
             continue
+        primes, after = _primes(tokens[place + 1 :])
         if token.text in DERIVATIVE_NAMES:
-            found += _differentiated(tokens[place + 1 :], 2)
-        elif _primes(tokens[place + 1 : place + 4]) == 2:
+            found += _differentiated(tokens[place + 1 :], order)
+        elif primes >= order and (after[:1] != ["("] or after == ["(", "t", ")"]):
             found.append(token.text)
-        elif stem := _dotted_twice(token.text):
+        elif stem := derived_stem(token.text, order):
             found.append(stem)
     return found
 
 
-def differentiated_names(tokens: Sequence[Token], order: int) -> list[str]:
-    """The names of which a diff(…, t) makes a derivative of this order."""
-    places = [place for place, token in enumerate(tokens) if token.kind == "name" and token.text in DERIVATIVE_NAMES]
-    return [name for place in places for name in _differentiated(tokens[place + 1 :], order)]
-
-
-def _dotted_twice(word: str) -> str:
-    """The x of x_ddot, xddot, x_dot_dot; empty for other words."""
-    endings = (ending for ending, order in DOTTED if order == 2 and word.endswith(ending))
+def derived_stem(word: str, order: int = 1) -> str:
+    """The x of x_ddot, xddot, x_dot_dot, of at least this order; empty for other words."""
+    endings = (ending for ending, times in DOTTED if times >= order and word.endswith(ending))
     return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
 
 
-def _primes(tokens: Sequence[Token]) -> int:
-    order = 0
-    for token in tokens:
-        if token.kind != "prime":
-            break
-        order += int(token.value)
-    return order
+def _primes(tokens: Sequence[Token]) -> tuple[int, list[str]]:
+    """The order of the primes that come first, and the three texts after them."""
+    primes = list(itertools.takewhile(lambda token: token.kind == "prime", tokens[:4]))
+    after = [token.text for token in tokens[len(primes) : len(primes) + 3]]
+    return sum(int(prime.value) for prime in primes), after
 
 
 def _differentiated(tokens: Sequence[Token], order: int) -> list[str]:
@@ -110,7 +99,7 @@ def _differentiated(tokens: Sequence[Token], order: int) -> list[str]:
     return [
         token.text
         for place, token in enumerate(first)
-        if token.kind == "name" and _primes(first[place + 1 : place + 4]) == missing
+        if token.kind == "name" and _primes(first[place + 1 :])[0] == missing
     ]
 
 

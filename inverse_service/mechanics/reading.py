@@ -8,26 +8,21 @@ from dataclasses import dataclass, replace
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.equations import read_equation
 from inverse_service.expressions.limits import LIMITS
-from inverse_service.expressions.names import Names, check_clashes, declared_name
+from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula, split_equations
-from inverse_service.expressions.tokens import joined, shorten
 from inverse_service.expressions.tree import (
     Acceleration,
     Expression,
     subtract,
 )
-from inverse_service.mechanics.coordinate_names import inferred_coordinates, key_coordinate
+from inverse_service.mechanics.coordinate_names import key_coordinate
+from inverse_service.mechanics.document_names import Declared, Parameters, bounded, document_names, escaped
 from inverse_service.mechanics.implicit_equations import solve_accelerations
 from inverse_service.mechanics.linear_parts import has_acceleration, linear_equation
-from inverse_service.mechanics.parameter_values import ParameterValue, parameter_values, with_values
+from inverse_service.mechanics.parameter_values import parameter_values, with_values
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 
 Equations = Mapping[str, str] | Sequence[str] | str
-Parameters = Sequence[str] | Mapping[str, ParameterValue]
-NO_ACCELERATION = (
-    "the equations contain no acceleration such as x'', x_ddot, \\ddot{x} or diff(x, t, 2), so there are no "
-    'coordinates: write equations of second order in the time t, or name the "coordinates".'
-)
 _Equation = tuple[Expression, Expression, str]  # left side, right side, pointer
 
 
@@ -81,115 +76,27 @@ def _understood(
     functions: Mapping[str, Sequence[str]],
 ) -> tuple[Names, list[_Equation]]:
     """The names without the parameters that have values, and the equations with these values put in."""
-    names = _names(coordinates, equations, parameters, functions)
+    declared = Declared(coordinates, parameters, functions)
+    names = document_names(declared, _texts(equations), keys=tuple(equations) if isinstance(equations, Mapping) else ())
     found = _read(equations, names)
-    values = parameter_values(parameters)
+    values = parameter_values(declared.named_parameters())
     generic = tuple(parameter for parameter in names.parameters if parameter not in values)
     return replace(names, parameters=generic), [
         (with_values(left, values), with_values(right, values), pointer) for left, right, pointer in found
     ]
 
 
-def read_names(
-    coordinates: Sequence[str], parameters: Parameters = (), functions: Mapping[str, Sequence[str]] | None = None
-) -> Names:
-    """The declared names, checked; InputError with the pointer of a name that cannot be declared."""
-    return _names(coordinates, (), parameters, functions or {})
-
-
-def escaped(key: str) -> str:
-    """A key as a part of a JSON pointer (RFC 6901)."""
-    return key.replace("~", "~0").replace("/", "~1")
-
-
-def _names(
-    coordinates: Sequence[str] | None,
-    equations: Equations,
-    parameters: Parameters,
-    functions: Mapping[str, Sequence[str]],
-) -> Names:
-    keyed = isinstance(parameters, Mapping)
-    declared = tuple(
-        declared_name(parameter, f"/parameters/{escaped(parameter) if keyed else place}", "parameter")
-        for place, parameter in enumerate(_bounded(list(parameters), "/parameters", "parameters", LIMITS.names))
-    )
-    arguments = {
-        declared_name(key, f"/functions/{escaped(key)}", "function"): _arguments(key, words)
-        for key, words in functions.items()
-    }
-    _bounded(list(functions), "/functions", "functions", LIMITS.names)
-    found = _coordinates(coordinates, equations, declared, arguments)
-    names = Names(found, declared, arguments)
-    check_clashes(names, keyed)
-    return replace(names, functions=_checked_functions(names, equations))
-
-
-def _bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
-    if len(words) > most:
-        raise LimitError(f"there are {len(words)} {what}: the limit is {most}; declare fewer.", pointer)
-    return words
-
-
-def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
-    pointer = f"/functions/{escaped(function)}"
-    if isinstance(words, str) or not words:
-        raise InputError(
-            f"the function {shorten(function)} has no list of arguments: name the coordinates it depends on, "
-            'as in ["r1"].',
-            pointer,
-        )
-    _bounded(list(words), pointer, "arguments", LIMITS.function_arguments)
-    return tuple(
-        "t" if word == "t" else declared_name(word, f"{pointer}/{place}", "argument")
-        for place, word in enumerate(words)
-    )
-
-
-def _checked_functions(names: Names, equations: Equations) -> dict[str, tuple[str, ...]]:
-    """The functions over coordinates; one over other names is refused where it occurs, and left out where not."""
-    foreign: dict[str, int] = {}
-    for function, arguments in names.functions.items():
-        for place, argument in enumerate(arguments):
-            if argument in arguments[:place]:
-                pointer = f"/functions/{function}/{place}"
-                raise InputError(f"{function} has the argument {argument} twice: name it once.", pointer)
-            if argument != "t" and argument not in names.coordinates:
-                foreign.setdefault(function, place)
-    for function, place in foreign.items():
-        if not equations or any(function in text for text in _texts(equations)):
-            raise InputError(
-                f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
-                f"{joined(names.coordinates)}.",
-                f"/functions/{function}/{place}",
-            )
-    return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
-
-
-def _texts(equations: Equations) -> list[str]:
+def _texts(equations: Equations) -> dict[str, str]:
+    """The texts by their pointers; InputError for an entry that is none."""
     if isinstance(equations, str):
-        return [equations]
-    return [str(text) for text in (equations.values() if isinstance(equations, Mapping) else equations)]
-
-
-def _coordinates(
-    coordinates: Sequence[str] | None,
-    equations: Equations,
-    parameters: tuple[str, ...],
-    functions: Mapping[str, tuple[str, ...]],
-) -> tuple[str, ...]:
-    if coordinates is None:
-        declared = Names((), parameters, functions)
-        found = inferred_coordinates(equations, declared)
-        pointer = "/equations"
-        if equations and not found:
-            raise InputError(NO_ACCELERATION, pointer)
-    else:
-        pointer = "/coordinates"
-        found = tuple(declared_name(word, f"{pointer}/{place}", "coordinate") for place, word in enumerate(coordinates))
-    if not found:
-        raise InputError("there are no coordinates: name at least one, or write equations that contain x''.", pointer)
-    _bounded(list(found), pointer, "coordinates", LIMITS.coordinates)
-    return found
+        return {"/equations": equations}
+    if isinstance(equations, Mapping):
+        return {f"/equations/{escaped(key)}": str(text) for key, text in equations.items()}
+    for place, text in enumerate(equations):
+        if not isinstance(text, str):
+            detail = "an equation is not a text: write it in quotation marks, as in \"x'' = -x\"."
+            raise InputError(detail, f"/equations/{place}")
+    return {f"/equations/{place}": text for place, text in enumerate(equations)}
 
 
 def _read(equations: Equations, names: Names) -> list[_Equation]:
@@ -197,7 +104,7 @@ def _read(equations: Equations, names: Names) -> list[_Equation]:
         return _whole_equations(equations, names, "/equations")
     if isinstance(equations, Mapping):
         return _keyed_equations(equations, names)
-    _bounded(list(equations), "/equations", "equations", LIMITS.coordinates)
+    bounded(list(equations), "/equations", "equations", LIMITS.coordinates)
     return [
         equation
         for place, text in enumerate(equations)

@@ -8,7 +8,7 @@ from starlette.requests import ClientDisconnect, Request
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import read_json
-from inverse_service.service.jobs.outcome import Place
+from inverse_service.service.jobs.outcome import faults_of
 from inverse_service.web.problems import Refusal
 
 
@@ -50,8 +50,7 @@ def as_json(body: bytes) -> Any:
     try:
         return read_json(body)
     except InputError as error:
-        places = (Place(error.detail, error.pointer, error.column),)
-        raise Refusal(400, "unreadable", error.detail, places) from None
+        raise Refusal(400, "unreadable", error.detail, faults_of(error)) from None
 
 
 def too_large(limit: int) -> Refusal:

@@ -15,9 +15,8 @@ from starlette.responses import Response
 
 from inverse_service.errors import InputError, NoWorker, WorkerFailed
 from inverse_service.service.documents.problem_documents import as_bytes, problem_document
-from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
-from inverse_service.service.jobs.outcome import Place
+from inverse_service.service.jobs.outcome import Place, faults_of
 from inverse_service.web.headers import HEADERS
 
 log = logging.getLogger(__name__)
@@ -69,9 +68,8 @@ async def _on_refusal(request: Request, error: Exception) -> Response:
 
 async def _on_input_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, InputError)
-    places = error.places if isinstance(error, DocumentRefused) else (Place(error.detail, error.pointer, error.column),)
-    code = places[0].code if isinstance(error, DocumentRefused) else error.code
-    return problem(Refusal(422, code, error.detail, places))
+    places = faults_of(error)
+    return problem(Refusal(422, places[0].code, error.detail, places))
 
 
 async def _on_worker_failed(request: Request, error: Exception) -> Response:

@@ -16,7 +16,7 @@ from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Apply, Expression, Number, Symbol, number, walk
 
 X, Y = Symbol("x"), Symbol("y")

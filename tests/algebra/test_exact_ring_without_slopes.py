@@ -8,7 +8,7 @@ from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Budget
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Symbol
 
 NAMES = Names(("x", "y"), ("c",), {"A": ("x",)})

@@ -18,7 +18,7 @@ from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import evaluate as real
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ELEMENTARY, Apply, Arbitrary, Expression, Symbol, number, walk
 
 X, Y = Symbol("x"), Symbol("y")

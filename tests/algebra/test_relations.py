@@ -15,7 +15,7 @@ from inverse_service.algebra.rules import circle_power, circle_product, circle_t
 from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
 
 VARIABLES = (Symbol("x"), Symbol("y"))

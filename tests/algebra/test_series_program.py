@@ -20,7 +20,7 @@ from inverse_service.algebra.series_program import Registers, SeriesProgram, Too
 from inverse_service.algebra.series_tables import coefficients, products, series_tables
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ELEMENTARY, Arbitrary, Expression, Symbol, add, multiply, number, power
 
 X, Y, K = Symbol("x"), Symbol("y"), Symbol("k")

@@ -218,3 +218,28 @@ def test_options_of_a_document_hold_on_the_command_line_too(call: Any, tmp_path:
 def test_the_version_is_told(call: Any) -> None:
     found = call("--version")
     assert (found.code, found.out) == (0, f"inverse-service {__version__}\n")
+
+
+def test_equations_are_an_argument_and_what_was_guessed_is_said(call: Any) -> None:
+    found = call("solve", "m*x'' = -k*x")
+    assert (found.code, json.loads(found.out)["guessed"]) == (0, ["m", "k"])
+    assert found.err == "Not declared, taken as constants: m, k.\n"
+    assert "not declared, taken as constants: k" in call("solve", "x'' = -k*x", "--format", "text").out
+
+
+def test_a_suspect_name_is_asked_back_on_the_command_line(call: Any) -> None:
+    found = call("solve", "x'' = -kx")
+    assert (found.code, found.out) == (2, "")
+    assert "did you mean k*x?" in found.err
+
+
+def test_names_of_files_are_not_guessed_unless_asked(call: Any, tmp_path: Path) -> None:
+    name = written(tmp_path, "x'' = -k*x\n", "spring.txt")
+    assert call("solve", name).code == 2
+    assert json.loads(call("solve", name, "--guess").out)["guessed"] == ["k"]
+    assert call("solve", "x'' = -k*x", "--no-guess").code == 2
+    assert json.loads(call("solve", "-", given=b"x'' = -x").out)["guessed"] == []
+
+
+def test_a_name_of_the_catalogue_is_an_argument(call: Any) -> None:
+    assert json.loads(call("solve", "sho").out)["system"]["equations"] == {"x": "-x"}

@@ -84,7 +84,6 @@ TEXT = [
     ("arcsin(x) + arctan(y)", "asin(x) + atan(y)"),
     ("arsinh(x) + asinh(x)", "asinh(x) + asinh(x)"),
     ("sec(x) csc(x) cot(x)", "sec(x)*csc(x)*cot(x)"),
-    ("e", "exp(1)"),
     ("e^x", "exp(x)"),
     ("E^(-x)", "exp(-x)"),
     ("pi*x", "pi*x"),

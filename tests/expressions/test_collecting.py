@@ -13,7 +13,7 @@ from inverse_service.expressions.collecting_trees import merge_powers
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ONE, ZERO, Arbitrary, Expression, Power, Symbol, Velocity, number, walk
 
 NAMES = Names(("x", "y"), ("c", "k"), {"A": ("x",)})

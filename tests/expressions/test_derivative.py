@@ -9,7 +9,7 @@ from inverse_service.expressions.derivative import differentiate, differentiate_
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ELEMENTARY, ZERO, Apply, Expression, Symbol, Velocity, number
 
 NAMES = Names(("x", "y"), ("m",), {"A": ("x",), "B": ("x", "y")})

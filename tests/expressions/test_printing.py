@@ -152,10 +152,10 @@ TABLE = [
     (multiply(MINUS_ONE, add(Symbol("x"), Symbol("y"))), "-(x + y)", r"-\left(x + y\right)"),
     (power(Symbol("x"), Fraction(-1, 2)), "1/sqrt(x)", r"\frac{1}{\sqrt{x}}"),
     (multiply(number(Fraction(1, 2)), power(Velocity("r1"), 2)), "r1'^2/2", r"\frac{\dot{r}_{1}^{2}}{2}"),
-    (power(Apply("sin", Symbol("phi")), 2), "sin(phi)^2", r"\sin^{2}\left(\varphi\right)"),
+    (power(Apply("sin", Symbol("phi")), 2), "sin(phi)^2", r"\sin^{2}\left(\phi\right)"),
     (Apply("exp", multiply(MINUS_ONE, TIME)), "exp(-t)", "e^{-t}"),
-    (power(Apply("exp", ONE), 2), "exp(2)", "e^{2}"),
-    (Acceleration("phi"), "phi''", r"\ddot{\varphi}"),
+    (power(Apply("exp", ONE), 2), "exp(2)", r"\exp\left(2\right)"),
+    (Acceleration("phi"), "phi''", r"\ddot{\phi}"),
     (Arbitrary("A", (Symbol("r1"),), (1,)), "A'(r1)", r"A'\left(r_{1}\right)"),
     (Arbitrary("A", (Symbol("r1"),), (4,)), "A''''(r1)", r"A^{(4)}\left(r_{1}\right)"),
     (

@@ -11,7 +11,7 @@ import pytest
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, decide

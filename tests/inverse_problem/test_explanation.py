@@ -12,7 +12,7 @@ from mpmath import mp, mpf
 from inverse_service.catalogue.reading import document, entry, names
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, number, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set

@@ -11,7 +11,7 @@ from inverse_service.algebra.rational_functions import Budget, Quotient
 from inverse_service.catalogue.reading import document, entry, names
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.explanation.hierarchy import (
     ConditionName,

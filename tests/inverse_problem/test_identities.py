@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.hamiltonisation.identities import rank_at_point, values_modulo_primes, vanish
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ONE, ZERO, Expression, Velocity
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian, momenta
 from inverse_service.mechanics.nonvanishing import vanishes

@@ -15,7 +15,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, walk
 from inverse_service.mechanics.legendre.constraints import constraint_images
 from inverse_service.mechanics.legendre.forms import size

@@ -7,7 +7,7 @@ from mpmath import mp, mpf
 
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.mechanics.legendre.isolation import Root, isolate
 

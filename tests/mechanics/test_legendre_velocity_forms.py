@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Velocity, walk
 from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
 from inverse_service.mechanics.legendre.transform import legendre

@@ -54,7 +54,7 @@ def test_a_body_over_the_limit_is_413_declared_or_not(client: httpx.Client) -> N
 def test_the_column_of_a_formula_is_told(client: httpx.Client) -> None:
     document = {"coordinates": ["x"], "equations": {"x": "-x + omega"}}
     found = problem(client.post("/v1/parse", json=document), 422)
-    assert found["errors"][0] == {"pointer": "/equations/x", "column": 6, "detail": found["detail"]}
+    assert found["errors"][0] == {"pointer": "/equations/x", "column": 6, "detail": found["detail"], "instead": []}
 
 
 def test_every_fault_of_the_shape_is_told_at_once(client: httpx.Client) -> None:

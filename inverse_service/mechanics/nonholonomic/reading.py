@@ -10,14 +10,14 @@ from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula, split_equations
 from inverse_service.expressions.tree import Acceleration, Expression, Velocity, subtract, walk
+from inverse_service.mechanics.document_names import Declared, Parameters, document_names
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.mechanics.parameter_values import parameter_values, with_values
-from inverse_service.mechanics.reading import Parameters, read_names
 from inverse_service.mechanics.second_order_system import FunctionDeclaration
 
 
 def read_nonholonomic(
-    coordinates: Sequence[str],
+    coordinates: Sequence[str] | None,
     lagrangian: str,
     constraints: Sequence[str] | str,
     parameters: Parameters = (),
@@ -29,8 +29,9 @@ def read_nonholonomic(
     `constraints` is a list, or one text with the constraints separated by semicolons. InputError with
     JSON pointer and column for anything that is wrong, LimitError for too many coordinates.
     """
-    names = read_names(coordinates, parameters, functions or {})
-    values = parameter_values(parameters)
+    declared = Declared(coordinates, parameters, functions or {})
+    names = document_names(declared, {"/lagrangian": lagrangian, **_by_pointer(constraints)}, order=1)
+    values = parameter_values(declared.named_parameters())
     found = [with_values(tree, values) for tree in _constraints(constraints, names)]
     return NonholonomicSystem(
         coordinates=names.coordinates,
@@ -55,10 +56,8 @@ def _lagrangian(text: str, names: Names) -> Expression:
 
 
 def _constraints(constraints: Sequence[str] | str, names: Names) -> list[Expression]:
-    texts = [constraints] if isinstance(constraints, str) else list(constraints)
     found = []
-    for place, text in enumerate(texts):
-        pointer = "/constraints" if isinstance(constraints, str) else f"/constraints/{place}"
+    for pointer, text in _by_pointer(constraints).items():
         try:
             pairs = [read_equation(group, names) for group in split_equations(text, names)]
         except InputError as error:
@@ -75,6 +74,12 @@ def _constraints(constraints: Sequence[str] | str, names: Names) -> list[Express
             f"there are {len(found)} constraints: the limit is {LIMITS.coordinates}; write fewer.", "/constraints"
         )
     return found
+
+
+def _by_pointer(constraints: Sequence[str] | str) -> dict[str, str]:
+    if isinstance(constraints, str):
+        return {"/constraints": constraints}
+    return {f"/constraints/{place}": text for place, text in enumerate(constraints)}
 
 
 def _refuse_accelerations(tree: Expression, what: str, pointer: str) -> None:
@@ -95,9 +100,10 @@ def read_multiples(
 
     InputError for a key that is no coordinate, and for what `read_formula` refuses.
     """
-    declared = tuple(parameters)
-    names = Names(system.coordinates, declared, {f.name: f.arguments for f in system.functions})
-    values = parameter_values(parameters)
+    named = Declared(parameters=parameters).named_parameters()
+    known = tuple(dict.fromkeys((*system.parameters, *named)))
+    names = Names(system.coordinates, known, {f.name: f.arguments for f in system.functions})
+    values = parameter_values(named)
     found: dict[str, Expression] = {}
     for key, text in multiples.items():
         place = f"{pointer}/{key.replace('~', '~0').replace('/', '~1')}"

@@ -113,7 +113,7 @@ def parse_nonholonomic(document: Any) -> dict[str, Any]:
     schema = to_nonholonomic_schema(document)
     system = to_nonholonomic(schema)
     to_families(schema, system)
-    return to_nonholonomic_parse_answer(system, equations_of_motion(system)).model_dump(mode="json")
+    return to_nonholonomic_parse_answer(system, equations_of_motion(system), schema).model_dump(mode="json")
 
 
 def understand_nonholonomic(document: Any) -> dict[str, Any]:

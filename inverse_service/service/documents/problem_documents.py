@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.outcome import Outcome, Place
+from inverse_service.service.jobs.outcome import Outcome, Place, faults_of
 
 PREFIX = "urn:inverse-service:problem:"
 TITLES = {
@@ -42,7 +42,9 @@ def problem_document(status: int, kind: str, detail: str, places: Sequence[Place
         "title": TITLES.get(status, "The request cannot be answered"),
         "status": status,
         "detail": detail,
-        "errors": [{"pointer": p.pointer, "column": p.column, "detail": p.detail} for p in places],
+        "errors": [
+            {"pointer": p.pointer, "column": p.column, "detail": p.detail, "instead": list(p.instead)} for p in places
+        ],
     }
 
 
@@ -53,8 +55,7 @@ def as_bytes(document: dict[str, Any]) -> bytes:
 
 def of_input_error(error: InputError) -> dict[str, Any]:
     """The problem of a document that is refused."""
-    places: tuple[Place, ...] = getattr(error, "places", ())
-    places = places or (Place(error.detail, error.pointer, error.column, error.code),)
+    places = faults_of(error)
     return problem_document(422, places[0].code, error.detail, places)
 
 

@@ -76,11 +76,14 @@ def read_toml(data: bytes | str) -> Any:
 
 
 def read_document(data: bytes | str, file_name: str) -> Any:
-    """By the ending of the name: .yaml and .yml, .toml, anything else is JSON."""
+    """By the ending of the name: .yaml and .yml, .toml; else JSON, or equations where it is no object and has an =."""
     ending = file_name.lower().rpartition(".")[2]
     if ending in ("yaml", "yml"):
         return read_yaml(data)
-    return read_toml(data) if ending == "toml" else read_json(data)
+    if ending == "toml":
+        return read_toml(data)
+    text = decode(data)
+    return {"equations": text} if "=" in text and text.lstrip()[:1] not in ("{", "[", '"') else read_json(text)
 
 
 def decode(data: bytes | str) -> str:

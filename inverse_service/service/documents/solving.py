@@ -72,7 +72,7 @@ def parse_document(document: Any) -> dict[str, Any]:
     schema = translate.to_schema(document)
     system = translate.to_system(schema)
     translate.to_ansatz(schema, system)
-    return translate.to_parse_answer(system).model_dump(mode="json")
+    return translate.to_parse_answer(system, schema).model_dump(mode="json")
 
 
 def understand_document(document: Any) -> dict[str, Any]:

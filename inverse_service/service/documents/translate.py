@@ -22,13 +22,14 @@ from api_schemas.result import (
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
+from inverse_service.expressions.names import Names, declared_name
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration, Expression, walk
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution
+from inverse_service.mechanics.document_names import Declared
 from inverse_service.mechanics.parameter_values import parameter_values, with_values
 from inverse_service.mechanics.reading import read_given, read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -36,6 +37,7 @@ from inverse_service.service.documents.refusals import DocumentRefused, places_o
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import NonholonomicDocument
+    from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 
     AnyDocument = SystemDocument | NonholonomicDocument
 
@@ -67,8 +69,9 @@ def to_given(schema: SystemDocument) -> tuple[Expression, ...]:
 def to_ansatz(schema: AnyDocument, system: SecondOrderSystem) -> tuple[Expression, ...]:
     """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
     functions = {function.name: function.arguments for function in system.functions}
-    names = Names(system.coordinates, tuple(schema.parameters), functions)
-    values = parameter_values(schema.parameters)
+    named = Declared(parameters=schema.parameters).named_parameters()
+    names = Names(system.coordinates, tuple(dict.fromkeys((*system.parameters, *named))), functions)
+    values = parameter_values(named)
     return tuple(_term(text, names, values, f"/ansatz/{place}") for place, text in enumerate(schema.ansatz))
 
 
@@ -86,7 +89,7 @@ def _term(text: str, names: Names, values: Mapping[str, Expression], pointer: st
     return term
 
 
-def to_parse_answer(system: SecondOrderSystem) -> ParseAnswer:
+def to_parse_answer(system: SecondOrderSystem, schema: SystemDocument) -> ParseAnswer:
     """What was understood, for a reader to compare with what was meant."""
     return ParseAnswer(
         name=system.name,
@@ -98,7 +101,22 @@ def to_parse_answer(system: SecondOrderSystem) -> ParseAnswer:
             for coordinate, f in zip(system.coordinates, system.accelerations, strict=True)
         },
         depends_on_time=system.depends_on_time,
+        guessed=guessed_names(schema, system),
     )
+
+
+def guessed_names(schema: AnyDocument, system: SecondOrderSystem | NonholonomicSystem) -> list[str]:
+    """The names that the document did not declare, where it asks to guess: constants, then functions."""
+    declared = Declared(schema.coordinates, schema.parameters, schema.functions)
+    if not declared.guesses:
+        return []
+    known = {_plain_name(name) for name in (*declared.named_parameters(), *schema.functions)}
+    names = (*system.parameters, *(function.name for function in system.functions))
+    return [name for name in names if name not in known]
+
+
+def _plain_name(name: str) -> str:
+    return declared_name(name, "")
 
 
 def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> UnderstoodSystem:
@@ -126,6 +144,7 @@ def to_result(solution: Solution, schema: AnyDocument) -> ResultDocument:
         verdict_with_time=time.verdict if time is not None else None,
         conditions=_conditions(solution.conditions),
         with_time=None if other is None else OtherAnswer(**answer_fields(other, solution.system)),
+        guessed=guessed_names(schema, solution.system),
         provenance={"program": "inverse-service", "version": __version__, **_plain(solution.provenance)},
     )
 

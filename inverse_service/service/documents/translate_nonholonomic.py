@@ -89,7 +89,9 @@ def to_families(schema: NonholonomicDocument, system: NonholonomicSystem) -> lis
     ]
 
 
-def to_nonholonomic_parse_answer(system: NonholonomicSystem, motion: EquationsOfMotion) -> NonholonomicParseAnswer:
+def to_nonholonomic_parse_answer(
+    system: NonholonomicSystem, motion: EquationsOfMotion, schema: NonholonomicDocument
+) -> NonholonomicParseAnswer:
     """What was understood: Lagrangian, constraints, and the accelerations that follow."""
     return NonholonomicParseAnswer(
         name=system.name,
@@ -98,6 +100,7 @@ def to_nonholonomic_parse_answer(system: NonholonomicSystem, motion: EquationsOf
         functions={f.name: list(f.arguments) for f in system.functions},
         equations={name: _parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
         depends_on_time=any(node == TIME for f in motion.accelerations for node in walk(f)),
+        guessed=translate.guessed_names(schema, system),
         lagrangian=_parsed(system.lagrangian),
         constraints=[_parsed(tree) for tree in system.constraints],
     )

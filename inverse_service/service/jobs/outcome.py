@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from inverse_service.errors import InputError
+
 Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"]
 KILL = getattr(signal, "SIGKILL", None)
 OVER_CPU = getattr(signal, "SIGXCPU", None)
@@ -14,12 +16,20 @@ OVER_CPU = getattr(signal, "SIGXCPU", None)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """One fault of the input: pointer into the document, column from 1, and a sentence."""
+    """One fault of the input: pointer into the document, column from 1, a sentence, and what may have been meant."""
 
     detail: str
     pointer: str = ""
     column: int | None = None
     code: str = "bad-input"
+    instead: tuple[str, ...] = ()
+
+
+def faults_of(error: InputError) -> tuple[Place, ...]:
+    """The faults that an error reports: all of those that a schema found, else the one."""
+    alone = Place(error.detail, error.pointer, error.column, error.code, error.instead)
+    found: tuple[Place, ...] = getattr(error, "places", ())
+    return found or (alone,)
 
 
 @dataclass(frozen=True, slots=True)

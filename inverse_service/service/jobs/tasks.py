@@ -14,7 +14,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.reading import read_json
 from inverse_service.service.jobs.kinds import KINDS, label_of
 from inverse_service.service.jobs.options import stored_options
-from inverse_service.service.jobs.outcome import Outcome, Place
+from inverse_service.service.jobs.outcome import Outcome, faults_of
 
 ENGINE = tuple(
     f"inverse_service.service.documents.{name}" for name in ("documents", "solving", "nonholonomic", "checking")
@@ -90,10 +90,7 @@ def guard(function: Callable[..., Any], *arguments: Any) -> Outcome:
     try:
         return Outcome("done", function(*arguments))
     except InputError as error:
-        places: tuple[Place, ...] = getattr(error, "places", ()) or (
-            Place(error.detail, error.pointer, error.column, error.code),
-        )
-        return Outcome("refused", places=places)
+        return Outcome("refused", places=faults_of(error))
     except MemoryError:
         return Outcome("memory")
     except Exception as error:  # the boundary of the process: a fault of ours becomes data for the log

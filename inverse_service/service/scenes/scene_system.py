@@ -14,8 +14,9 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration, Expression, walk
+from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
-from inverse_service.mechanics.reading import read_names, read_system
+from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.documents.refusals import DocumentRefused
@@ -68,7 +69,7 @@ def _at(pointer: str, read: Any, *arguments: Any) -> MechanicalSystem:
     try:
         found: MechanicalSystem = read(*arguments)
     except DocumentRefused as error:
-        places = (Place(p.detail, pointer + p.pointer, p.column, p.code) for p in error.places)
+        places = (replace(p, pointer=pointer + p.pointer) for p in error.places)
         raise DocumentRefused(tuple(places)) from None
     except InputError as error:
         raise error.at(pointer) from None
@@ -128,10 +129,12 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
     except ValidationError as error:
         raise DocumentRefused(tuple(map(_place, error.errors(include_url=False, include_input=False)))) from None
     parameters, values = _parameters(schema.parameters, extra)
-    names = read_names(schema.coordinates, parameters, schema.functions)
+    names = document_names(
+        Declared(schema.coordinates, parameters, schema.functions), {"/lagrangian": schema.lagrangian}, order=1
+    )
     if schema.constraints:
         given = schema.constraints
-        system = read_nonholonomic(schema.coordinates, schema.lagrangian, given, parameters, schema.functions)
+        system = read_nonholonomic(names.coordinates, schema.lagrangian, given, parameters, schema.functions)
         lagrangian, constraints = system.lagrangian, system.constraints
     else:
         lagrangian, constraints = formula(schema.lagrangian, names, "/lagrangian"), ()
@@ -142,7 +145,8 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
     schema = translate.to_schema(document)
     parameters, values = _parameters(schema.parameters, extra)
     system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name)
-    names = read_names(system.coordinates, parameters, {f.name: f.arguments for f in system.functions})
+    functions = {f.name: f.arguments for f in system.functions}
+    names = document_names(Declared(system.coordinates, system.parameters, functions), {})
     return MechanicalSystem(names, None, (), system.accelerations, values, schema.name, document=document)
 
 
@@ -170,8 +174,10 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
     """All parameter names, with the values of the document; values stay out of the formulas, so that a kernel
     serves every value."""
     values = {name: text for name, text in given.items() if text is not None} if isinstance(given, Mapping) else {}
-    names = list(given)
-    return [*names, *(name for name in extra if name not in names)], values
+    declared = Declared(parameters=given)
+    names = list(declared.named_parameters())
+    more = [AND_GUESS] if declared.guesses else []
+    return [*names, *(name for name in extra if name not in names), *more], values
 
 
 def _with_free(found: MechanicalSystem, text: str, source: str) -> MechanicalSystem:

@@ -9,9 +9,9 @@ from typing import Any
 from urllib.parse import urlencode
 
 from inverse_service.errors import InputError
+from inverse_service.mechanics.document_names import AND_GUESS, GUESS, Declared, document_names
 from inverse_service.service.documents.reading import read_document, read_json, refuse_surrogates
 from inverse_service.web.pages.forms import Form
-from inverse_service.web.pages.naming import Guess, guess_names
 
 KINDS = ("equations", "nonholonomic")
 ASSOCIATED = ("first", "second", "third", "search")
@@ -21,6 +21,8 @@ FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates
 LINKED = FIELDS[1:10]
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
+_CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5}):(.{1,200})")
+_IDENTIFIER = re.compile(r"^\\?\w+")
 _FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
 
 
@@ -29,7 +31,26 @@ def fields_of(form: Form) -> dict[str, str]:
     found = {name: form.text(name) for name in FIELDS}
     if found["kind"] not in KINDS:
         found["kind"] = "nonholonomic" if found["lagrangian"] and not found["equations"] else "equations"
-    return found
+    return _with_choice(found, form.text("instead"))
+
+
+def _with_choice(fields: dict[str, str], choice: str) -> dict[str, str]:
+    """The fields with the reading that was chosen: "equations:2:9:k*x" puts k*x for the name at line 2, column 9.
+
+    "parameters:0:0:kx" declares kx.
+    """
+    match = _CHOICE.fullmatch(choice)
+    if match is None:
+        return fields
+    name, line, column, text = match[1], int(match[2]), int(match[3]), match[4]
+    if name == "parameters":
+        return fields | {name: ", ".join(part for part in (fields[name], text) if part)}
+    lines = fields[name].split("\n")
+    if not 0 < line <= len(lines):
+        return fields
+    before, rest = lines[line - 1][: column - 1], lines[line - 1][column - 1 :]
+    lines[line - 1] = before + text + _IDENTIFIER.sub("", rest, count=1)
+    return fields | {name: "\n".join(lines)}
 
 
 def document_of(form: Form) -> dict[str, Any]:
@@ -53,36 +74,28 @@ def _as_object(value: Any) -> dict[str, Any]:
 
 
 def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
-    """The document, names that were not declared guessed from the text."""
+    """The document; names that were not declared are guessed where it is read."""
     refuse_surrogates(dict(fields))
     nonholonomic = fields["kind"] == "nonholonomic"
     constraints = [line.strip() for line in re.split(r"[\n;]", fields["constraints"]) if line.strip()]
-    texts = [fields["lagrangian"], *constraints] if nonholonomic else [fields["equations"]]
-    parameters = parameters_of(fields["parameters"])
-    functions = functions_of(fields["functions"])
-    coordinates = _names(fields["coordinates"])
-    guess = guess_names(texts, coordinates, list(parameters), functions, 1 if nonholonomic else 2)
     document: dict[str, Any] = {"name": fields["name"]} if fields["name"] else {}
-    if guess.coordinates:
-        document["coordinates"] = list(guess.coordinates)
+    if coordinates := _names(fields["coordinates"]):
+        document["coordinates"] = coordinates
     if nonholonomic:
         document |= {"lagrangian": fields["lagrangian"], "constraints": constraints}
         if fields["associated"] in ASSOCIATED:
             document["associated"] = fields["associated"]
     else:
         document["equations"] = fields["equations"]
-    return document | _declared(guess, parameters, functions) | _questions(fields)
+    return document | _declared(fields) | _questions(fields)
 
 
-def _declared(guess: Guess, parameters: Mapping[str, str | None], functions: Mapping[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    names = [*parameters, *guess.parameters]
-    if any(value is not None for value in parameters.values()):
-        found["parameters"] = dict.fromkeys(names) | dict(parameters)
-    elif names:
-        found["parameters"] = names
-    known = {name: list(arguments) for name, arguments in {**functions, **guess.functions}.items()}
-    return found | ({"functions": known} if known else {})
+def _declared(fields: Mapping[str, str]) -> dict[str, Any]:
+    parameters = parameters_of(fields["parameters"])
+    functions = {name: list(arguments) for name, arguments in functions_of(fields["functions"]).items()}
+    valued = any(value is not None for value in parameters.values())
+    rest: Any = {**parameters, AND_GUESS: None} if valued else [*parameters, AND_GUESS]
+    return {"parameters": rest if parameters else GUESS} | ({"functions": functions} if functions else {})
 
 
 def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
@@ -154,8 +167,8 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     fields = dict.fromkeys(FIELDS, "")
     fields |= {"kind": "equations", "name": str(document.get("name", ""))}
     fields["coordinates"] = ", ".join(document.get("coordinates") or ())
-    parameters = document.get("parameters") or []
-    pairs = parameters.items() if isinstance(parameters, dict) else ((name, None) for name in parameters)
+    parameters = Declared(parameters=document.get("parameters") or ()).named_parameters()
+    pairs = parameters.items() if isinstance(parameters, Mapping) else ((name, None) for name in parameters)
     fields["parameters"] = ", ".join(name if value is None else f"{name} = {value}" for name, value in pairs)
     functions = document.get("functions") or {}
     fields["functions"] = ", ".join(f"{name}({', '.join(arguments)})" for name, arguments in functions.items())
@@ -194,7 +207,34 @@ def lean_fields(document: Mapping[str, Any]) -> dict[str, str]:
     """The form filled with a document, names left out where they would be guessed: then the text can be changed."""
     fields = fields_from(document)
     lean = fields | dict.fromkeys(("coordinates", "parameters", "functions"), "")
-    return lean if document_of_fields(lean) == document_of_fields(fields) else fields
+    try:
+        same = _names_of(document_of_fields(lean)) == _names_of(document)
+    except InputError:
+        return fields
+    return lean if same else fields
+
+
+def _names_of(document: Mapping[str, Any]) -> tuple[Any, ...]:
+    """The coordinates in their order, the parameters in any, and the functions of a document."""
+    parts = [document.get("equations") or document.get("lagrangian") or "", document.get("constraints") or ()]
+    texts = [text for part in parts for text in _texts_in(part)]
+    keys = tuple(parts[0]) if isinstance(parts[0], dict) else ()
+    declared = Declared(document.get("coordinates"), document.get("parameters") or (), document.get("functions") or {})
+    by_pointer = {f"/{place}": text for place, text in enumerate(texts)}
+    names = document_names(declared, by_pointer, 1 if "lagrangian" in document else 2, keys)
+    values = declared.named_parameters()
+    return (
+        names.coordinates,
+        sorted(names.parameters),
+        dict(names.functions),
+        dict(values) if isinstance(values, Mapping) else {},
+    )
+
+
+def _texts_in(part: Any) -> list[str]:
+    return (
+        [part] if isinstance(part, str) else [str(text) for text in (part.values() if isinstance(part, dict) else part)]
+    )
 
 
 def equations_text(equations: Any) -> str:

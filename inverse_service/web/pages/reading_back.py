@@ -14,7 +14,6 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import Acceleration, Symbol
 from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.naming import Guess
 
 FIELD_NAMES = {
     "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
@@ -44,7 +43,10 @@ class Understood:
 
 @dataclass(frozen=True, slots=True)
 class ShownPlace:
-    """One fault: the line it stands in cut around the marked character, where the place is known."""
+    """One fault: the line it stands in cut around the marked character, where the place is known.
+
+    `choices` are texts that may have been meant, each with what a button for it sends.
+    """
 
     detail: str
     field: str = ""
@@ -53,6 +55,7 @@ class ShownPlace:
     before: str = ""
     marked: str = ""
     after: str = ""
+    choices: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +66,14 @@ class Problem:
     places: list[ShownPlace]
 
 
-def understood(answer: Mapping[str, Any], guess: Guess | None = None) -> Understood:
+def understood(answer: Mapping[str, Any]) -> Understood:
     """The answer of /v1/parse, typeset; what was guessed is said."""
     groups = [("", _equations(answer))] if answer.get("equations") else []
     for key, heading in (("lagrangian", "Lagrangian"), ("constraints", "Constraints")):
         lines = _formulas(answer.get(key), heading)
         if lines:
             groups.insert(len(groups) - 1 if key == "lagrangian" else len(groups), (heading, lines))
-    return Understood(_ordered(groups), _names(answer, guess))
+    return Understood(_ordered(groups), _names(answer))
 
 
 def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]]]:
@@ -103,14 +106,15 @@ def _formulas(found: Any, heading: str) -> list[Line]:
     return lines
 
 
-def _names(answer: Mapping[str, Any], guess: Guess | None) -> list[tuple[str, Markup, str]]:
+def _names(answer: Mapping[str, Any]) -> list[tuple[str, Markup, str]]:
     rows = [("Coordinates", _symbols(answer["coordinates"]), "")]
     if answer["parameters"]:
-        guessed = bool(guess and set(guess.parameters) & set(answer["parameters"]))
+        guessed = [name for name in answer["parameters"] if name in answer["guessed"]]
         one = len(answer["parameters"]) == 1
         note = "\u2013 a constant of any value" if one else "\u2013 constants of any value"
         if guessed:
-            note += ", as it has no equation" if one else ", as they have no equation"
+            which = "" if len(guessed) == len(answer["parameters"]) else f": {', '.join(guessed)}"
+            note += f"; not declared, taken as constant{which}"
         rows.append(("Parameters", _symbols(answer["parameters"]), note))
     if answer["functions"]:
         names = Names(tuple(answer["coordinates"]), (), {k: tuple(v) for k, v in answer["functions"].items()})
@@ -127,16 +131,21 @@ def _symbols(names: list[str]) -> Markup:
 
 def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
     """A problem document of the service."""
-    places = [_place(p["detail"], p["pointer"], p["column"], fields) for p in body.get("errors", [])]
+    places = [_place(_error(p), fields) for p in body.get("errors", [])]
     return Problem("Please change this:", places or [ShownPlace(body["detail"])])
 
 
 def problem_of_error(error: InputError, fields: Mapping[str, str]) -> Problem:
     """A fault found while the form was read."""
-    return Problem("Please change this:", [_place(error.detail, error.pointer or "", error.column, fields)])
+    return Problem("Please change this:", [_place(error, fields)])
 
 
-def _place(detail: str, pointer: str, column: int | None, fields: Mapping[str, str]) -> ShownPlace:
+def _error(place: Mapping[str, Any]) -> InputError:
+    return InputError(place["detail"], place["pointer"], place["column"], tuple(place["instead"]))
+
+
+def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
+    detail, pointer, column = error.detail, error.pointer, error.column
     steps = pointer.split("/")[1:]
     field = steps[0] if steps else ""
     name = FIELD_NAMES.get(field, field)
@@ -158,7 +167,17 @@ def _place(detail: str, pointer: str, column: int | None, fields: Mapping[str, s
     number = text.count("\n", 0, start) + 1 + _lines_before(steps)
     # The column in the sentence counts from the start of the whole text; the place is shown by its line.
     detail = _COLUMN.sub("", detail, count=1)
-    return ShownPlace(detail, name, number, place + 1, before, marked, after)
+    choices = _choices(error.instead, f"{field}:{number}:{place + 1}", line[place:])
+    return ShownPlace(detail, name, number, place + 1, before, marked, after, choices)
+
+
+def _choices(instead: tuple[str, ...], at: str, rest: str) -> tuple[tuple[str, str], ...]:
+    """The readings of the name that stands there; the last declares it as a constant."""
+    word = re.match(r"\w+", rest)
+    if not instead or word is None:
+        return ()
+    constant = (f"a constant {word.group()}", f"parameters:0:0:{word.group()}")
+    return (*((text, f"{at}:{text}") for text in dict.fromkeys(instead)), constant)
 
 
 def _text_at(steps: list[str], fields: Mapping[str, str]) -> str | None:

@@ -16,7 +16,6 @@ from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.documents import document_of, fields_from, fields_of, fields_of_link, lean_fields
 from inverse_service.web.pages.forms import Form, read_form
-from inverse_service.web.pages.naming import Guess
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.pages.results import result_address
 from inverse_service.web.problems import Refusal
@@ -110,13 +109,7 @@ async def understand(request: Request, fields: dict[str, str], document: dict[st
     answer = await call(request, "POST", "/v1/parse", document)
     if answer.is_problem:
         return {"problem": reading_back.problem_of(answer.value, fields)} if typed else {}
-    return {"understood": reading_back.understood(answer.value, _guess(fields, document))}
-
-
-def _guess(fields: dict[str, str], document: dict[str, Any]) -> Guess:
-    """The parameters that the writer did not name."""
-    names = document.get("parameters", ())
-    return Guess(parameters=tuple(name for name in names if name not in fields["parameters"]))
+    return {"understood": reading_back.understood(answer.value)}
 
 
 def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTMLResponse:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.ladder import _sampler

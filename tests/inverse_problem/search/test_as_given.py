@@ -9,7 +9,7 @@ import pytest
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, subtract
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given

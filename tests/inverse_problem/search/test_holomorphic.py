@@ -8,7 +8,7 @@ import pytest
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.search.complex_trees import ComplexTree, NotAnalytic, continued

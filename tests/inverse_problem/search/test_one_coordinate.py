@@ -14,7 +14,7 @@ from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.text import parse
+from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity, power, walk
 from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.options import SolveOptions

@@ -27,7 +27,7 @@ def echo(page: Page) -> str:
 def test_two_typed_equations_are_echoed_and_solved(visit: Visit) -> None:
     visit.go("/")
     visit.page.get_by_label("Equations", exact=True).fill("x'' = -k*x\ny'' = A(x)")
-    expect(visit.page.locator("#understood dd").nth(1)).to_contain_text("no equation")
+    expect(visit.page.locator("#understood dd").nth(1)).to_contain_text("taken as constant")
     expect(visit.page.locator("#understood dd").nth(2)).to_contain_text("arbitrary")
     assert visit.page.locator("#understood math").count() >= 4
     visit.page.get_by_role("button", name="Find out").click()
@@ -108,7 +108,7 @@ def test_the_result_can_be_taken_along_and_its_link_stays(visit: Visit) -> None:
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.locator(".verdict.variational")).to_be_visible()
     for name, words in (
-        ("LaTeX", r"\dot{\varphi}"),
+        ("LaTeX", r"\dot{\phi}"),
         ("SymPy", "sp.Function"),
         ("Python", "Client("),
         ("curl", "/v1/solve"),

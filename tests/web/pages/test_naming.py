@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.errors import InputError
+from inverse_service.mechanics.document_names import Declared, document_names
 from inverse_service.web.pages.documents import (
     document_of,
     equations_text,
@@ -14,7 +15,6 @@ from inverse_service.web.pages.documents import (
     parameters_of,
 )
 from inverse_service.web.pages.forms import Form, Upload
-from inverse_service.web.pages.naming import guess_names
 
 
 def document(**fields: str) -> dict[str, object]:
@@ -40,27 +40,25 @@ def document(**fields: str) -> dict[str, object]:
         ("x'' = V(x, y); y'' = t", ("x", "y"), (), {"V": ("x", "y")}),
         ("x'' = k*(x + 1) + k(x + 1)", ("x",), ("k",), {}),
         ("x'' = sinn(x)", ("x",), (), {}),
-        ("x'' = sin(x) + pi + e", ("x",), (), {}),
-        ("@", (), (), {}),
-        ("", (), (), {}),
+        ("x'' = sin(x) + pi + e^x", ("x",), (), {}),
     ],
 )
 def test_unknown_names_are_guessed_by_how_they_stand(
     text: str, coordinates: tuple[str, ...], parameters: tuple[str, ...], functions: dict[str, tuple[str, ...]]
 ) -> None:
-    found = guess_names([text], (), (), (), 2)
+    found = document_names(Declared(parameters="guess"), {"": text})
     assert (found.coordinates, found.parameters, found.functions) == (coordinates, parameters, functions)
 
 
 def test_a_lagrangian_shows_its_coordinates_by_one_prime() -> None:
-    found = guess_names(["M/2*(x'^2 + y'^2) - V(x)", "y' - x*z'"], (), (), (), 1)
+    found = document_names(Declared(parameters="guess"), {"/a": "M/2*(x'^2 + y'^2) - V(x)", "/b": "y' - x*z'"}, 1)
     assert (found.coordinates, found.parameters, found.functions) == (("x", "y", "z"), ("M",), {"V": ("x",)})
 
 
 def test_what_is_declared_is_not_guessed() -> None:
-    assert guess_names(["x'' = F''(t)"], (), (), ["F"], 2).coordinates == ("x",)
+    assert document_names(Declared(None, "guess", {"F": ["t"]}), {"": "x'' = F''(t)"}).coordinates == ("x",)
     found = document(equations="x'' = -k*x + c", parameters="k = 1/2", coordinates="x")
-    assert found == {"coordinates": ["x"], "equations": "x'' = -k*x + c", "parameters": {"k": "1/2", "c": None}}
+    assert found == {"coordinates": ["x"], "equations": "x'' = -k*x + c", "parameters": {"k": "1/2", "...": None}}
 
 
 def test_a_nonholonomic_form_is_a_nonholonomic_document() -> None:
@@ -68,7 +66,7 @@ def test_a_nonholonomic_form_is_a_nonholonomic_document() -> None:
         kind="nonholonomic", lagrangian="(x'^2 + y'^2)/2", constraints="y' - x*x'\n\n", associated="second"
     )
     assert found == {
-        "coordinates": ["x", "y"],
+        "parameters": "guess",
         "lagrangian": "(x'^2 + y'^2)/2",
         "constraints": ["y' - x*x'"],
         "associated": "second",
@@ -80,7 +78,8 @@ def test_a_document_fills_the_form_and_comes_back() -> None:
     given = {"coordinates": ["x", "y"], "equations": {"x": "-A(x)*y'", "y": "k"}, "parameters": {"k": "2"}}
     given |= {"functions": {"A": ["x"]}, "time_dependent_lagrangian": True}
     found = document_of(Form({name: (value,) for name, value in fields_from(given).items()}))
-    assert found == {**given, "equations": equations_text(given["equations"])}
+    parameters = {"k": "2", "...": None}
+    assert found == {**given, "equations": equations_text(given["equations"]), "parameters": parameters}
 
 
 def test_names_that_would_be_guessed_are_left_out_of_the_form() -> None:

@@ -1,0 +1,140 @@
+"""The names of a document: declared, found in its formulas, or guessed where it asks for that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.letters import refuse_two_spellings
+from inverse_service.expressions.limits import LIMITS
+from inverse_service.expressions.names import Names, check_clashes, declared_name
+from inverse_service.expressions.tokens import joined, shorten
+from inverse_service.mechanics.coordinate_names import inferred_coordinates, key_name
+from inverse_service.mechanics.guessing import guess_names
+from inverse_service.mechanics.parameter_values import ParameterValue
+
+Parameters = Sequence[str] | Mapping[str, ParameterValue] | str
+GUESS = "guess"
+AND_GUESS = "..."
+NO_ACCELERATION = (
+    "the equations contain no acceleration such as x'', x_ddot, \\ddot{x} or diff(x, t, 2), so there are no "
+    'coordinates: write equations of second order in the time t, or name the "coordinates".'
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """What a document says of its names. `parameters` may be "guess", or have the entry "..." for: guess the rest."""
+
+    coordinates: Sequence[str] | None = None
+    parameters: Parameters = ()
+    functions: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    @property
+    def guesses(self) -> bool:
+        """Whether undeclared names are to be taken as constants."""
+        return self.parameters == GUESS or (not isinstance(self.parameters, str) and AND_GUESS in self.parameters)
+
+    def named_parameters(self) -> Sequence[str] | Mapping[str, ParameterValue]:
+        """The parameters that are named, with their values where these are given."""
+        if isinstance(self.parameters, str):
+            return ()
+        if isinstance(self.parameters, Mapping):
+            return {name: value for name, value in self.parameters.items() if name != AND_GUESS}
+        return [name for name in self.parameters if name != AND_GUESS]
+
+
+def escaped(key: str) -> str:
+    """A key as a part of a JSON pointer (RFC 6901)."""
+    return key.replace("~", "~0").replace("/", "~1")
+
+
+def document_names(declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = ()) -> Names:
+    """The names that the formulas of a document may use; InputError with the pointer of one that is wrong.
+
+    `texts` are the formulas by their pointers, `order` is that of the derivative that makes a coordinate, and
+    `keys` are those of `equations`, where each is the equation of a coordinate.
+    """
+    named = declared.named_parameters()
+    keyed = isinstance(named, Mapping)
+    parameters = tuple(
+        declared_name(parameter, f"/parameters/{escaped(parameter) if keyed else place}", "parameter")
+        for place, parameter in enumerate(bounded(list(named), "/parameters", "parameters", LIMITS.names))
+    )
+    functions = {
+        declared_name(key, f"/functions/{escaped(key)}", "function"): _arguments(key, words)
+        for key, words in declared.functions.items()
+    }
+    bounded(list(declared.functions), "/functions", "functions", LIMITS.names)
+    names = Names((), parameters, functions)
+    names = replace(names, coordinates=_coordinates(declared, names, texts, order, keys))
+    if declared.guesses:
+        guess = guess_names(texts, names)
+        names = replace(names, parameters=(*parameters, *guess.parameters), functions={**functions, **guess.functions})
+    check_clashes(names, keyed)
+    refuse_two_spellings(texts, names.declared())
+    return replace(names, functions=_checked_functions(names, texts))
+
+
+def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
+    """The words; LimitError where there are too many."""
+    if len(words) > most:
+        raise LimitError(f"there are {len(words)} {what}: the limit is {most}; declare fewer.", pointer)
+    return words
+
+
+def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
+    pointer = f"/functions/{escaped(function)}"
+    if isinstance(words, str) or not words:
+        raise InputError(
+            f"the function {shorten(function)} has no list of arguments: name the coordinates it depends on, "
+            'as in ["r1"].',
+            pointer,
+        )
+    bounded(list(words), pointer, "arguments", LIMITS.function_arguments)
+    return tuple(
+        "t" if word == "t" else declared_name(word, f"{pointer}/{place}", "argument")
+        for place, word in enumerate(words)
+    )
+
+
+def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """The functions over coordinates; one over other names is refused where it occurs, and left out where not."""
+    foreign: dict[str, int] = {}
+    for function, arguments in names.functions.items():
+        for place, argument in enumerate(arguments):
+            if argument in arguments[:place]:
+                pointer = f"/functions/{function}/{place}"
+                raise InputError(f"{function} has the argument {argument} twice: name it once.", pointer)
+            if argument != "t" and argument not in names.coordinates:
+                foreign.setdefault(function, place)
+    for function, place in foreign.items():
+        if not texts or any(function in text for text in texts.values()):
+            raise InputError(
+                f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
+                f"{joined(names.coordinates)}.",
+                f"/functions/{function}/{place}",
+            )
+    return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
+
+
+def _coordinates(
+    declared: Declared, names: Names, texts: Mapping[str, str], order: int, keys: Sequence[str]
+) -> tuple[str, ...]:
+    if declared.coordinates is not None:
+        pointer = "/coordinates"
+        found = tuple(
+            declared_name(word, f"{pointer}/{place}", "coordinate") for place, word in enumerate(declared.coordinates)
+        )
+    else:
+        pointer = "/equations" if order == 2 else "/lagrangian"
+        found = tuple(dict.fromkeys(key_name(key, names) for key in keys)) or inferred_coordinates(texts, names, order)
+        if texts and not found:
+            raise InputError(NO_ACCELERATION if order == 2 else _NO_VELOCITY, pointer)
+    if not found:
+        raise InputError("there are no coordinates: name at least one, or write equations that contain x''.", pointer)
+    return tuple(bounded(list(found), pointer, "coordinates", LIMITS.coordinates))
+
+
+_NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."

@@ -1,0 +1,159 @@
+"""What could be read in two ways is refused or asked back, never taken in silence (bug reports of readers)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service.errors import InputError
+from inverse_service.service.documents.documents import parse_document
+
+
+def refused(document: Any) -> InputError:
+    with pytest.raises(InputError) as caught:
+        parse_document(document)
+    return caught.value
+
+
+def guess(equations: str) -> dict[str, Any]:
+    return {"equations": equations, "parameters": "guess"}
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [
+        r"\ddot\varphi = -\phi",
+        r"\ddot\theta = -\vartheta",
+        "\u03b8'' = -\u03d1",
+        "\u03c6'' = -\u03d5",
+        r"\ddot x = -\epsilon x - \varepsilon x^3",
+        r"\ddot x = -\ell x - l x^3",
+    ],
+)
+def test_letters_that_look_alike_are_not_merged(equations: str) -> None:
+    assert "look alike" in refused(guess(equations)).detail
+
+
+def test_letters_that_look_alike_differ_where_both_are_declared() -> None:
+    both = {"equations": r"\ddot x = -\epsilon x - \varepsilon x^3", "parameters": ["epsilon", "varepsilon"]}
+    assert parse_document(both)["equations"]["x"]["text"] == "-epsilon*x - varepsilon*x^3"
+    unicode_letters = {"equations": "\u03c6'' = -\u03d5", "coordinates": ["phi"], "parameters": ["varphi"]}
+    assert parse_document(unicode_letters)["equations"]["phi"]["text"] == "-varphi"
+
+
+def test_one_way_to_write_a_letter_is_the_declared_one() -> None:
+    assert parse_document({"equations": r"\ddot\varphi = -\varphi"})["coordinates"] == ["phi"]
+    assert parse_document({"coordinates": ["phi"], "equations": r"\ddot\varphi = -\varphi"})["coordinates"] == ["phi"]
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [
+        r"\ddot{\mathbf r} = -\mathbf r/r^3",
+        r"m\ddot{\mathbf{r}} = q\dot{\mathbf r}\times\mathbf B",
+        r"\ddot x = -\boldsymbol k x",
+        r"\ddot x = -\mathbf K\mathbf x",
+        r"\ddot x = -\mathcal L L x",
+        r"\ddot{\vec x} = -\vec x",
+        r"\ddot x = -\mathbf B B x",
+    ],
+)
+def test_vectors_and_script_letters_are_refused(equations: str) -> None:
+    assert "not accepted" in (found := refused(guess(equations)).detail) or "stands" in found
+
+
+@pytest.mark.parametrize(
+    "constraints",
+    [["z' = 1,5*x'"], ["z' - 0,5*y*x' = 0"], ["z' - 0, 5*y*x' = 0"], "z' = 1,5*x'", "z' - 0,5*y*x' = 0"],
+)
+def test_a_decimal_comma_in_a_constraint_is_refused(constraints: Any) -> None:
+    given = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "coordinates": ["x", "y", "z"], "constraints": constraints}
+    assert "comma" in refused(given).detail
+
+
+@pytest.mark.parametrize(
+    "equations",
+    ["x'' = -9,81", ["x'' = -9,81"], {"x": "-9,81"}, "x'' = -0,5*x; y'' = 1", "x'' = log(1,5*x)", "x'' = -1,000*x"],
+)
+def test_a_decimal_comma_in_an_equation_is_refused(equations: Any) -> None:
+    assert "comma" in refused({"equations": equations}).detail
+
+
+@pytest.mark.parametrize(
+    "equations", ["x'' = e*B*y'/m; y'' = 0", "x'' = -E*x", "x'' = -e^2/x^2", r"\ddot x = -e^{2} x"]
+)
+def test_euler_s_number_is_only_the_base_of_a_power(equations: str) -> None:
+    assert "Euler" in refused({"equations": equations, "parameters": ["B", "m"]}).detail
+
+
+def test_e_is_a_name_where_it_is_declared() -> None:
+    found = parse_document({"equations": "x'' = -e^2/x^2 + exp(-x)", "parameters": ["e"]})
+    assert found["equations"]["x"]["text"] == "-e^2/x^2 + exp(-x)"
+    assert parse_document({"equations": "x'' = e^-x + e^x + E**(2*x)"})["parameters"] == []
+
+
+@pytest.mark.parametrize(
+    "formula", ["sqrt 2 x", "\u221a2x", "\u221a2 x", r"2\ln 2\, x", r"\sin 2\, x", "log 2 x", "sqrt 2x", "cbrt 3x"]
+)
+def test_where_a_bare_argument_ends_is_asked(formula: str) -> None:
+    assert "not clear" in refused({"equations": {"x": formula}}).detail
+
+
+@pytest.mark.parametrize(
+    ("equations", "name", "meant"),
+    [
+        ("x'' = -kx", "kx", "k*x"),
+        ("x'' = -x + cos(wt)", "wt", "w*t"),
+        ("x'' = -sinx", "sinx", "sin(x)"),
+        ("x'' = -sinkx", "sinkx", "sin(k*x)"),
+        ("x'' = -dx", "dx", "x'"),
+        ("x'' = -k*x - m*kmx", "kmx", "k*m*x"),
+        ("x'' = -cost", "cost", "cos(t)"),
+        ("x'' = -2*kt", "kt", "k*t"),
+    ],
+)
+def test_a_name_that_may_be_a_product_is_asked_back(equations: str, name: str, meant: str) -> None:
+    error = refused(guess(equations))
+    assert name in error.detail
+    assert meant in error.instead
+    declared = parse_document({"equations": equations, "parameters": ["...", name, "k", "w"]})
+    assert name in declared["parameters"]
+
+
+@pytest.mark.parametrize(
+    "equations",
+    ["x'' = -mu*x/r^3; y'' = -mu*y/r^3", "y'' = 2y^3 + x*y", "y'' = -y + s", "x'' = -x + tau*k", "x'' = q_2"],
+)
+@pytest.mark.parametrize("parameters", ["guess", ["mu", "k"]])
+def test_what_looks_like_a_variable_is_no_constant(equations: str, parameters: Any) -> None:
+    error = refused({"equations": equations, "parameters": parameters})
+    assert "independent variable" in error.detail
+    assert error.instead == ("t",)
+
+
+def test_what_was_guessed_is_listed() -> None:
+    found = parse_document(guess("m x'' = -k x - mu x^3 + V'(x) - x_0"))
+    assert (found["parameters"], found["functions"]) == (["m", "k", "mu", "x_0"], {"V": ["x"]})
+    assert found["guessed"] == ["m", "k", "mu", "x_0", "V"]
+    assert parse_document({"equations": "x'' = -k*x", "parameters": ["k"]})["guessed"] == []
+    assert parse_document({"equations": "x'' = -k*x - c*x'", "parameters": {"k": "2", "...": None}})["guessed"] == ["c"]
+
+
+def test_two_spellings_of_a_guessed_name_are_asked_back() -> None:
+    assert "k1 stands too" in refused(guess("x'' = -k1*x - k_1*x^3")).detail
+
+
+def test_nothing_is_guessed_unless_asked() -> None:
+    assert "not declared" in refused({"equations": "x'' = -k*x"}).detail
+
+
+def test_coordinates_of_a_lagrangian_are_found_in_it() -> None:
+    given = {"lagrangian": "m*(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' - y*x'"], "parameters": "guess"}
+    found = parse_document(given)
+    assert (found["coordinates"], found["guessed"]) == (["x", "y", "z"], ["m"])
+
+
+def test_dots_over_two_letters_are_not_one_name() -> None:
+    assert "dot" in refused({"equations": "\u1e8b\u1e8f = 1"}).detail
+    assert parse_document({"equations": "x\u0308 = -x; y\u0308\u2081 = x\u0307"})["coordinates"] == ["x", "y1"]
