@@ -49,10 +49,14 @@ class TooLarge(Exception):
 
 @dataclass(slots=True)
 class SeriesProgram:
-    """Instructions and constants, for orders up to `order`; registers are numbered as they come, constant 0 is 1."""
+    """Instructions and constants, for orders up to `order`; registers are numbered as they come, constant 0 is 1.
+
+    TooLarge where the tables would hold more than `most_products` numbers, or the registers too many words.
+    """
 
     variables: Sequence[Variable]
     order: int
+    most_products: int = _MOST_PRODUCTS
     registers: int = 0
     instructions: list[tuple[int, int, int, int, int, int]] = field(default_factory=list)
     recipes: list[Recipe] = field(default_factory=lambda: [lambda point, known: 1])
@@ -62,7 +66,7 @@ class SeriesProgram:
 
     def __post_init__(self) -> None:
         self.places = {variable: place for place, variable in enumerate(self.variables)}
-        if products(len(self.variables), self.order) > _MOST_PRODUCTS:
+        if products(len(self.variables), self.order) > self.most_products:
             raise TooLarge
 
     def register(self, count: int = 1) -> int:

@@ -15,6 +15,7 @@ from typing import Protocol
 
 from inverse_service.algebra.echelon import Flags
 from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.series_program import TooLarge
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.linear_pde import involution
 from inverse_service.linear_pde.involution import Matrix
@@ -24,15 +25,15 @@ from inverse_service.linear_pde.unknowns import Unknowns, count_of_degree
 # Most negative verdicts fall at order 1, most positive ones at order 3: series are made for these first.
 _FIRST_ORDER, SECOND_ORDER = 1, 3
 _POINTS = 4
-_MOST_UNKNOWNS = 60_000
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How far to prolong: the highest order, and a wall-clock deadline (time.monotonic)."""
+    """How far to prolong: the highest order, a wall-clock deadline (time.monotonic), the most unknowns."""
 
     order: int = 7
     deadline: float = float("inf")
+    unknowns: int = 60_000
 
 
 class Card(Protocol):
@@ -44,8 +45,12 @@ class Card(Protocol):
     @property
     def matrix(self) -> Matrix: ...
 
+    @property
+    def others(self) -> tuple[Matrix, ...]:
+        """Matrices whose ranks are of interest too."""
+
     def at(self, seed: int, order: int) -> LocalEquations:
-        """The equations at the random point of this seed, to this order; SingularPoint where there are none."""
+        """The equations at the random point of this seed, to this order; raises SingularPoint or TooLarge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +58,8 @@ class Finding:
     """Whether there is a solution of the rank, or None with the reason, and what proves it.
 
     `rows` name the prolonged equations used for a no; `symbol` at `degree`, and `history`, D_0, D_1, … at each
-    order, are the involution data of a yes; `points` the primes and seeds used.
+    order, are the involution data of a yes; `ranks` those of the matrix and of the others at the generic
+    solution; `points` the primes and seeds used.
     """
 
     exists: bool | None
@@ -64,6 +70,7 @@ class Finding:
     degree: int = 0
     history: tuple[tuple[int, ...], ...] = ()
     points: tuple[Mapping[str, int], ...] = ()
+    ranks: tuple[int, ...] = ()
 
 
 @dataclass(slots=True)
@@ -123,16 +130,38 @@ def _prolong(run: _Run, seed: int) -> Finding:
         order = prolongation.order + 1
         stop = _limit_reached(run, prolongation, order)
         if stop:
-            return Finding(None, prolongation.order, stop, history=tuple(run.history))
+            return _stopped(run, prolongation, stop)
         if order > known:
             known = max(order, SECOND_ORDER)
-            prolongation.local = run.card.at(seed, known)
+            try:
+                prolongation.local = run.card.at(seed, known)
+            except TooLarge:
+                stop = f"order {order} of prolongation would need too large series"
+                return _stopped(run, prolongation, stop)
         run.progress(f"prolongation to order {order}")
         advance(prolongation)
         run.history.append(tuple(prolongation.dimension(d) for d in range(order + 1)))
         found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
         if found:
-            return replace(found, history=tuple(run.history), points=points)
+            return replace(found, history=tuple(run.history), points=points, ranks=_ranks(run, prolongation))
+
+
+def _stopped(run: _Run, prolongation: Prolongation, reason: str) -> Finding:
+    """Nothing is settled; how far it came."""
+    return Finding(None, prolongation.order, reason, history=tuple(run.history), ranks=_ranks(run, prolongation))
+
+
+def _ranks(run: _Run, prolongation: Prolongation) -> tuple[int, ...]:
+    """Of the matrix and the others, where there are others."""
+    matrices = (run.card.matrix, *run.card.others) if run.card.others else ()
+    found = []
+    for matrix in matrices:
+        degree = matrix.degree(prolongation.unknowns)
+        if prolongation.order < degree:
+            return ()
+        rows = list(involution.consequences(prolongation, degree).values())
+        found.append(involution.generic_rank(prolongation, matrix, rows, run.seed))
+    return tuple(found)
 
 
 def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
@@ -143,8 +172,8 @@ def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
         return f"the time limit came before order {order} of prolongation"
     unknowns, bits = prolongation.unknowns, 63 // prolongation.size
     total = prolongation.width(order - 1) + count_of_degree(unknowns, order)
-    if order + unknowns.most >= 1 << bits or total > _MOST_UNKNOWNS:
-        return f"order {order} of prolongation would need more than {_MOST_UNKNOWNS} unknowns"
+    if order + unknowns.most >= 1 << bits or total > run.limits.unknowns:
+        return f"order {order} of prolongation would need more than {run.limits.unknowns} unknowns"
     return ""
 
 

@@ -73,10 +73,9 @@ def test_what_the_first_point_leaves_open_is_not_asked_at_a_second() -> None:
 
 
 @pytest.mark.parametrize(("most", "order"), [(2, 0), (3, 1), (12, 1), (13, 2), (34, 2), (35, 3)])
-def test_no_more_unknowns_than_the_limit_are_ever_made(most: int, order: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_more_unknowns_than_the_limit_are_ever_made(most: int, order: int) -> None:
     """With two coordinates 3, 13 and 35 unknowns are of degree 0, of at most 1, of at most 2."""
-    monkeypatch.setattr(settling, "_MOST_UNKNOWNS", most)
-    found = decide(OSCILLATORS, False)
+    found = decide(OSCILLATORS, False, limits=Limits(unknowns=most))
     assert (found.verdict, found.order) == ("undetermined", order - 1)
     assert found.reason == f"order {order} of prolongation would need more than {most} unknowns"
 

@@ -56,6 +56,8 @@ Expander = Callable[[bool, int, int], LocalSystem]
 class HelmholtzAt:
     """The card of Helmholtz for one system, at random points."""
 
+    others: tuple[Matrix, ...] = ()
+
     __slots__ = ("_analysis", "_expander", "_series", "_variables", "_velocities", "_with_time", "matrix", "unknowns")
 
     def __init__(self, analysis: Analysis, with_time: bool, expander: Expander | None = None) -> None:

@@ -1,0 +1,128 @@
+"""Which nonholonomic motions have any regular Lagrangian, and for which there is provably none."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import pytest
+
+from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
+from inverse_service.inverse_problem.decision.deciding import decide
+from inverse_service.linear_pde.deciding import Finding
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.reading import read_system
+from tests.inverse_problem.constrained.motions import (
+    BLADE,
+    SLEIGH,
+    analysed,
+    disk,
+    given,
+    heisenberg,
+    knife_edge,
+    particle,
+)
+
+FREE_OF = {"coordinates": ["phi", "x", "y"], "constraints": BLADE}
+
+# (document, L(q, q'), order): the orders are those at which it is settled.
+ANSWERS: dict[str, tuple[dict[str, Any], bool, int]] = {
+    "particle": (particle("0"), True, 6),
+    "knife edge": (knife_edge("0"), True, 6),
+    "Heisenberg": (heisenberg("0"), True, 4),
+    "knife edge on an inclined plane": (knife_edge("-x"), True, 8),
+    "Chaplygin sleigh": (FREE_OF | {"lagrangian": SLEIGH + "+J*phi'^2/2", "parameters": ["a", "J"]}, False, 5),
+    "Chaplygin sleigh, J = 0": (FREE_OF | {"lagrangian": SLEIGH, "parameters": ["a"]}, True, 5),
+    "z' = x y (x' + y')": (heisenberg("0") | {"constraints": ["z'-x*y*x'-x*y'"]}, False, 5),
+    "particle, x": (particle("x"), True, 9),
+    "particle, y": (particle("y"), False, 8),
+    "particle, z": (particle("z"), True, 8),
+    "particle, x^2": (particle("x^2"), False, 8),
+    "particle, y^2": (particle("y^2"), False, 8),
+    "particle, z^2": (particle("z^2"), False, 8),
+    "Heisenberg, z": (heisenberg("z"), False, 8),
+    "Heisenberg, x^2 + y^2": (heisenberg("x^2+y^2"), True, 7),
+    "knife edge, V(phi)": (knife_edge("V(phi)", functions={"V": ["phi"]}), False, 8),
+    "knife edge, x^2": (knife_edge("x^2"), False, 8),
+    "knife edge, x^2 + y^2": (knife_edge("x^2+y^2"), True, 8),
+    "disk": (disk("0"), True, 7),
+    "disk on an incline": (disk("-x"), True, 12),
+}
+
+
+def decided(motion: ConstrainedMotion, with_time: bool = False) -> Finding:
+    return decide_motion(analyse_motion(motion), with_time, 1, float("inf"), lambda _: None)
+
+
+# Order 12 takes seconds.
+LONG = {"disk on an incline"}
+CASES = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in ANSWERS]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_motion_has_its_answer(name: str) -> None:
+    document, exists, order = ANSWERS[name]
+    found = decide_motion(analysed(document), False, 1, float("inf"), lambda _: None)
+    assert (found.exists, found.order) == (exists, order)
+    assert bool(found.rows) == (not exists)
+    assert found.ranks[0] == 2 or not exists
+
+
+@pytest.mark.parametrize("name", [name for name, (_, exists, _) in ANSWERS.items() if not exists])
+def test_letting_the_lagrangian_depend_on_time_helps_none_of_these(name: str) -> None:
+    found = decide_motion(analysed(ANSWERS[name][0]), True, 1, float("inf"), lambda _: None)
+    assert found.exists is False
+
+
+@pytest.mark.parametrize("force", ["0", "-x*x'", "z*x'^2+sin(x)", "exp(z)*x'^3"])
+@pytest.mark.parametrize("rate", ["x'", "z*x'", "x'*sin(x)+z", "x"])
+def test_one_free_velocity_always_has_a_lagrangian(force: str, rate: str) -> None:
+    assert decided(given({"x": force}, {"z": rate})).exists
+
+
+PLAIN = [
+    {"x": "-x"},
+    {"x": "-x", "y": "-2*y"},
+    {"x": "-x-2*x*y", "y": "-y-x^2+y^2"},
+    {"x": "x*y'", "y": "y*x'^2"},
+    {"x": "2*x'/y'+2*x'", "y": "2*x'^2/y'+x'/y'"},
+    {"x": "-x-2*x*y-x'", "y": "-y-x^2+y^2-y'"},
+    {"x": "y'*z", "y": "x'*z'", "z": "x*y"},
+    {"x": "-2*x+y", "y": "x-2*y+z", "z": "y-2*z"},
+]
+
+
+@pytest.mark.parametrize("equations", PLAIN)
+@pytest.mark.parametrize("with_time", [False, True])
+def test_without_constraints_it_is_the_inverse_problem_itself(equations: dict[str, str], with_time: bool) -> None:
+    expected = decide(read_system(list(equations), equations), with_time).verdict
+    assert decided(given(equations, {}), with_time).exists == (expected == "variational")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_integrable_constraints_are_no_obstacle_where_they_are_as_many_as_the_free_velocities(seed: int) -> None:
+    """By doubling: l = 0, lambda_a first integrals (Bateman)."""
+    generator = random.Random(seed)
+    forces = {name: f"{generator.randint(1, 5)}*x*y'+{generator.randint(1, 5)}*y*x'^2" for name in "xy"}
+    assert decide(read_system(["x", "y"], forces), False).verdict == "not_variational"
+    found = decided(given(forces, {"z": "0", "w": "0"}))
+    assert found.exists
+    assert found.ranks == (2, found.ranks[1])
+
+
+def test_the_rank_on_the_constraints_is_told_apart_from_that_of_the_whole() -> None:
+    regular, doubled = decided(given({"x": "-x", "y": "-y"}, {"z": "0", "w": "0"})), PLAIN[3]
+    assert regular.ranks == (2, 2)
+    assert decided(given(doubled, {"z": "0", "w": "0"})).ranks == (2, 0)
+
+
+def test_constraints_that_move_and_contain_time_are_decided() -> None:
+    moving = given({"x": "0", "y": "x'*y'*t"}, {"z": "x*y'+t"})
+    assert moving.depends_on_time
+    assert decided(moving, True).exists is not None
+
+
+def test_a_limit_is_told_with_how_far_it_came() -> None:
+    found = decide_motion(analysed(particle("y")), False, 1, 0.0, lambda _: None)
+    assert found.exists is None
+    assert "time limit" in found.reason
