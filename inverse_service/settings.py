@@ -34,7 +34,7 @@ class Settings:
     queue: int = 100_000
     client_queue: int = 50_000
     client_running: int | None = None
-    waiting: int = 256
+    waiting: int = 1024
     max_lines: int = 10_000
     database: str | None = None
     retention_days: float = 365.0
@@ -64,7 +64,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         queue=_whole(environment, "QUEUE", 100_000, 1, 10_000_000),
         client_queue=_whole(environment, "CLIENT_QUEUE", 50_000, 1, 10_000_000),
         client_running=_whole(environment, "CLIENT_RUNNING", 0, 0, 100_000) or None,
-        waiting=_whole(environment, "WAITING", 256, 1, 100_000),
+        waiting=_whole(environment, "WAITING", 1024, 1, 100_000),
         max_lines=_whole(environment, "MAX_LINES", 10_000, 1, 1_000_000),
         database=environment.get(PREFIX + "DATABASE", "").strip() or None,
         retention_days=_seconds(environment, "RETENTION_DAYS", 365.0, 0.001, 100_000.0, "days"),

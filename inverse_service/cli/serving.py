@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -12,6 +13,11 @@ from inverse_service.cli.exits import ExitCode
 from inverse_service.errors import InputError
 from inverse_service.settings import read_settings
 
+# Of the web process itself, in MiB and in times MAX_BODY: no request can make it take the memory of the others.
+WEB_MEMORY = 1024
+SHARE_OF_BODIES = 128
+# Streams and running work have ended by then, or they never will; what was acknowledged is stored in any case, s.
+LONGEST_END = 4.5
 EXAMPLE = '{"coordinates": ["x"], "equations": {"x": "-x"}}'
 
 
@@ -21,6 +27,7 @@ def serve_http(host: str, port: int) -> ExitCode:
     listener = _listen(host, port)
     import uvicorn
 
+    from inverse_service.service.jobs.isolation import bound_data
     from inverse_service.web import journal
     from inverse_service.web.application import create_application
     from inverse_service.web.headers import LARGEST_HEADERS
@@ -30,13 +37,14 @@ def serve_http(host: str, port: int) -> ExitCode:
     # Opened here so that a database that cannot be used is one sentence, and before the address is told.
     application.state.engine.open()
     address = _address(host, listener.getsockname()[1])
+    bound_data(WEB_MEMORY + SHARE_OF_BODIES * settings.max_body // 2**20)
     print(f"{address}\ncurl -s {address}/v1/solve -H 'Content-Type: application/json' -d '{EXAMPLE}'", flush=True)
     configuration = uvicorn.Config(
         application,
         log_config=None,
         access_log=False,
         server_header=False,
-        timeout_graceful_shutdown=5,
+        timeout_graceful_shutdown=1,
         timeout_keep_alive=30,
         h11_max_incomplete_event_size=LARGEST_HEADERS,
     )
@@ -49,11 +57,14 @@ def serve_http(host: str, port: int) -> ExitCode:
 
 
 def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
-    """Streams that are open end when the first signal comes; uvicorn waits for them."""
+    """Streams that are open end when the first signal comes; uvicorn waits for them, and not for ever."""
     handle = server.handle_exit
 
     def handle_exit(number: int, frame: Any) -> None:
         close_streams()
+        last = threading.Timer(LONGEST_END, os._exit, (ExitCode.DONE,))
+        last.daemon = True
+        last.start()
         handle(number, frame)
 
     server.handle_exit = handle_exit

@@ -17,7 +17,6 @@ from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.settings import Settings
 from inverse_service.web import (
-    pages,
     problems,
     routes,
     routes_batches,
@@ -28,7 +27,9 @@ from inverse_service.web import (
 from inverse_service.web.engine import Engine
 from inverse_service.web.head_requests import HeadAsGet
 from inverse_service.web.headers import SecurityHeaders
+from inverse_service.web.leaving import StopWhenLeft
 from inverse_service.web.measuring import Measured
+from inverse_service.web.pages import routing
 from inverse_service.web.pages.refused import page_of_refusal
 
 TITLE = "inverse-service"
@@ -44,6 +45,7 @@ def create_application(settings: Settings) -> FastAPI:
     app = FastAPI(title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None)
     app.state.engine = Engine(settings)
     problems.install(app, page_of_refusal)
+    app.add_middleware(StopWhenLeft)
     app.add_middleware(HeadAsGet)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Measured, counters=app.state.engine.counters)
@@ -58,7 +60,7 @@ def create_application(settings: Settings) -> FastAPI:
         )
     for part in (routes, routes_jobs, routes_simulation, routes_batches, routes_operations):
         app.include_router(part.router)
-    app.include_router(pages.router, include_in_schema=False)
+    app.include_router(routing.router, include_in_schema=False)
     app.openapi = lambda: _description(app)  # type: ignore[method-assign]
     return app
 

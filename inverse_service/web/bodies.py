@@ -1,38 +1,44 @@
-"""Reading the body of a request: bounded, of the right type, strict JSON."""
+"""The body of a request as bytes: bounded, counted while it is under way, of the right type. Workers read it."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 from starlette.requests import ClientDisconnect, Request
 
-from inverse_service.errors import InputError
-from inverse_service.service.documents.reading import read_json
-from inverse_service.service.jobs.outcome import faults_of
+from inverse_service.web.clients import client_of
+from inverse_service.web.engine import Engine
 from inverse_service.web.problems import Refusal
 
 
-async def read_body(request: Request, limit: int) -> bytes:
-    """The body; refuses one of more than `limit` bytes (413) without reading all of it."""
+@asynccontextmanager
+async def body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
+    """The body, which counts as under way to the end of the context; 413 for more than `limit` bytes, unread."""
     declared = request.headers.get("content-length", "0")
     if declared.isascii() and declared.isdigit() and (len(declared) > 15 or int(declared) > limit):
         raise too_large(limit)
-    body = bytearray()
-    try:
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > limit:
-                raise too_large(limit)
-    except ClientDisconnect:
-        raise Refusal(400, "unreadable", "The connection was closed before the whole body had come.") from None
-    return bytes(body)
+    engine: Engine = request.app.state.engine
+    with engine.bytes.account(client_of(request)) as account:
+        parts = []
+        try:
+            async for part in request.stream():
+                parts.append(part)
+                account.take(len(part))
+                if account.held > limit:
+                    raise too_large(limit)
+        except ClientDisconnect:
+            raise Refusal(400, "unreadable", "The connection was closed before the whole body had come.") from None
+        yield b"".join(parts)
 
 
-async def read_json_body(request: Request, limit: int) -> Any:
-    """The JSON value of the body; refusals: 415 another type, 413 too large, 400 not JSON."""
+@asynccontextmanager
+async def json_body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
+    """The same for a body that says it is JSON; 415 for another type."""
     if not is_json(content_type(request)):
         raise Refusal(415, "content-type", "Send JSON with the header 'Content-Type: application/json'.")
-    return as_json(await read_body(request, limit))
+    async with body_of(request, limit) as body:
+        yield body
 
 
 def content_type(request: Request) -> str:
@@ -43,14 +49,6 @@ def content_type(request: Request) -> str:
 def is_json(media_type: str) -> bool:
     """Whether a body of this type is one JSON value."""
     return media_type == "application/json" or media_type.endswith("+json")
-
-
-def as_json(body: bytes) -> Any:
-    """Strict JSON; raises a Refusal with status 400."""
-    try:
-        return read_json(body)
-    except InputError as error:
-        raise Refusal(400, "unreadable", error.detail, faults_of(error)) from None
 
 
 def too_large(limit: int) -> Refusal:

@@ -23,9 +23,14 @@ def require_client(request: Request) -> None:
 
 
 def client_of(request: Request) -> str:
-    """The client that `require_client` found."""
-    name: str = request.state.client_name
+    """The client that `require_client` found, the address where nobody was asked for a key."""
+    name: str = getattr(request.state, "client_name", None) or address_of(request)
     return name
+
+
+def address_of(request: Request) -> str:
+    """Where the request comes from."""
+    return request.client.host if request.client else ""
 
 
 def may_see_all(request: Request) -> bool:
@@ -58,7 +63,7 @@ def key_of_cookie(request: Request) -> str:
 
 def _client(request: Request, settings: Settings) -> str:
     if not settings.api_keys:
-        return request.client.host if request.client else ""
+        return address_of(request)
     scheme, _, token = request.headers.get("authorization", "").partition(" ")
     key = token.strip() if scheme.lower() == "bearer" else request.headers.get("x-api-key", "")
     name = client_of_key(key or key_of_cookie(request), settings)

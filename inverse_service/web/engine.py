@@ -5,15 +5,18 @@ from __future__ import annotations
 import asyncio
 import itertools
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, ParamSpec, TypeVar
 
 from inverse_service.service.documents.answers import value_of
 from inverse_service.service.documents.refusals import DocumentRefused
-from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs import body_tasks, tasks
+from inverse_service.service.jobs.batch_lines import BatchTerms
 from inverse_service.service.jobs.cleaning import Cleaner
+from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.identity import batch_id
 from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.model import Batch, BatchLine, Bounds, Job, JobRequest, StoreUnavailable
@@ -22,28 +25,39 @@ from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
+from inverse_service.service.jobs.worker_process import preload
 from inverse_service.service.jobs.workers import Executor, Workers
 from inverse_service.settings import Settings
+from inverse_service.web.budget import LARGEST_FACTOR, ByteBudget
 from inverse_service.web.hub import Hub, until_set
 from inverse_service.web.problems import Refusal
 
-QUICK_DEADLINE = 10.0
-PING_DEADLINE = 5.0
-LOOK_AHEAD = 1.5
+# What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
+QUICK_DEADLINE = 1.0
+SECONDS_FOR_A_BYTE = 2e-6
+LONG_DEADLINE = 15.0
+QUICK_PROCESSES = 3
+# Of one client so many run at the same time, and one is always left for the others.
+QUICK_SHARE = QUICK_PROCESSES - 1
+# A client may have this part of the places of those who wait.
+SHARE_OF_WAITING = 2
 # Another front end over the same store tells this one nothing: look again.
 LOOK_AGAIN = 0.5
 STORE_THREADS = 32
 # A database that is away is waited for by whoever asks it, never by the loop; s.
 STORE_PATIENCE = 20.0
 READY_PATIENCE = 5.0
+START_PATIENCE = 10.0
+FORM_TASKS = "inverse_service.web.pages.form_tasks"
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
 class Engine:
-    """Two pools: one runs jobs, the other answers what takes milliseconds.
+    """Two pools: one runs jobs, the other reads what comes in and answers what takes milliseconds.
 
-    A page that echoes what was understood must not wait behind a system of an hour.
+    A page that echoes what was understood must not wait behind a system of an hour. What clients send is read in the
+    second pool, never on the loop, which only moves bytes.
     """
 
     supervisor: Supervisor
@@ -54,10 +68,11 @@ class Engine:
         self.started = time.time()
         self.counters = Counters()
         self._working: Executor = _executor(settings)
-        self._quick = Workers(1, settings.memory_limit)
+        self._quick = Workers(QUICK_PROCESSES, settings.memory_limit, QUICK_SHARE)
         self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
         self._cleaner: Cleaner | None = None
-        self._waiting = 0
+        self._waiting: Counter[str] = Counter()
+        self.bytes = ByteBudget(2 * LARGEST_FACTOR * settings.max_body, LARGEST_FACTOR * settings.max_body)
         self.is_open = False
         self._store: JobStore | None = None
 
@@ -72,10 +87,11 @@ class Engine:
         """Start processes and threads; call on the loop and thread that live as long as the service."""
         self.open()
         self.hub = Hub()
+        preload(FORM_TASKS)
         self._working.start()
         self._quick.start()
         bound = self.settings.client_running
-        self.supervisor = Supervisor(self.store, self._working, self._quick, self.counters, bound)
+        self.supervisor = Supervisor(self.store, self._working, self.counters, bound)
         self.store.on_change(self.hub.tell)
         self.supervisor.start()
         self._cleaner = Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
@@ -102,7 +118,7 @@ class Engine:
         self.supervisor.stop()
         self._working.stop()
         self._quick.stop()
-        self._threads.shutdown()
+        self._threads.shutdown(wait=False, cancel_futures=True)
         self.store.close()
         self._store = None
 
@@ -188,28 +204,43 @@ class Engine:
             self.supervisor.cancel(job)
         return len(dismissed)
 
-    async def check(self, text: str) -> dict[str, Any]:
-        """The checker's verdict; incomplete where the check ran into a limit."""
-        outcome = await self._run(self._working, Call(tasks.check_task, (text,), self.settings.time_limit))
-        if outcome.status in ("deadline", "memory"):
+    async def read_batch(self, client: str, body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
+        """The lines of a batch; raises DocumentRefused or Refusal."""
+        found = await self.read_body(client, body_tasks.batch_task, body, is_array, terms, seconds=LONG_DEADLINE)
+        lines: list[BatchLine] = found
+        return lines
+
+    async def read_body(
+        self, client: str, task: Callable[..., Outcome], body: bytes, *more: Any, seconds: float = QUICK_DEADLINE
+    ) -> Any:
+        """What a task of the quick processes makes of a body; raises DocumentRefused, or Refusal at a limit."""
+        outcome = await self.run_quick(client, task, body, *more, seconds=seconds)
+        if outcome.status in LIMITS:
+            raise Refusal(422, "limit", f"Reading this document ran into the {outcome.status} limit; make it smaller.")
+        return value_of(outcome)
+
+    async def run_quick(self, client: str, task: Callable[..., Outcome], *arguments: Any, seconds: float) -> Outcome:
+        """Run a task in one of the quick processes, for `seconds` and more where much is given."""
+        size = sum(len(argument) for argument in arguments if isinstance(argument, bytes))
+        call = Call(task, arguments, seconds + SECONDS_FOR_A_BYTE * size, client=client)
+        return await self._run(self._quick, call)
+
+    async def check(self, client: str, body: bytes) -> dict[str, Any]:
+        """The checker's verdict; a long check goes on among the jobs, and is incomplete at its limit there."""
+        outcome = await self.run_quick(client, body_tasks.check_task, body, seconds=QUICK_DEADLINE)
+        if outcome.status == "deadline":
+            call = Call(body_tasks.check_task, (body,), self.settings.time_limit, client=client)
+            outcome = await self._run(self._working, call)
+        if outcome.status in LIMITS:
             return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
         found: dict[str, Any] = value_of(outcome)
         return found
 
-    async def parse(self, document: Any) -> dict[str, Any]:
-        """What was understood of a document."""
-        outcome = await self._run(self._quick, Call(tasks.parse_task, (document,), QUICK_DEADLINE))
-        if outcome.status in ("deadline", "memory"):
-            raise Refusal(422, "limit", f"Reading this document ran into the {outcome.status} limit; make it smaller.")
-        found: dict[str, Any] = value_of(outcome)
-        return found
-
-    async def look_ahead(self, document: Any) -> None:
+    async def look_ahead(self, client: str, document: str) -> None:
         """Raise DocumentRefused where a document cannot be read, so that nobody has to wait for that answer."""
-        running = self._quick.submit(Call(tasks.parse_task, (document,), LOOK_AHEAD))
         try:
-            outcome = await asyncio.wait_for(asyncio.wrap_future(running.outcome), LOOK_AHEAD)
-        except TimeoutError:
+            outcome = await self.run_quick(client, tasks.look_ahead_task, document, seconds=QUICK_DEADLINE)
+        except Refusal:  # too many wait: the job will tell
             return
         if outcome.status == "refused":
             raise DocumentRefused(outcome.places)
@@ -223,15 +254,10 @@ class Engine:
             found.append("The service stops.")
         if not self.supervisor.is_working():
             found.append("The jobs are not looked after.")
-        found += [fault for fault in [self._working.fault()] if fault]
-        found += await self._store_faults()
-        call = Call(tasks.ping_task, (), PING_DEADLINE)
-        ping = asyncio.wrap_future(self._quick.submit(call).outcome)
-        try:
-            ended = await asyncio.wait_for(ping, 2 * PING_DEADLINE)
-        except TimeoutError:
-            ended = Outcome("deadline")
-        return found if ended.status == "done" else [*found, "No worker process answers yet."]
+        with suppress(TimeoutError):  # while the service starts
+            await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(self._quick.first)), START_PATIENCE)
+        found += {fault: None for fault in (self._working.fault(), self._quick.fault()) if fault}
+        return found + await self._store_faults()
 
     async def _store_faults(self) -> list[str]:
         try:
@@ -242,24 +268,28 @@ class Engine:
         return ["The queue of jobs is full."] if waiting >= self.settings.queue else []
 
     async def _run(self, executor: Executor, call: Call) -> Outcome:
-        with self._place_in_queue():
+        """The outcome of a call that is withdrawn where nobody waits for it any more."""
+        with self._place_in_queue(call.client):
             running = executor.submit(call)
             try:
                 return await asyncio.wrap_future(running.outcome)
             except asyncio.CancelledError:
-                running.cancel()
+                executor.withdraw(running)
                 raise
 
     @contextmanager
-    def _place_in_queue(self) -> Iterator[None]:
-        if self._waiting >= self.settings.waiting:
+    def _place_in_queue(self, client: str) -> Iterator[None]:
+        most = self.settings.waiting
+        if self._waiting.total() >= most or self._waiting[client] >= max(1, most // SHARE_OF_WAITING):
             detail = "Too many requests wait for a worker; try again in some seconds."
             raise Refusal(429, "busy", detail, headers={"Retry-After": "2"})
-        self._waiting += 1
+        self._waiting[client] += 1
         try:
             yield
         finally:
-            self._waiting -= 1
+            self._waiting[client] -= 1
+            if not self._waiting[client]:
+                del self._waiting[client]
 
 
 def _executor(settings: Settings) -> Executor:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 import uuid
 from dataclasses import dataclass
-from typing import Any
 
 from starlette.requests import Request
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.options import JobOptions, read_options, read_time_limit
+from inverse_service.service.jobs.options import JobOptions, read_time_limit
 from inverse_service.web.problems import Refusal
 
 DEFAULT_WAIT = 2.0
@@ -55,17 +54,15 @@ def batch_key_of(request: Request) -> str:
     return given or (uuid.uuid4().hex if wants_fresh(request) else "")
 
 
-def options_of(request: Request, given: Any, server: JobOptions) -> JobOptions:
-    """The options of the document, of the query `time_limit`, else the server's."""
-    options = read_options(given, server)
+def time_limit_of(request: Request, server: JobOptions) -> float | None:
+    """What the query `time_limit` asks for, which goes before the document's; None where it says nothing."""
     text = request.query_params.get("time_limit")
     if text is None:
-        return options
+        return None
     try:
-        seconds = read_time_limit(_number(text), server.time_limit)
+        return read_time_limit(_number(text), server.time_limit)
     except InputError as error:
         raise Refusal(422, "limit", error.detail) from None
-    return JobOptions(seconds, options.memory_limit, options.seed)
 
 
 def _number(text: str) -> float:

@@ -15,6 +15,7 @@ from starlette.responses import Response
 
 from inverse_service.errors import InputError, NoWorker, WorkerFailed
 from inverse_service.service.documents.problem_documents import as_bytes, problem_document
+from inverse_service.service.jobs.body_tasks import UNREADABLE
 from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
 from inverse_service.service.jobs.outcome import Place, faults_of
 from inverse_service.web.headers import HEADERS
@@ -68,8 +69,8 @@ async def _on_refusal(request: Request, error: Exception) -> Response:
 
 async def _on_input_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, InputError)
-    places = faults_of(error)
-    return problem(Refusal(422, places[0].code, error.detail, places))
+    status = 400 if error.code == UNREADABLE else 422
+    return problem(Refusal(status, error.code, error.detail, faults_of(error)))
 
 
 async def _on_worker_failed(request: Request, error: Exception) -> Response:

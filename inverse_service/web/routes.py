@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 from fastapi import APIRouter, Depends
 from starlette.requests import Request
@@ -13,18 +12,16 @@ from api_schemas import sizes
 from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer, ParseAnswer
 from inverse_service import catalogue
 from inverse_service.expressions.limits import LIMITS
-from inverse_service.service.documents.reading import decode
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
-from inverse_service.service.jobs.options import split_options
-from inverse_service.web.bodies import as_json, read_body, read_json_body
-from inverse_service.web.clients import require_client
+from inverse_service.service.jobs.body_tasks import parse_task
+from inverse_service.web.bodies import json_body_of
+from inverse_service.web.budget import FACTORS
+from inverse_service.web.clients import client_of, require_client
 from inverse_service.web.describing import BAD_BODY, SYSTEM_BODY, refusals
 from inverse_service.web.preferences import DEFAULT_WAIT, MAX_WAIT
 from inverse_service.web.problems import Refusal
-from inverse_service.web.routes_batches import BODY_FACTOR
 from inverse_service.web.routes_jobs import engine_of
 
-CHECK_BODY_FACTOR = 20
 # The checker says itself what is missing; a schema would only hide its verdict.
 ANY_OBJECT = {"requestBody": {"required": True, "content": {"application/json": {"schema": {"type": "object"}}}}}
 router = APIRouter(dependencies=[Depends(require_client)])
@@ -34,8 +31,9 @@ router = APIRouter(dependencies=[Depends(require_client)])
 async def parse(request: Request) -> Response:
     """What was understood of a System document: text, LaTeX and MathML of each acceleration."""
     engine = engine_of(request)
-    document = await read_json_body(request, engine.settings.max_body)
-    return JSONResponse(await engine.parse(split_options(document)[0]))
+    async with json_body_of(request, engine.settings.max_body) as body:
+        found = await engine.read_body(client_of(request), parse_task, body)
+    return Response(found, media_type="application/json")
 
 
 @router.post("/v1/check", responses={200: {"model": CheckAnswer}, **BAD_BODY}, openapi_extra=ANY_OBJECT)
@@ -45,10 +43,8 @@ async def check(request: Request) -> Response:
     The system of a result is compared with the document that it carries, or with the one beside it.
     """
     engine = engine_of(request)
-    body_limit = CHECK_BODY_FACTOR * engine.settings.max_body
-    if not isinstance(await read_json_body_again(request, body_limit), dict):
-        raise Refusal(422, "bad-input", "The body is not a result: send the JSON object that /v1/solve answered.")
-    return JSONResponse(await engine.check(decode(request.state.body)))
+    async with json_body_of(request, FACTORS["check"] * engine.settings.max_body) as body:
+        return JSONResponse(await engine.check(client_of(request), body))
 
 
 @router.get("/v1/catalogue", response_model=CatalogueList)
@@ -80,8 +76,8 @@ async def limits(request: Request) -> Response:
         "time_limit_seconds": settings.time_limit,
         "memory_limit_mib": settings.memory_limit,
         "max_body_bytes": settings.max_body,
-        "max_result_bytes": CHECK_BODY_FACTOR * settings.max_body,
-        "max_batch_bytes": BODY_FACTOR * settings.max_body,
+        "max_result_bytes": FACTORS["check"] * settings.max_body,
+        "max_batch_bytes": FACTORS["batch"] * settings.max_body,
         "max_batch_lines": settings.max_lines,
         "max_line_bytes": MAX_LINE_BYTES,
         "default_wait_seconds": DEFAULT_WAIT,
@@ -94,9 +90,3 @@ async def limits(request: Request) -> Response:
         "store_mib": settings.store_size,
     }
     return JSONResponse({"document": document, "formula": dataclasses.asdict(LIMITS), "service": service})
-
-
-async def read_json_body_again(request: Request, limit: int) -> Any:
-    """The JSON value of the body, whose bytes stay at hand for the checker, which reads them itself."""
-    request.state.body = await read_body(request, limit)
-    return as_json(request.state.body)

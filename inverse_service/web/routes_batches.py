@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from typing import Any, Literal
 
 from fastapi import APIRouter, Depends
@@ -13,23 +14,23 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
-from inverse_service.service.jobs import batch_lines
+from inverse_service.service.jobs.batch_lines import BatchTerms
 from inverse_service.service.jobs.line_answers import answer_line
-from inverse_service.service.jobs.model import Batch, BatchLine, StoreUnavailable
-from inverse_service.web.bodies import content_type, is_json, read_body
+from inverse_service.service.jobs.model import Batch, StoreUnavailable
+from inverse_service.web.bodies import body_of, content_type, is_json
+from inverse_service.web.budget import FACTORS
 from inverse_service.web.clients import client_of, may_see_all, require_client
 from inverse_service.web.describing import BAD_BODY, BATCH_PARAMETERS, JOB_HEADERS, KEY_AND_RATE, refusals
 from inverse_service.web.engine import Engine
 from inverse_service.web.hub import ANY, until_set
 from inverse_service.web.job_answers import RETRY_AFTER, batch_fields
-from inverse_service.web.preferences import batch_key_of, options_of, wants_fresh
+from inverse_service.web.preferences import batch_key_of, time_limit_of, wants_fresh
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
 
 router = APIRouter(dependencies=[Depends(require_client)])
 NDJSON = "application/x-ndjson"
 NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
-BODY_FACTOR = 64
 AT_ONCE = 200
 KEEP_ALIVE = 10.0
 KindName = Literal["solve", "check", "simulate", "work-precision"]
@@ -66,17 +67,13 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     media_type = content_type(request)
     if media_type not in NDJSON_TYPES and not is_json(media_type):
         raise Refusal(415, "content-type", f"Send 'Content-Type: {NDJSON}' or 'Content-Type: application/json'.")
-    options = options_of(request, None, engine.server_options)
-    body = await read_body(request, BODY_FACTOR * engine.settings.max_body)
-    read = batch_lines.lines_of_ndjson if media_type in NDJSON_TYPES else batch_lines.lines_of_array
-    client, most, fresh = client_of(request), engine.settings.max_lines, wants_fresh(request)
-    key = batch_key_of(request)
-
-    def lines() -> list[BatchLine]:
-        return batch_lines.batch_lines(read(body), kind, options, engine.server_options, client, most, fresh)
-
+    server, client, key = engine.server_options, client_of(request), batch_key_of(request)
+    options = replace(server, time_limit=time_limit_of(request, server) or server.time_limit)
+    terms = BatchTerms(kind, options, server, client, engine.settings.max_lines, wants_fresh(request))
     try:
-        stored = await engine.create_batch(kind, client, await engine.in_thread(lines), key)
+        async with body_of(request, FACTORS["batch"] * engine.settings.max_body) as body:
+            lines = await engine.read_batch(client, body, is_json(media_type), terms)
+            stored = await engine.create_batch(kind, client, lines, key)
     except InputError as error:
         status = 413 if error.code == "limit" else 422
         raise Refusal(status, error.code, error.detail) from None

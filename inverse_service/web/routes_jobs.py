@@ -14,17 +14,17 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from api_schemas.job import Job as JobDocument
 from api_schemas.job import JobList
 from api_schemas.result import ResultDocument
-from inverse_service.service.jobs.asking import request_of
+from inverse_service.service.jobs.body_tasks import AskingTerms, ask_task
 from inverse_service.service.jobs.event_log import last_event
 from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
-from inverse_service.service.jobs.options import split_options
-from inverse_service.web.bodies import read_json_body
+from inverse_service.web.bodies import json_body_of
+from inverse_service.web.budget import FACTORS
 from inverse_service.web.clients import client_of, may_see_all, require_client
 from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, KEY_AND_RATE, SYSTEM_BODY, TIME_LIMIT_QUERY, refusals
 from inverse_service.web.engine import LOOK_AGAIN, Engine
 from inverse_service.web.hub import until_set
 from inverse_service.web.job_answers import job_fields, job_json, job_response, result_response
-from inverse_service.web.preferences import options_of, preference_of, wants_fresh
+from inverse_service.web.preferences import preference_of, time_limit_of, wants_fresh
 from inverse_service.web.problems import Refusal
 
 router = APIRouter(dependencies=[Depends(require_client)])
@@ -39,7 +39,6 @@ EVENT = {
         "data": {"type": "string", "contentMediaType": "application/json", "contentSchema": {"type": "object"}},
     },
 }
-BODY_FACTORS = {"simulate": 5, "work-precision": 5}
 
 
 @router.post(
@@ -62,15 +61,15 @@ async def ask(request: Request, kind: str) -> Response:
     """The common way of all questions: store the job, wait a little, answer."""
     engine = engine_of(request)
     preference = preference_of(request)
-    body = await read_json_body(request, engine.settings.max_body * BODY_FACTORS.get(kind, 1))
-    document, given = split_options(body)
-    options = options_of(request, given, engine.server_options)
-    question = request_of(kind, document, options, client_of(request), fresh=wants_fresh(request))
+    client, server = client_of(request), engine.server_options
+    terms = AskingTerms(kind, server, time_limit_of(request, server), client, wants_fresh(request))
+    async with json_body_of(request, FACTORS[kind] * engine.settings.max_body) as body:
+        question = await engine.read_body(client, ask_task, body, terms)
     job = await engine.submit(question)
     if job.is_open and preference.wait > 0:
         job = await engine.wait(job, preference.wait)
     elif job.is_open and kind == "solve":
-        await engine.look_ahead(document)
+        await engine.look_ahead(client, question.document)
     # The progress of a job that runs elsewhere is in the store.
     return await engine.read(result_response, job, engine, preference.applied)
 

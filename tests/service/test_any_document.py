@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents import documents
 from inverse_service.service.documents.reading import read_json, read_toml, read_yaml
 from inverse_service.service.jobs import tasks
 
@@ -40,7 +41,7 @@ DOCUMENTS = st.fixed_dictionaries(
 
 
 def understood_or_refused(document: Any) -> None:
-    outcome = tasks.parse_task(document)
+    outcome = tasks.guard(documents.parse_document, document)
     assert outcome.status in ("done", "refused"), outcome.detail
     for place in outcome.places:
         assert place.detail

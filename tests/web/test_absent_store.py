@@ -17,6 +17,7 @@ from inverse_service.settings import Settings
 from inverse_service.web import engine as engine_module
 from inverse_service.web.application import create_application
 from inverse_service.web.hub import Hub
+from tests.web.inline import Inline
 
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "0"}}
 CALLS: tuple[tuple[str, str, Any], ...] = (
@@ -49,7 +50,7 @@ Work = Callable[[httpx.AsyncClient], Awaitable[None]]
 def with_store(store: Any, work: Work) -> None:
     application = create_application(Settings())
     engine = application.state.engine
-    engine.is_open, engine._store = True, store
+    engine.is_open, engine._store, engine._quick = True, store, Inline()
 
     async def run() -> None:
         engine.hub = Hub()

@@ -15,6 +15,7 @@ from inverse_service.settings import Settings
 from inverse_service.web.application import create_application
 from inverse_service.web.engine import Engine
 from inverse_service.web.problems import Refusal
+from tests.web.inline import Inline
 
 DOCUMENT = {"coordinates": ["x"], "equations": {"x": "0"}}
 
@@ -28,6 +29,7 @@ def answer_of(monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Setti
     monkeypatch.setattr(Engine, "submit", fail)
     application = create_application(settings or Settings())
     application.state.engine.is_open = True
+    application.state.engine._quick = Inline()
     transport = httpx.ASGITransport(application, raise_app_exceptions=False)
 
     async def call() -> httpx.Response:
@@ -65,13 +67,16 @@ def test_without_a_worker_process_a_request_is_told_to_come_back(monkeypatch: py
 
 
 def test_one_request_too_many_is_told_to_come_back() -> None:
-    engine = Engine(Settings(waiting=2))
-    with engine._place_in_queue(), engine._place_in_queue():
-        with pytest.raises(Refusal) as refused, engine._place_in_queue():
+    engine = Engine(Settings(waiting=4))
+    with engine._place_in_queue("a"), engine._place_in_queue("a"):
+        with pytest.raises(Refusal) as refused, engine._place_in_queue("a"):
             pass
         assert refused.value.status == 429
         assert refused.value.headers == {"Retry-After": "2"}
-    with engine._place_in_queue():
+        b, c = engine._place_in_queue("b"), engine._place_in_queue("c")
+        with b, engine._place_in_queue("b"), pytest.raises(Refusal), c:
+            pass
+    with engine._place_in_queue("a"):
         pass
 
 

@@ -112,6 +112,10 @@ class Cluster:
         self._wake.set()
         return running
 
+    def withdraw(self, running: Running) -> None:
+        """Cancel a task."""
+        running.cancel()
+
     def abandon(self, running: RemoteRunning) -> None:
         """The task is cancelled: it ends here at once, and there as soon as the message arrives."""
         if not self._close_task(running, Outcome("cancelled")):

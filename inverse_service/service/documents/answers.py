@@ -14,7 +14,7 @@ from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.outcome import Outcome
 
 log = logging.getLogger(__name__)
-UNDERSTAND_DEADLINE = 5.0
+UNDERSTAND_DEADLINE = 2.0
 
 
 def with_understood(outcome: Outcome, understood: Outcome) -> Outcome:

@@ -16,7 +16,12 @@ from inverse_service.errors import InputError, LimitError
 
 MAX_DEPTH = 64
 MAX_NUMBER_CHARACTERS = 400
-_JSON_STRING_OR_BRACKET = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]', re.DOTALL)
+# Nothing is given back of what was matched, so that a string of megabytes takes no memory of its own.
+_JSON_STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+(?:"|\Z)', re.DOTALL)
+_NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+_ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+# Keys of so many parts are refused before tomllib sees them, whose time and memory grow with the square.
+_DOTTED_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{MAX_DEPTH}}}""")
 
 
 def read_json(data: bytes | str) -> Any:
@@ -37,7 +42,10 @@ def read_json(data: bytes | str) -> Any:
         raise InputError(
             f"The document is not JSON: {_first_lower(error.msg)} at line {error.lineno}, column {error.colno}."
         ) from None
-    refuse_surrogates(value)
+    except RecursionError:
+        raise _too_deep() from None
+    if _ESCAPED_SURROGATE.search(text):
+        refuse_surrogates(value)
     return value
 
 
@@ -61,8 +69,11 @@ def read_toml(data: bytes | str) -> Any:
     """The value of a TOML text; raises InputError with the place."""
     import tomllib
 
+    text = decode(data)
+    if _DOTTED_KEY.search(text):
+        raise _too_deep()
     try:
-        value = tomllib.loads(decode(data), parse_float=_decimal)
+        value = tomllib.loads(text, parse_float=_decimal)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"The document is not TOML: {_first_lower(str(error))[:200]}.") from None
     except RecursionError:
@@ -97,13 +108,15 @@ def decode(data: bytes | str) -> str:
 
 
 def refuse_surrogates(value: Any) -> None:
-    """Raises InputError where a text, key or value, holds half of a surrogate pair."""
-    stack: list[tuple[Any, str]] = [(value, "")]
+    """Raises InputError where a text, key or value, holds half of a surrogate pair, or where nesting is too deep."""
+    stack: list[tuple[Any, str, int]] = [(value, "", 0)]
     while stack:
-        node, pointer = stack.pop()
+        node, pointer, depth = stack.pop()
         if isinstance(node, str) and not _is_encodable(node):
             raise InputError("A text holds half of a surrogate pair; write the whole character.", pointer)
-        stack.extend(_parts(node, pointer))
+        if depth > MAX_DEPTH:
+            raise _too_deep()
+        stack.extend((part, place, depth + 1) for part, place in _parts(node, pointer))
 
 
 def escape(key: object) -> str:
@@ -128,10 +141,10 @@ def _is_encodable(text: str) -> bool:
 
 
 def _refuse_deep_json(text: str) -> None:
+    """One pass over the text, before the reader takes memory for what it holds."""
     depth = 0
-    for match in _JSON_STRING_OR_BRACKET.finditer(text):
-        token = match.group()[0]
-        depth += (token in "[{") - (token in "]}")
+    for bracket in _JSON_STRING.sub(b"", text.encode("utf-8", "surrogatepass")).translate(None, _NO_BRACKETS):
+        depth += 1 if bracket in b"[{" else -1
         if depth > MAX_DEPTH:
             raise _too_deep()
 

@@ -47,6 +47,7 @@ class DocumentRefused(InputError):
     def __init__(self, places: tuple[Place, ...]) -> None:
         super().__init__(places[0].detail, places[0].pointer, places[0].column)
         self.places = places
+        self.code = places[0].code
 
 
 def places_of(error: ValidationError, nonholonomic: bool = False) -> tuple[Place, ...]:

@@ -190,12 +190,10 @@ def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
     """A store, a supervisor and its processes for the time of one run."""
     with temporary_database() as database:
         store = SqliteStore(database, durable=False)
-        quick = Workers(1, plan.options.memory_limit)
         working = _executor(plan)
         try:
             working.start()
-            quick.start()
-            supervisor = Supervisor(store, working, quick)
+            supervisor = Supervisor(store, working)
             engine = BatchEngine(store, plan.options, working)
             supervisor.start()
             try:
@@ -204,7 +202,6 @@ def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
                 supervisor.stop()
         finally:
             working.stop()
-            quick.stop()
             store.close()
 
 

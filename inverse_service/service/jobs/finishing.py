@@ -9,22 +9,28 @@ from typing import Any
 
 from inverse_service.errors import InverseServiceError
 from inverse_service.service.documents import problem_documents
-from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, result_document, with_understood
-from inverse_service.service.jobs import tasks
+from inverse_service.service.documents.answers import result_document
 from inverse_service.service.jobs.kinds import KINDS, label_of, solve_options
 from inverse_service.service.jobs.model import Job, Usage
 from inverse_service.service.jobs.options import JobOptions, stored_options
-from inverse_service.service.jobs.outcome import Call, Outcome
+from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.states import MAX_CRASHES, MAX_UNSTARTED
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.jobs.workers import Executor
 
 log = logging.getLogger(__name__)
 LIMITS = ("deadline", "memory")
 
 
-def finish(store: JobStore, job: Job, outcome: Outcome, quick: Executor) -> str:
-    """Store what came of the job; the label it is counted under ("again": it will run once more)."""
+def is_undetermined(job: Job, outcome: Outcome) -> bool:
+    """Whether a limit stopped the job and this is its answer."""
+    return outcome.status in LIMITS and KINDS[job.kind].limit_is_answer
+
+
+def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
+    """Store what came of the job; the label it is counted under ("again": it will run once more).
+
+    A job that a limit stopped has as its value how the system was understood.
+    """
     usage = Usage(outcome.spent.wall, outcome.spent.cpu, outcome.spent.memory)
     if outcome.status == "cancelled":
         # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
@@ -40,8 +46,8 @@ def finish(store: JobStore, job: Job, outcome: Outcome, quick: Executor) -> str:
     if outcome.status == "done":
         return _successful(store, job, outcome.value.body, outcome.value.label, usage)
     options = stored_options(job.options)
-    if outcome.status in LIMITS and KINDS[job.kind].limit_is_answer:
-        result = undetermined(job, outcome, options, quick)
+    if is_undetermined(job, outcome):
+        result = undetermined(outcome, options)
         return _successful(store, job, json.dumps(result, ensure_ascii=False).encode(), label_of(result), usage)
     if outcome.status in ("crash", "fault", "unstarted"):
         log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
@@ -63,14 +69,10 @@ def lose(store: JobStore, job: Job) -> None:
     store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage())
 
 
-def undetermined(job: Job, outcome: Outcome, options: JobOptions, quick: Executor) -> dict[str, Any]:
-    """The result of a solve job that a limit ended, with how the system was understood."""
-    call = Call(tasks.understand_job_task, (job.document,), UNDERSTAND_DEADLINE)
-    understood = quick.submit(call).outcome.result()
-    if understood.status == "refused":
-        understood = Outcome("crash")
+def undetermined(outcome: Outcome, options: JobOptions) -> dict[str, Any]:
+    """The result of a solve job that a limit ended."""
     try:
-        return result_document(with_understood(outcome, understood), solve_options(options), options.memory_limit)
+        return result_document(outcome, solve_options(options), options.memory_limit)
     except InverseServiceError:
         bare = replace(outcome, value=None)
         return result_document(bare, solve_options(options), options.memory_limit)

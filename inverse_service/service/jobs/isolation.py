@@ -24,6 +24,8 @@ def isolate(memory_limit: int) -> None:
     Where the system has no such limits (Windows, partly macOS) a step is left out.
     """
     _limit("RLIMIT_CORE", 0, 0)
+    # The service has a smaller one, which its workers inherit; theirs is that of the address space.
+    bound_data(memory_limit)
     bound_memory(memory_limit, memory_limit)
     die_with_parent()
 
@@ -40,6 +42,11 @@ def die_with_parent() -> None:
 def bound_memory(soft: int, hard: int) -> None:
     """Bound the address space, in MiB; a task may have less than its process."""
     _limit("RLIMIT_AS", soft * 2**20, hard * 2**20)
+
+
+def bound_data(limit: int) -> None:
+    """Bound what this process has for its data, in MiB; the processes that it starts may raise that again."""
+    _limit("RLIMIT_DATA", limit * 2**20, None)
 
 
 def bound_processor(deadline: float) -> None:

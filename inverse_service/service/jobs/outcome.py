@@ -62,8 +62,8 @@ class Outcome:
 class Call:
     """What a worker is to do: `task(*arguments)` within `deadline` s and `memory_limit` MiB (None: the pool's).
 
-    `reports`: the task takes a keyword `report` and calls it with what it is doing. `priority`: the
-    smaller one goes first.
+    `reports`: the task takes a keyword `report` and calls it with what it is doing. `client`: whose it is, so
+    that nobody waits for the many of another. `priority`: the smaller one of a client goes first.
     """
 
     task: Callable[..., Outcome]
@@ -72,6 +72,7 @@ class Call:
     memory_limit: int | None = None
     reports: bool = False
     priority: int = 0
+    client: str = ""
 
 
 def outcome_of_exit(exitcode: int | None) -> Outcome:

@@ -13,10 +13,11 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from inverse_service.errors import InverseServiceError
+from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, with_understood
 from inverse_service.service.jobs import finishing, tasks
 from inverse_service.service.jobs.event_log import EventLog
 from inverse_service.service.jobs.metrics import Counters
@@ -25,7 +26,8 @@ from inverse_service.service.jobs.options import stored_options
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.states import MAX_RESTARTS
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.jobs.workers import Executor, Running
+from inverse_service.service.jobs.worker_process import Report
+from inverse_service.service.jobs.workers import FIRST, Executor, Running
 
 log = logging.getLogger(__name__)
 FINISHERS = 4
@@ -33,6 +35,8 @@ TICK = 0.1
 HEARTBEAT = 5.0
 LEASE = 30.0
 POLL = 0.5
+# A store that does not answer keeps no service from its end; what it does not hear is run again, s.
+STOP_PATIENCE = 2.0
 # The store cannot be reached now and may be back: disk full or locked, server gone.
 AWAY = (sqlite3.OperationalError, StoreUnavailable, OSError)
 
@@ -44,19 +48,18 @@ class _Ended:
 
 
 class Supervisor:
-    """Runs the jobs of one store on one executor; `quick` says how a system was understood."""
+    """Runs the jobs of one store on one executor."""
 
     def __init__(
         self,
         store: JobStore,
         executor: Executor,
-        quick: Executor,
         counters: Counters | None = None,
         client_running: int | None = None,
     ) -> None:
         self.counters = counters or Counters()
         self.events = EventLog(store)
-        self._store, self._executor, self._quick = store, executor, quick
+        self._store, self._executor = store, executor
         self._client_running = client_running
         self._owner = uuid.uuid4().hex
         self._running: dict[tuple[str, int], tuple[Job, Running]] = {}
@@ -100,18 +103,18 @@ class Supervisor:
         self._wake.set()
         if not self._threads:
             return
-        self._threads[0].join()
+        self._threads[0].join(STOP_PATIENCE)
         with self._lock:
             running = [found[1] for found in self._running.values()]
         for task in running:
             task.cancel()
-        end = time.monotonic() + 5
+        end = time.monotonic() + STOP_PATIENCE
         while self._running and time.monotonic() < end:
             time.sleep(0.005)
         for _ in range(FINISHERS):
             self._ended.put(None)
         for thread in self._threads[1:]:
-            thread.join(5)
+            thread.join(max(0.0, end - time.monotonic()))
         self.events.flush()
 
     def _claim_loop(self) -> None:
@@ -149,13 +152,24 @@ class Supervisor:
             return
         options = stored_options(job.options)
         arguments = (job.kind, job.document, job.options)
-        call = Call(tasks.job_task, arguments, options.time_limit, options.memory_limit, True, job.priority)
+        call = Call(tasks.job_task, arguments, options.time_limit, options.memory_limit, True, job.priority, job.client)
         self.events.begin(job)
         began = time.monotonic()
+        self._run(job, call, self._end, lambda value: self.events.report(job, began, value))
+
+    def _run(self, job: Job, call: Call, end: Callable[[Job, Outcome], None], report: Report | None = None) -> None:
         with self._lock:
-            task = self._executor.submit(call, lambda value: self.events.report(job, began, value))
+            task = self._executor.submit(call, report)
             self._running[job.id, job.attempt] = (job, task)
-        task.outcome.add_done_callback(lambda done: self._ended.put(_Ended(job, done.result())))
+        task.outcome.add_done_callback(lambda done: end(job, done.result()))
+
+    def _end(self, job: Job, outcome: Outcome) -> None:
+        """To the finishers; a system that a limit stopped is understood first, by the workers like all else."""
+        if not finishing.is_undetermined(job, outcome) or self._stopping.is_set():
+            self._ended.put(_Ended(job, outcome))
+            return
+        call = Call(tasks.understand_job_task, (job.document,), UNDERSTAND_DEADLINE, None, False, FIRST, job.client)
+        self._run(job, call, lambda job, understood: self._ended.put(_Ended(job, with_understood(outcome, understood))))
 
     def _finish_loop(self) -> None:
         while (ended := self._ended.get()) is not None:
@@ -191,7 +205,7 @@ class Supervisor:
 
     def _finish(self, job: Job, outcome: Outcome) -> None:
         self.events.flush()
-        label = finishing.finish(self._store, job, outcome, self._quick)
+        label = finishing.finish(self._store, job, outcome)
         self.events.end(job)
         spent = outcome.spent
         about = {"kind": job.kind, "outcome": label}

@@ -50,9 +50,9 @@ def solve_task(document: Any, options: SolveOptions, report: Callable[[str], Non
     return _guarded("solve_document", document, options, report)
 
 
-def parse_task(document: Any) -> Outcome:
-    """A System document to what was understood."""
-    return _guarded("parse_document", document)
+def look_ahead_task(document: str) -> Outcome:
+    """Whether the document of a solve job, which is JSON, can be read to its last formula."""
+    return guard(lambda: _call("parse_document", read_json(document)) and None)
 
 
 def understand_task(document: Any) -> Outcome:

@@ -28,6 +28,8 @@ WARM = "inverse_service.service.jobs.warm"
 STARTED, REPORT, DONE = "started", "report", "done"
 Report = Callable[[Any], None]
 _starting = threading.Lock()
+# What the server that forks the workers has loaded.
+_preloaded = [BOND, WARM]
 
 
 class NotStarted(Exception):
@@ -101,8 +103,14 @@ def process_context() -> Any:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([BOND, WARM])
+    context.set_forkserver_preload(_preloaded)
     return context
+
+
+def preload(module: str) -> None:
+    """Have the server that forks the workers load one more module; call before the first pool starts."""
+    if module not in _preloaded:
+        _preloaded.append(module)
 
 
 def start_server() -> None:

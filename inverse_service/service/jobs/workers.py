@@ -7,15 +7,15 @@ already, so a replacement costs some 20 ms; it never starts from the threads of 
 
 from __future__ import annotations
 
-import itertools
 import logging
-import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.fair_queue import NO_SHARE, FairQueue
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.worker_process import NotStarted, Report, WorkerProcess, start_server
 
@@ -26,8 +26,10 @@ MEMORY_TO_REPLACE = 700.0
 STARTS = 3
 # Between attempts to start a process where the system has none to give, s.
 START_PAUSE = 0.5
-LAST = 1_000_000
 IDLE_LOOK = 1.0
+# The first task of all shows that the engine can be loaded, s.
+PING_DEADLINE = 60.0
+FIRST = -1
 
 
 @dataclass(slots=True, eq=False)
@@ -39,6 +41,7 @@ class Running:
     outcome: Future[Outcome] = field(default_factory=Future)
     _worker: WorkerProcess | None = None
     _cancelled: bool = False
+    _ended: bool = False
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
@@ -46,11 +49,14 @@ class Running:
         self.outcome.set_running_or_notify_cancel()
 
     def cancel(self) -> None:
-        """Stop the work: a task that waits is dropped, the process of one that runs is killed."""
+        """Stop the work: a task that waits ends at once, the process of one that runs is killed."""
         with self._lock:
             self._cancelled = True
-            if self._worker is not None:
-                self._worker.kill()
+            worker = self._worker
+            if worker is not None:
+                worker.kill()
+        if worker is None:
+            self.end(Outcome("cancelled"))
 
     @property
     def is_cancelled(self) -> bool:
@@ -65,9 +71,12 @@ class Running:
             return not self._cancelled
 
     def end(self, outcome: Outcome) -> None:
-        """Hand the outcome over; what a cancelled task says does not count."""
+        """Hand the outcome over, once; what a cancelled task says does not count."""
         with self._lock:
             self._worker = None
+            if self._ended:
+                return
+            self._ended = True
         self.outcome.set_result(Outcome("cancelled", spent=outcome.spent) if self._cancelled else outcome)
 
 
@@ -84,6 +93,9 @@ class Executor(Protocol):
     def submit(self, call: Call, report: Report | None = None) -> Running:
         """Run the call; returns at once."""
 
+    def withdraw(self, running: Running) -> None:
+        """Cancel a task and forget it where it waits."""
+
     def fault(self) -> str:
         """Why nothing can run now, in a sentence; empty where it can."""
 
@@ -92,15 +104,17 @@ class Executor(Protocol):
 
 
 class Workers:
-    """A pool that heals itself; safe to use from any thread."""
+    """A pool that heals itself; safe to use from any thread. Of one client at most `share` tasks run at a time."""
 
-    def __init__(self, count: int, memory_limit: int) -> None:
+    def __init__(self, count: int, memory_limit: int, share: int = NO_SHARE) -> None:
         self._count = count
         self._memory_limit = memory_limit
         self._lock = threading.Lock()
-        self._tasks: queue.PriorityQueue[tuple[int, int, Running | None]] = queue.PriorityQueue()
-        self._numbers = itertools.count()
+        self._tasks: FairQueue[Running] = FairQueue(share)
         self._threads: list[threading.Thread] = []
+        # The threads that have a process, and how the first task of all ended, which no client asked for.
+        self._alive: set[int] = set()
+        self.first: Future[Outcome] = Future()
         self._running: set[Running] = set()
         self._stopped = False
         self._stopping = threading.Event()
@@ -117,25 +131,32 @@ class Workers:
                 return
             start_server()
             self._threads = [
-                threading.Thread(target=self._serve, name=f"worker-{k}", daemon=True) for k in range(self._count)
+                threading.Thread(target=self._serve, args=(k,), name=f"worker-{k}", daemon=True)
+                for k in range(self._count)
             ]
         for thread in self._threads:
             thread.start()
+        self.submit(Call(tasks.ping_task, (), PING_DEADLINE, priority=FIRST)).outcome.add_done_callback(self._prove)
 
     def submit(self, call: Call, report: Report | None = None) -> Running:
-        """Run the call in one of the processes, in turn."""
+        """Run the call in one of the processes: the clients in turn, the urgent calls of each first."""
         running = Running(call, report)
-        with self._lock:
-            refused = self._stopped or not self._threads
-            if not refused:
-                self._tasks.put((call.priority, next(self._numbers), running))
-        if refused:
+        if not self._threads or not self._tasks.put(call.client, call.priority, running):
             running.end(Outcome("crash", detail="The worker processes are stopped."))
         return running
 
+    def withdraw(self, running: Running) -> None:
+        """Cancel a task and forget it where it waits."""
+        self._tasks.remove(running.call.client, running)
+        running.cancel()
+
     def fault(self) -> str:
-        """Without threads there are no processes."""
-        return "" if self._threads and not self._stopped else "The worker processes are stopped."
+        """Says the same whatever clients ask: a process has answered once, and there is one."""
+        if not self._threads or self._stopped:
+            return "The worker processes are stopped."
+        if not self.first.done() or self.first.result().status != "done":
+            return "No worker process answers yet."
+        return "" if self._alive else "No worker process can be started."
 
     def run(self, task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float) -> Outcome:
         """`submit` and wait."""
@@ -147,26 +168,35 @@ class Workers:
             self._stopped = True
             self._stopping.set()
             running = list(self._running)
-        for task in running:
+        for task in (*self._tasks.close(), *running):
             task.cancel()
-        for _ in self._threads:
-            self._tasks.put((LAST, next(self._numbers), None))
         for thread in self._threads:
-            thread.join(10)
+            thread.join(2)
 
-    def _serve(self) -> None:
+    def _prove(self, pinged: Future[Outcome]) -> None:
+        outcome = pinged.result()
+        self.first.set_result(outcome)
+        if outcome.status != "done":
+            log.error("the first task of a worker ended with %s: %s", outcome.status, outcome.detail)
+
+    def _serve(self, number: int) -> None:
         worker: WorkerProcess | None = None
-        while True:
-            worker = self._healthy(worker)
-            try:
-                _, _, task = self._tasks.get(timeout=IDLE_LOOK)
-            except queue.Empty:
+        while not self._stopped:
+            worker = self._noted(number, self._healthy(worker))
+            found = self._tasks.get(IDLE_LOOK)
+            if found is None:
                 continue
-            if task is None:
-                break
-            worker = self._work(task, worker)
+            client, task = found
+            try:
+                worker = self._noted(number, self._work(task, worker))
+            finally:
+                self._tasks.done(client)
         if worker is not None:
             worker.close()
+
+    def _noted(self, number: int, worker: WorkerProcess | None) -> WorkerProcess | None:
+        (self._alive.discard if worker is None else self._alive.add)(number)
+        return worker
 
     def _work(self, task: Running, worker: WorkerProcess | None) -> WorkerProcess | None:
         """Run one task; the process to go on with."""

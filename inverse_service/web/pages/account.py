@@ -8,12 +8,11 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.web.clients import COOKIE, LARGEST_KEY, client_of_key, cookie_of_key
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages.forms import read_form
+from inverse_service.web.pages.receiving import SMALL_FORM, read_form
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.visitor import THEME_COOKIE, THEMES, local_address
 
 router = APIRouter()
-SMALL_FORM = 10_000
 A_YEAR = 365 * 86_400
 
 

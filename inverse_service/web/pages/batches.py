@@ -12,14 +12,14 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.service.jobs.line_answers import answer_line
 from inverse_service.service.jobs.model import BatchAnswer
+from inverse_service.web.budget import FACTORS
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages.calls import call
-from inverse_service.web.pages.forms import read_form
+from inverse_service.web.pages.receiving import SMALL_FORM, read_form
 from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.results import IDENTIFIER, SMALL_FORM, missing, result_address
+from inverse_service.web.pages.results import IDENTIFIER, missing, result_address
 
 router = APIRouter()
-BODY_FACTOR = 64
 SHOWN_LINES = 300
 EXAMPLE = """{"id": "oscillator", "equations": "x'' = -x"}
 {"id": "damped", "equations": "x'' = -x - k*x'", "parameters": ["k"]}
@@ -49,7 +49,7 @@ async def form() -> HTMLResponse:
 @router.post("/batch")
 async def submit(request: Request) -> Response:
     """Store the batch; on to its page."""
-    sent = await read_form(request, BODY_FACTOR * request.app.state.engine.settings.max_body)
+    sent = await read_form(request, FACTORS["batch"] * request.app.state.engine.settings.max_body)
     upload = sent.files.get("file")
     body = upload.data if upload is not None else sent.text("lines").encode()
     is_array = body.lstrip()[:1] == b"["

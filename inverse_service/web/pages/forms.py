@@ -1,4 +1,4 @@
-"""Forms as browsers send them: fields and uploaded files, bounded."""
+"""Forms as browsers send them: fields and uploaded files."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import parse_qs
 
-from starlette.requests import Request
-
-from inverse_service.web.bodies import read_body
-from inverse_service.web.clients import OWN_PAGES
-from inverse_service.web.problems import Refusal
+from inverse_service.errors import InputError
+from inverse_service.service.documents.refusals import DocumentRefused
+from inverse_service.service.jobs.body_tasks import UNREADABLE
+from inverse_service.service.jobs.outcome import Place
 
 MAX_FIELDS = 120
 _BOUNDARY = re.compile(r'boundary="?([^";]{1,70})"?', re.IGNORECASE)
@@ -44,12 +43,8 @@ class Form:
         return self.fields.get(name, ())
 
 
-async def read_form(request: Request, limit: int) -> Form:
-    """The sent form; refuses one of another site (403), too large (413), not written by a browser (400)."""
-    if request.headers.get("sec-fetch-site", "") not in OWN_PAGES:
-        raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
-    body = await read_body(request, limit)
-    content_type = request.headers.get("content-type", "")
+def form_of(body: bytes, content_type: str) -> Form:
+    """The sent form; raises InputError for what no browser sends."""
     if content_type.lower().startswith("multipart/form-data"):
         return _multipart(body, content_type)
     return _urlencoded(body)
@@ -93,6 +88,7 @@ def _take(part: bytes, fields: dict[str, tuple[str, ...]], files: dict[str, Uplo
         raise unreadable() from None
 
 
-def unreadable() -> Refusal:
+def unreadable() -> InputError:
     """The body is no form."""
-    return Refusal(400, "unreadable", "The form was not sent as a browser sends it.")
+    detail = "The form was not sent as a browser sends it."
+    return DocumentRefused((Place(detail, code=UNREADABLE),))

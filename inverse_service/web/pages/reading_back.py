@@ -13,6 +13,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import Acceleration, Symbol
+from inverse_service.service.jobs.outcome import faults_of
 from inverse_service.web.pages import typesetting
 
 FIELD_NAMES = {
@@ -137,7 +138,8 @@ def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
 
 def problem_of_error(error: InputError, fields: Mapping[str, str]) -> Problem:
     """A fault found while the form was read."""
-    return Problem("Please change this:", [_place(error, fields)])
+    found = (InputError(p.detail, p.pointer, p.column, p.instead) for p in faults_of(error))
+    return Problem("Please change this:", [_place(fault, fields) for fault in found])
 
 
 def _error(place: Mapping[str, Any]) -> InputError:

@@ -19,8 +19,8 @@ from inverse_service.web.pages import answers, cases, constrained, exports, figu
 from inverse_service.web.pages.advice import advice_for
 from inverse_service.web.pages.calls import Answer, call
 from inverse_service.web.pages.documents import question_address
-from inverse_service.web.pages.forms import read_form
 from inverse_service.web.pages.glossary import TERMS
+from inverse_service.web.pages.receiving import SMALL_FORM, read_form
 from inverse_service.web.pages.rendering import can_simulate, page
 
 router = APIRouter()
@@ -29,7 +29,6 @@ IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 PATIENCE = 1.0
 LOOK_EVERY = 0.04
 OPEN = frozenset(("accepted", "running"))
-SMALL_FORM = 10_000
 
 
 @router.get("/results/{identifier}")

@@ -15,7 +15,7 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
-from inverse_service.web.pages.forms import read_form
+from inverse_service.web.pages.receiving import read_form
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.results import IDENTIFIER, result_address, stored_job
 from inverse_service.web.pages.scenes import (

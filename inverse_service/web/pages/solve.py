@@ -11,11 +11,13 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from api_schemas import system as system_schema
 from inverse_service import catalogue
-from inverse_service.errors import InputError
+from inverse_service.web.clients import client_of
+from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
-from inverse_service.web.pages.documents import document_of, fields_from, fields_of, fields_of_link, lean_fields
-from inverse_service.web.pages.forms import Form, read_form
+from inverse_service.web.pages.documents import fields_from, fields_of_link, lean_fields
+from inverse_service.web.pages.form_tasks import Sent, echo_sent_task, echo_task, sent_task
+from inverse_service.web.pages.receiving import read_sent
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.pages.results import result_address
 from inverse_service.web.problems import Refusal
@@ -64,52 +66,53 @@ async def form(request: Request) -> HTMLResponse:
         fields = lean_fields(example_document(FIRST_NONHOLONOMIC))
     else:
         fields = fields_from({"equations": START})
-    echo = await understand(request, fields, document_of_fields_or_none(fields))
-    return solve_page(fields, **echo)
+    return solve_page(fields, **await understand(request, fields))
 
 
 @router.post("/")
 async def submit(request: Request) -> Response:
     """The job of the form; on to its page, or back with what to change."""
-    sent = await read_form(request, request.app.state.engine.settings.max_body)
-    fields = fields_of(sent)
     try:
-        example = sent.text("example")
-        document = example_document(example) if example else document_of(sent)
-    except InputError as error:
-        return solve_page(fields, problem=reading_back.problem_of_error(error, fields), status=422)
-    answer = await call(request, "POST", "/v1/solve", document, {"Prefer": "respond-async"})
+        sent: Sent = await read_sent(request, request.app.state.engine.settings.max_body, sent_task)
+    except Refusal as refusal:
+        return _not_read(refusal)
+    if sent.document is None:
+        return solve_page(sent.fields, problem=sent.problem, status=422)
+    answer = await call(request, "POST", "/v1/solve", sent.document, {"Prefer": "respond-async"})
     if answer.is_problem:
-        shown = fields_from(document) if "document" in sent.files or example else fields
-        return solve_page(shown, problem=reading_back.problem_of(answer.value, shown), status=answer.status)
+        return solve_page(sent.shown, problem=reading_back.problem_of(answer.value, sent.shown), status=answer.status)
     return RedirectResponse(result_address(answer), 303)
 
 
 @router.post("/understood")
 async def echo(request: Request) -> HTMLResponse:
     """What was understood of the form: the fragment for the script, the whole page without it."""
-    sent = await read_form(request, request.app.state.engine.settings.max_body)
-    fields = fields_of(sent)
     try:
-        document = document_of(sent)
-    except InputError as error:
-        found: dict[str, Any] = {"problem": reading_back.problem_of_error(error, fields)}
-    else:
-        found = await understand(request, fields, document)
+        fields, found = await read_sent(request, request.app.state.engine.settings.max_body, echo_sent_task)
+    except Refusal as refusal:
+        return _not_read(refusal)
     if request.query_params.get("fragment"):
         return page("understood.html", **({"problem": None, "understood": None} | found))
     return solve_page(fields, **found)
 
 
-async def understand(request: Request, fields: dict[str, str], document: dict[str, Any] | None) -> dict[str, Any]:
-    """What /v1/parse says of a document, for the template."""
-    typed = any(fields[name] for name in ("equations", "lagrangian", "constraints"))
-    if document is None or not (typed or document):
+def _not_read(refusal: Refusal) -> HTMLResponse:
+    """The form at its start, where what was sent is too heavy to be read; anything else is refused as everywhere."""
+    if refusal.kind != "limit":
+        raise refusal
+    problem = reading_back.problem_of({"detail": refusal.detail}, {})
+    return solve_page(fields_from({"equations": START}), problem=problem, status=refusal.status)
+
+
+async def understand(request: Request, fields: dict[str, str]) -> dict[str, Any]:
+    """How the fields are understood, for the template; nothing where no worker has time to say."""
+    engine: Engine = request.app.state.engine
+    try:
+        outcome = await engine.run_quick(client_of(request), echo_task, fields, seconds=QUICK_DEADLINE)
+    except Refusal:
         return {}
-    answer = await call(request, "POST", "/v1/parse", document)
-    if answer.is_problem:
-        return {"problem": reading_back.problem_of(answer.value, fields)} if typed else {}
-    return {"understood": reading_back.understood(answer.value)}
+    found: dict[str, Any] = outcome.value if outcome.status == "done" else {}
+    return found
 
 
 def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTMLResponse:
@@ -154,11 +157,3 @@ async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
     result = answer.value.get("result") or {}
     given = (result.get("system") or {}).get("given")
     return lean_fields(given if isinstance(given, dict) else {"equations": START})
-
-
-def document_of_fields_or_none(fields: dict[str, str]) -> dict[str, Any] | None:
-    """The document of the fields, None where they cannot be read."""
-    try:
-        return document_of(Form({name: (value,) for name, value in fields.items()}))
-    except InputError:
-        return None

@@ -83,8 +83,11 @@ def final(store: SqliteStore, id: str) -> Job:
 def run(store: SqliteStore, *outcomes: Outcome, understood: Outcome | None = None) -> tuple[Job, dict[str, Any]]:
     """The job, and its body, when its runs end like this, one after the other."""
     left = list(outcomes)
-    quick = Scripted(lambda call: understood or Outcome("crash"))
-    supervisor = Supervisor(store, Scripted(lambda call: left.pop(0)), quick)
+
+    def end_of(call: Call) -> Outcome:
+        return understood or Outcome("crash") if call.task is tasks.understand_job_task else left.pop(0)
+
+    supervisor = Supervisor(store, Scripted(end_of))
     supervisor.start()
     (job,) = store.submit([request()])
     job = final(store, job.id)
@@ -142,7 +145,7 @@ def test_a_fault_of_ours_is_not_tried_again(store: SqliteStore) -> None:
 
 def test_jobs_that_run_when_the_service_stops_run_later(store: SqliteStore) -> None:
     (job,) = store.submit([request()])
-    supervisor = Supervisor(store, Scripted(lambda call: None), Scripted(lambda call: None))
+    supervisor = Supervisor(store, Scripted(lambda call: None))
     supervisor.start()
     end = time.monotonic() + 10
     while supervisor.running == 0 and time.monotonic() < end:
@@ -163,7 +166,7 @@ def test_jobs_of_a_service_that_died_run_again_but_not_for_ever(store: SqliteSto
     assert found is not None
     assert found.restarts == MAX_RESTARTS - 1
     store.claim("dead", 1)
-    supervisor = Supervisor(store, Scripted(lambda call: DONE), Scripted(lambda call: None))
+    supervisor = Supervisor(store, Scripted(lambda call: DONE))
     supervisor.start()
     ended = final(store, job.id)
     supervisor.stop()
@@ -172,7 +175,7 @@ def test_jobs_of_a_service_that_died_run_again_but_not_for_ever(store: SqliteSto
 
 
 def test_a_cancelled_job_frees_its_worker(store: SqliteStore) -> None:
-    supervisor = Supervisor(store, Scripted(lambda call: None), Scripted(lambda call: None))
+    supervisor = Supervisor(store, Scripted(lambda call: None))
     supervisor.start()
     (job,) = store.submit([request()])
     end = time.monotonic() + 10
@@ -189,7 +192,7 @@ def test_a_cancelled_job_frees_its_worker(store: SqliteStore) -> None:
 
 def test_the_options_of_a_job_reach_its_worker(store: SqliteStore) -> None:
     executor = Scripted(lambda call: DONE)
-    supervisor = Supervisor(store, executor, Scripted(lambda call: None))
+    supervisor = Supervisor(store, executor)
     supervisor.start()
     document, given = split_options(SYSTEM | {"options": {"time_limit": 3, "memory_limit": 2000, "seed": 5}})
     (job,) = store.submit([request_of("solve", document, read_options(given, JobOptions()))])
@@ -240,7 +243,7 @@ def refusing(tmp_path: Path) -> Iterator[Refusing]:
 
 
 def test_an_answer_waits_for_a_store_that_is_away(refusing: Refusing) -> None:
-    supervisor = Supervisor(refusing, Scripted(lambda call: DONE), Scripted(lambda call: DONE))
+    supervisor = Supervisor(refusing, Scripted(lambda call: DONE))
     supervisor.start()
     (job,) = refusing.submit([request()])
     assert refusing.refused.wait(10)
@@ -253,13 +256,13 @@ def test_an_answer_waits_for_a_store_that_is_away(refusing: Refusing) -> None:
 
 
 def test_an_answer_that_waits_when_the_service_stops_is_computed_again(refusing: Refusing) -> None:
-    supervisor = Supervisor(refusing, Scripted(lambda call: DONE), Scripted(lambda call: DONE))
+    supervisor = Supervisor(refusing, Scripted(lambda call: DONE))
     supervisor.start()
     (job,) = refusing.submit([request()])
     assert refusing.refused.wait(10)
     supervisor.stop()
     refusing.away = False
-    again = Supervisor(refusing, Scripted(lambda call: DONE), Scripted(lambda call: DONE))
+    again = Supervisor(refusing, Scripted(lambda call: DONE))
     again.start()
     assert final(refusing, job.id).status == "successful"
     again.stop()
@@ -267,7 +270,7 @@ def test_an_answer_that_waits_when_the_service_stops_is_computed_again(refusing:
 
 def test_an_answer_lost_by_a_fault_ends_its_job(refusing: Refusing) -> None:
     refusing.error = sqlite3.DataError("string or blob too big")
-    supervisor = Supervisor(refusing, Scripted(lambda call: DONE), Scripted(lambda call: DONE))
+    supervisor = Supervisor(refusing, Scripted(lambda call: DONE))
     supervisor.start()
     (job,) = refusing.submit([request()])
     ended = final(refusing, job.id)

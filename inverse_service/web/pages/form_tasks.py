@@ -1,0 +1,94 @@
+"""Forms read inside worker processes: the fields, the document that they mean, and how it is understood."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from inverse_service import catalogue
+from inverse_service.errors import InputError
+from inverse_service.service.documents import documents
+from inverse_service.service.jobs.options import split_options
+from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.tasks import guard
+from inverse_service.web.pages import reading_back
+from inverse_service.web.pages.documents import document_of, fields_from, fields_of
+from inverse_service.web.pages.forms import Form, form_of
+
+Fields = dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """The solve form as it was sent: its document, or why there is none. `shown` are the fields of that document."""
+
+    fields: Fields
+    shown: Fields
+    document: dict[str, Any] | None = None
+    problem: reading_back.Problem | None = None
+
+
+def form_task(body: bytes, content_type: str) -> Outcome:
+    """A sent form to its fields and files."""
+    return guard(form_of, body, content_type)
+
+
+def sent_task(body: bytes, content_type: str) -> Outcome:
+    """The sent solve form to what it says."""
+    return guard(_sent, body, content_type)
+
+
+def echo_sent_task(body: bytes, content_type: str) -> Outcome:
+    """The sent solve form to its fields and how it is understood."""
+    return guard(_echo_sent, body, content_type)
+
+
+def echo_task(fields: Fields) -> Outcome:
+    """The fields of the solve form to how they are understood."""
+    return guard(_echo, fields)
+
+
+def _sent(body: bytes, content_type: str) -> Sent:
+    form = form_of(body, content_type)
+    fields, example = fields_of(form), form.text("example")
+    try:
+        document = _example(example) if example else document_of(form)
+    except InputError as error:
+        return Sent(fields, fields, problem=reading_back.problem_of_error(error, fields))
+    is_shown = example or "document" in form.files
+    return Sent(fields, fields_from(document) if is_shown else fields, document)
+
+
+def _example(name: str) -> dict[str, Any]:
+    try:
+        return catalogue.document(name)
+    except KeyError:
+        raise InputError("The catalogue has no system of this name; /gallery shows them.") from None
+
+
+def _echo_sent(body: bytes, content_type: str) -> tuple[Fields, dict[str, Any]]:
+    sent = _sent(body, content_type)
+    if sent.document is None:
+        return sent.fields, {"problem": sent.problem}
+    return sent.fields, _understood(sent.fields, sent.document)
+
+
+def _echo(fields: Fields) -> dict[str, Any]:
+    try:
+        document = document_of(Form({name: (value,) for name, value in fields.items()}))
+    except InputError:  # nothing was sent yet that could be at fault
+        return {}
+    return _understood(fields, document)
+
+
+def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
+    """What /v1/parse says of a document, for the template."""
+    typed = any(fields[name] for name in ("equations", "lagrangian", "constraints"))
+    if not (typed or document):
+        return {}
+    try:
+        answer = documents.parse_document(split_options(document)[0])
+    except InputError as error:
+        return {"problem": reading_back.problem_of_error(error, fields)} if typed else {}
+    return {"understood": reading_back.understood(answer)}
