@@ -8,6 +8,7 @@ import hmac
 
 from starlette.requests import Request
 
+from inverse_service.service.jobs.ownership import Viewer
 from inverse_service.settings import Settings, hash_of_key
 from inverse_service.web.problems import Refusal
 
@@ -18,8 +19,16 @@ OWN_PAGES = ("same-origin", "none", "")
 
 
 def require_client(request: Request) -> None:
-    """A dependency of every call under /v1: notes the client; 401 without a good key where keys are set."""
-    request.state.client_name = _client(request, request.app.state.engine.settings)
+    """A dependency of every call under /v1: notes who asks; 401 without a good key where keys are set."""
+    settings = request.app.state.engine.settings
+    request.state.client_name = _client(request, settings)
+    request.state.viewer = Viewer(request.state.client_name, not settings.api_keys)
+
+
+def viewer_of(request: Request) -> Viewer:
+    """Who asks, as `require_client` found: all that is read, listed and cancelled is checked against it."""
+    viewer: Viewer = request.state.viewer
+    return viewer
 
 
 def client_of(request: Request) -> str:
@@ -31,11 +40,6 @@ def client_of(request: Request) -> str:
 def address_of(request: Request) -> str:
     """Where the request comes from."""
     return request.client.host if request.client else ""
-
-
-def may_see_all(request: Request) -> bool:
-    """Whether jobs of others are shown in lists and may be cancelled: only where nobody has a key."""
-    return not request.app.state.engine.settings.api_keys
 
 
 def client_of_key(key: str, settings: Settings) -> str | None:

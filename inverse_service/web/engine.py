@@ -23,6 +23,7 @@ from inverse_service.service.jobs.model import Batch, BatchLine, Bounds, Job, Jo
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.outcome import Call, Outcome
+from inverse_service.service.jobs.ownership import Viewer
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.worker_process import preload
@@ -144,13 +145,17 @@ class Engine:
         except TimeoutError:
             raise StoreUnavailable("The database does not answer in time.") from None
 
-    async def job(self, id: str, with_body: bool = True) -> Job | None:
-        """One job of the store."""
-        return await self.read(self.store.job, id, with_body)
+    async def job(self, id: str, viewer: Viewer, with_body: bool = True) -> Job | None:
+        """A job as this viewer may see it; None also for another client's."""
+        return viewer.seen(await self.read(self.store.job, id, with_body, viewer.name))
 
-    async def submit(self, request: JobRequest) -> Job:
+    async def batch(self, id: str, viewer: Viewer) -> Batch | None:
+        """A batch as this viewer may see it; None also for another client's."""
+        return viewer.seen(await self.read(self.store.batch, id))
+
+    async def submit(self, request: JobRequest, viewer: Viewer) -> Job:
         """The stored job of a question; an answered one comes with its body, without a look at a worker."""
-        job, is_known = await self.read(self._submit, request)
+        job, is_known = await self.read(self._submit, viewer.own(request))
         if is_known:
             self.counters.add(
                 "inverse_service_answers_from_store_total", "Questions that were known already.", kind=request.kind
@@ -158,34 +163,39 @@ class Engine:
         return job
 
     def _submit(self, request: JobRequest) -> tuple[Job, bool]:
-        found = self.store.job(request.id) if not request.fresh else None
-        if found is not None and found.status != "dismissed":
+        found = self.store.job(request.id)
+        if found is not None and found.is_final and not found.is_to_be_asked(request.fresh, time.time()):
             return found, True
-        return self.store.submit([request], self.bounds)[0], False
+        is_known = found is not None and found.is_open
+        return self.store.submit([request], self.bounds)[0], is_known
 
-    async def wait(self, job: Job, seconds: float) -> Job:
+    async def wait(self, job: Job, viewer: Viewer, seconds: float) -> Job:
         """The job when it is final, or as it is after so many seconds."""
         end = time.monotonic() + seconds
         with self.hub.waiting(job.id) as changed:
             while True:
                 changed.clear()
-                job = await self.job(job.id) or job
+                job = await self.job(job.id, viewer) or job
                 left = end - time.monotonic()
                 if job.is_final or left <= 0 or self.hub.closing:
                     return job
                 await until_set(changed, min(left, LOOK_AGAIN))
 
-    async def dismiss(self, id: str) -> Job | None:
-        """Cancel a job: it is dismissed in the store, and its process is killed."""
-        job = await self.read(self.store.dismiss, id)
-        self.supervisor.cancel(id)
+    async def dismiss(self, id: str, viewer: Viewer) -> Job | None:
+        """Cancel a job for a client; its process is killed where nobody else waits for it."""
+        if await self.job(id, viewer, with_body=False) is None:
+            return None
+        job, is_over = await self.read(self.store.dismiss, id, viewer.name)
+        if is_over:
+            self.supervisor.cancel(id)
         return job
 
-    async def create_batch(self, kind: str, client: str, lines: Sequence[BatchLine], key: str) -> Batch:
+    async def create_batch(self, kind: str, viewer: Viewer, lines: Sequence[BatchLine], key: str) -> Batch:
         """The stored batch of these lines; one with cancelled lines is left as it is and a new one made."""
-        return await self.in_thread(self._create_batch, kind, client, lines, key)
+        return await self.in_thread(self._create_batch, kind, viewer, lines, key)
 
-    def _create_batch(self, kind: str, client: str, lines: Sequence[BatchLine], key: str) -> Batch:
+    def _create_batch(self, kind: str, viewer: Viewer, lines: Sequence[BatchLine], key: str) -> Batch:
+        client, lines = viewer.name, [viewer.own_line(line) for line in lines]
         latest: Batch | None = None
         for generation in itertools.count():
             id = batch_id(kind, client, lines, key, generation)
@@ -197,8 +207,10 @@ class Engine:
             return latest
         return self.store.create_batch(id, kind, client, lines, self.bounds)
 
-    async def dismiss_batch(self, id: str) -> int:
-        """Cancel what is still open in a batch; how many jobs that were."""
+    async def dismiss_batch(self, id: str, viewer: Viewer) -> int:
+        """Cancel what is still open in a batch; how many jobs stopped."""
+        if await self.batch(id, viewer) is None:
+            return 0
         dismissed = await self.in_thread(self.store.dismiss_batch, id)
         for job in dismissed:
             self.supervisor.cancel(job)

@@ -19,7 +19,7 @@ from inverse_service.service.jobs.line_answers import answer_line
 from inverse_service.service.jobs.model import Batch, StoreUnavailable
 from inverse_service.web.bodies import body_of, content_type, is_json
 from inverse_service.web.budget import FACTORS
-from inverse_service.web.clients import client_of, may_see_all, require_client
+from inverse_service.web.clients import client_of, require_client, viewer_of
 from inverse_service.web.describing import BAD_BODY, BATCH_PARAMETERS, JOB_HEADERS, KEY_AND_RATE, refusals
 from inverse_service.web.engine import Engine
 from inverse_service.web.hub import ANY, until_set
@@ -73,7 +73,7 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     try:
         async with body_of(request, FACTORS["batch"] * engine.settings.max_body) as body:
             lines = await engine.read_batch(client, body, is_json(media_type), terms)
-            stored = await engine.create_batch(kind, client, lines, key)
+            stored = await engine.create_batch(kind, viewer_of(request), lines, key)
     except InputError as error:
         status = 413 if error.code == "limit" else 422
         raise Refusal(status, error.code, error.detail) from None
@@ -87,13 +87,10 @@ async def batch(request: Request, id: str) -> Response:
     return JSONResponse(batch_fields(await _known(request, id)))
 
 
-@router.delete("/v1/batches/{id}", response_model=BatchDocument, responses={**refusals(403, 404), **KEY_AND_RATE})
+@router.delete("/v1/batches/{id}", response_model=BatchDocument, responses={**refusals(404), **KEY_AND_RATE})
 async def dismiss(request: Request, id: str) -> Response:
-    """Cancel what is still open in a batch, and in no other one."""
-    found = await _known(request, id)
-    if not may_see_all(request) and found.client != client_of(request):
-        raise Refusal(403, "not-yours", "The batch belongs to another client; only that one may cancel it.")
-    await engine_of(request).dismiss_batch(id)
+    """Cancel the lines that are still open in a batch; work that nobody else waits for stops."""
+    await engine_of(request).dismiss_batch(id, viewer_of(request))
     return JSONResponse(batch_fields(await _known(request, id)))
 
 
@@ -132,8 +129,7 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
 
 
 async def _known(request: Request, id: str) -> Batch:
-    engine = engine_of(request)
-    found = await engine.read(engine.store.batch, id)
+    found = await engine_of(request).batch(id, viewer_of(request))
     if found is None:
         raise Refusal(404, "not-found", "There is no batch of this id; it may have been forgotten.")
     return found

@@ -17,9 +17,10 @@ from api_schemas.result import ResultDocument
 from inverse_service.service.jobs.body_tasks import AskingTerms, ask_task
 from inverse_service.service.jobs.event_log import last_event
 from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
+from inverse_service.service.jobs.ownership import Viewer
 from inverse_service.web.bodies import json_body_of
 from inverse_service.web.budget import FACTORS
-from inverse_service.web.clients import client_of, may_see_all, require_client
+from inverse_service.web.clients import client_of, require_client, viewer_of
 from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, KEY_AND_RATE, SYSTEM_BODY, TIME_LIMIT_QUERY, refusals
 from inverse_service.web.engine import LOOK_AGAIN, Engine
 from inverse_service.web.hub import until_set
@@ -61,13 +62,13 @@ async def ask(request: Request, kind: str) -> Response:
     """The common way of all questions: store the job, wait a little, answer."""
     engine = engine_of(request)
     preference = preference_of(request)
-    client, server = client_of(request), engine.server_options
+    client, server, viewer = client_of(request), engine.server_options, viewer_of(request)
     terms = AskingTerms(kind, server, time_limit_of(request, server), client, wants_fresh(request))
     async with json_body_of(request, FACTORS[kind] * engine.settings.max_body) as body:
         question = await engine.read_body(client, ask_task, body, terms)
-    job = await engine.submit(question)
+    job = await engine.submit(question, viewer)
     if job.is_open and preference.wait > 0:
-        job = await engine.wait(job, preference.wait)
+        job = await engine.wait(job, viewer, preference.wait)
     elif job.is_open and kind == "solve":
         await engine.look_ahead(client, question.document)
     # The progress of a job that runs elsewhere is in the store.
@@ -84,7 +85,7 @@ async def list_jobs(
 ) -> Response:
     """Jobs, newest first, without their results; `next` is the cursor of the next page."""
     engine = engine_of(request)
-    client = None if may_see_all(request) else client_of(request)
+    client = viewer_of(request).listed
     try:
         jobs, following = await engine.read(
             engine.store.jobs, status=status, kind=kind, client=client, cursor=cursor, limit=limit
@@ -108,17 +109,15 @@ async def list_jobs(
 async def job(request: Request, id: str) -> Response:
     """A job: 202 while it is open, 200 with an ETag when it is done, 304 on If-None-Match."""
     engine = engine_of(request)
-    return await engine.read(lambda: job_response(request, _known(engine.store.job(id)), engine))
+    found = _known(await engine.job(id, viewer_of(request)))
+    return await engine.read(job_response, request, found, engine)
 
 
-@router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **refusals(403, 404), **KEY_AND_RATE})
+@router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **refusals(404), **KEY_AND_RATE})
 async def dismiss(request: Request, id: str) -> Response:
-    """Cancel a job: it becomes dismissed and the work stops. A job that is done stays as it is."""
+    """Cancel a job: it is dismissed for you. The work stops when nobody else waits for it; what is done stays."""
     engine = engine_of(request)
-    found = _known(await engine.job(id, with_body=False))
-    if not may_see_all(request) and found.client != client_of(request):
-        raise Refusal(403, "not-yours", "The job belongs to another client; only that one may cancel it.")
-    found = _known(await engine.dismiss(id))
+    found = _known(await engine.dismiss(id, viewer_of(request)))
     return Response(await engine.read(job_json, found, engine), media_type="application/json")
 
 
@@ -134,21 +133,22 @@ async def dismiss(request: Request, id: str) -> Response:
 async def events(request: Request, id: str) -> Response:
     """Server-sent events of a job: status and progress, to the end. Resumable with Last-Event-ID."""
     engine = engine_of(request)
-    _known(await engine.job(id, with_body=False))
+    viewer = viewer_of(request)
+    _known(await engine.job(id, viewer, with_body=False))
     text = request.headers.get("last-event-id", request.query_params.get("last_event_id", "0"))
     after = int(text) if text.isascii() and text.isdigit() and len(text) < 16 else 0
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-    return StreamingResponse(_stream(engine, id, after), headers=headers, media_type="text/event-stream")
+    return StreamingResponse(_stream(engine, id, viewer, after), headers=headers, media_type="text/event-stream")
 
 
-async def _stream(engine: Engine, id: str, after: int) -> AsyncIterator[bytes]:
+async def _stream(engine: Engine, id: str, viewer: Viewer, after: int) -> AsyncIterator[bytes]:
     yield b"retry: 1000\n\n"
     with engine.hub.waiting(id) as changed:
         silent = 0.0
         while not engine.hub.closing:
             changed.clear()
             try:
-                found = await engine.job(id, with_body=False)
+                found = await engine.job(id, viewer, with_body=False)
                 new = await engine.read(engine.store.events, id, after)
             except StoreUnavailable:  # the stream goes on when it is back
                 yield STILL_THERE

@@ -42,7 +42,7 @@ def test_an_empty_store_has_nothing(store: JobStore) -> None:
     assert store.events("a") == []
     assert store.batch("b") is None
     assert store.batch_answers("b") == []
-    assert store.dismiss("a") is None
+    assert store.dismiss("a") == (None, False)
     assert store.release("a", 1, True) is None
     assert not store.finish("a", 1, b"{}", USAGE)
     assert dict(store.counts()) == {}
@@ -93,15 +93,15 @@ def test_failures_are_kept_and_a_dismissed_job_is_accepted_again(store: JobStore
     assert store.fail("a", a.attempt, b'{"detail": "x"}', USAGE)
     (job,) = store.submit([request("a")])
     assert (job.status, job.body) == ("failed", b'{"detail": "x"}')
-    dismissed = store.dismiss("b")
+    dismissed, is_over = store.dismiss("b")
     assert dismissed is not None
-    assert dismissed.status == "dismissed"
+    assert (dismissed.status, is_over) == ("dismissed", True)
     assert not store.finish("b", b.attempt, b"{}", USAGE), "a dismissed job got a result"
     (job,) = store.submit([request("b")])
     assert job.status == "accepted"
-    final = store.dismiss("a")
+    final, is_over = store.dismiss("a")
     assert final is not None
-    assert final.status == "failed"
+    assert (final.status, is_over) == ("failed", False)
 
 
 def test_a_result_of_an_earlier_attempt_is_dropped(store: JobStore) -> None:
@@ -124,13 +124,81 @@ def test_a_result_of_an_earlier_attempt_is_dropped(store: JobStore) -> None:
     assert found.body == b"new"
 
 
-def test_claims_go_by_priority_and_age_and_pass_over_busy_clients(store: JobStore) -> None:
-    store.submit(
-        [request("bulk", priority=10, client="x"), request("first", client="y"), request("second", client="x")]
-    )
-    assert ids(store.claim("o", 1, ["y"])) == ["second"]
-    assert ids(store.claim("o", 5)) == ["first", "bulk"]
-    assert store.running_by_client() == {"x": 2, "y": 1}
+def test_claims_go_by_priority_then_by_turns_of_the_clients_then_by_age(store: JobStore) -> None:
+    store.submit([request("bulk", priority=10, client="y")])
+    store.submit([request(f"x{k}", client="x") for k in range(4)])
+    store.submit([request(f"y{k}", client="y") for k in range(2)])
+    assert ids(store.claim("o", 4)) == ["x0", "y0", "x1", "y1"]
+    assert ids(store.claim("o", 1)) == ["x2"], "bulk goes last, whoever it belongs to"
+    assert ids(store.claim("o", 9)) == ["x3", "bulk"]
+
+
+def test_a_client_never_has_more_running_than_the_bound(store: JobStore) -> None:
+    store.submit([request(f"x{k}", client="x") for k in range(9)] + [request("y", client="y")])
+    assert ids(store.claim("o", 8, 2)) == ["x0", "y", "x1"]
+    assert store.claim("p", 8, 2) == []
+    assert store.finish("x0", 1, b"{}", USAGE)
+    assert ids(store.claim("o", 8, 2)) == ["x2"]
+
+
+def test_work_stops_when_its_last_asker_has_left(store: JobStore) -> None:
+    for client in ("alice", "bob"):
+        store.submit([request("a", client=client)])
+    job, is_over = store.dismiss("a", "bob")
+    assert job is not None
+    assert (job.status, is_over) == ("dismissed", False)
+    seen = [found.status for c in ("alice", "bob", None) if (found := store.job("a", client=c)) is not None]
+    assert seen == ["accepted", "dismissed", "accepted"]
+    (again,) = store.submit([request("a", client="bob")])
+    assert again.status == "accepted"
+    assert not store.dismiss("a", "carol")[1], "somebody who never asked stopped it"
+    assert not store.dismiss("a", "alice")[1]
+    job, is_over = store.dismiss("a", "bob")
+    assert job is not None
+    assert (job.status, is_over, store.claim("o", 5)) == ("dismissed", True, [])
+
+
+def test_a_batch_and_a_single_question_do_not_cancel_each_other(store: JobStore) -> None:
+    store.submit([request("a", client="alice")])
+    store.create_batch("B", "solve", "bob", [BatchLine(1, "1", request("a", client="bob"))])
+    assert store.dismiss_batch("B") == []
+    assert [answer.status for answer in store.batch_answers("B")] == ["dismissed"]
+    store.create_batch("C", "solve", "bob", [BatchLine(1, "1", request("a", client="bob"))])
+    assert not store.dismiss("a", "alice")[1]
+    (job,) = store.claim("o", 5)
+    store.finish("a", job.attempt, b"1", USAGE)
+    assert [answer.body for answer in store.batch_answers("C")] == [b"1"]
+    found = store.batch("B")
+    assert found is not None
+    assert found.counts == {"dismissed": 1}, "an answer that came later is not that of a cancelled line"
+
+
+def test_cancelling_a_job_cancels_the_lines_of_ones_own_batches(store: JobStore) -> None:
+    for client in ("alice", "bob"):
+        store.create_batch(f"of {client}", "solve", client, [BatchLine(1, "1", request("a", client=client))])
+    assert not store.dismiss("a", "bob")[1]
+    assert [store.batch_answers(f"of {c}") != [] for c in ("alice", "bob")] == [False, True]
+    assert store.dismiss("a", "alice")[1]
+
+
+def test_a_job_that_is_cancelled_while_it_is_computed_again_has_its_answer_back(store: JobStore) -> None:
+    run(store, "a", b"1")
+    store.submit([request("a", fresh=True, client="bob")])
+    store.claim("o", 1)
+    job, is_over = store.dismiss("a", "bob")
+    assert is_over
+    assert job is not None
+    assert (job.status, job.body) == ("successful", b"1")
+
+
+def test_an_answer_that_is_not_to_last_is_computed_again_after_its_time(store: JobStore) -> None:
+    for id, kept in (("a", 0.0), ("b", 60.0), ("c", None)):
+        store.submit([request(id)])
+        (job,) = store.claim("o", 1)
+        assert store.finish(id, job.attempt, b"1", USAGE, kept)
+    assert [store.submit([request(id)])[0].status for id in "abc"] == ["accepted", "successful", "successful"]
+    store.create_batch("B", "solve", "", [BatchLine(1, "1", request("a"))])
+    assert store.batch_answers("B") == []
 
 
 def test_what_ran_when_the_service_died_is_accepted_again(stores: Stores) -> None:
@@ -140,7 +208,7 @@ def test_what_ran_when_the_service_died_is_accepted_again(stores: Stores) -> Non
     if store.exclusive:
         store.close()
         store = stores()
-    assert store.recover(None, 60.0) == [], "a fresh claim was taken away"
+    assert store.recover(None, 60.0) == [], "a new claim was taken away"
     assert store.recover("other", 0.0) == []
     (job,) = store.recover(None, 0.0)
     assert (job.id, job.status, job.restarts) == ("a", "accepted", 1)
@@ -176,7 +244,7 @@ def test_the_list_is_newest_first_in_pages(store: JobStore) -> None:
     first, cursor = store.jobs(limit=3)
     second, end = store.jobs(limit=3, cursor=cursor)
     assert (ids(first), ids(second), end) == (["e", "d", "c"], ["b", "a"], None)
-    assert ids(store.jobs(status="running")[0]) == ["b", "a"]
+    assert ids(store.jobs(status="running")[0]) == ["c", "a"]
     assert ids(store.jobs(client="x", kind="solve")[0]) == ["b", "a"]
     assert store.jobs(kind="check")[0] == []
     for cursor in ("x", "-1", "1" * 20, "\u0663"):
@@ -240,7 +308,7 @@ def test_dismissing_a_batch_leaves_what_another_one_wants(store: JobStore) -> No
     store.create_batch("B", "solve", "", [BatchLine(1, "1", request("z"))])
     assert sorted(store.dismiss_batch("A")) == ["x", "y"]
     assert store.counts() == {"dismissed": 2, "accepted": 1}
-    assert [answer.status for answer in store.batch_answers("A")] == ["dismissed", "dismissed"]
+    assert [answer.status for answer in store.batch_answers("A")] == ["dismissed"] * 3
 
 
 def test_a_batch_that_is_stored_after_a_cancelled_one_can_be_cancelled(store: JobStore) -> None:

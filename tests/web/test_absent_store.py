@@ -102,7 +102,7 @@ def test_streams_go_on_when_the_store_is_back() -> None:
         def __init__(self) -> None:
             self.failures = 1
 
-        def job(self, id: str, with_body: bool = True) -> Job:
+        def job(self, id: str, with_body: bool = True, client: str = "") -> Job:
             return Job(id, "solve", "{}", "{}", "successful")
 
         def events(self, id: str, after: int) -> list[Event]:

@@ -23,7 +23,7 @@ DOCUMENT = {"coordinates": ["x"], "equations": {"x": "0"}}
 def answer_of(monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Settings | None = None) -> httpx.Response:
     """What a client gets where solving raises the error."""
 
-    async def fail(self: Engine, request: Any) -> Any:
+    async def fail(self: Engine, request: Any, viewer: Any) -> Any:
         raise error
 
     monkeypatch.setattr(Engine, "submit", fail)

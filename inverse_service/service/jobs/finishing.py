@@ -14,11 +14,13 @@ from inverse_service.service.jobs.kinds import KINDS, label_of, solve_options
 from inverse_service.service.jobs.model import Job, Usage
 from inverse_service.service.jobs.options import JobOptions, stored_options
 from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.service.jobs.states import MAX_CRASHES, MAX_UNSTARTED
+from inverse_service.service.jobs.states import MAX_CRASHES, MAX_UNSTARTED, TRANSIENT
 from inverse_service.service.jobs.store import JobStore
 
 log = logging.getLogger(__name__)
 LIMITS = ("deadline", "memory")
+# What is undetermined after this part of its time and more may be so for want of time.
+CLOCK_SHARE = 0.5
 
 
 def is_undetermined(job: Job, outcome: Outcome) -> bool:
@@ -43,16 +45,21 @@ def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
     if outcome.status == "unstarted" and job.attempt < MAX_UNSTARTED:
         store.release(job.id, job.attempt, crashed=False)
         return "again"
-    if outcome.status == "done":
-        return _successful(store, job, outcome.value.body, outcome.value.label, usage)
     options = stored_options(job.options)
+    if outcome.status == "done":
+        label: str = outcome.value.label
+        by_clock = label == "undetermined" and usage.wall > CLOCK_SHARE * options.time_limit
+        store.finish(job.id, job.attempt, outcome.value.body, usage, TRANSIENT if by_clock else None)
+        return label
     if is_undetermined(job, outcome):
         result = undetermined(outcome, options)
-        return _successful(store, job, json.dumps(result, ensure_ascii=False).encode(), label_of(result), usage)
+        store.finish(job.id, job.attempt, json.dumps(result, ensure_ascii=False).encode(), usage, TRANSIENT)
+        return label_of(result)
     if outcome.status in ("crash", "fault", "unstarted"):
         log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
     problem = problem_documents.of_outcome(outcome, options.time_limit, options.memory_limit)
-    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), usage)
+    kept = None if outcome.status == "refused" else TRANSIENT
+    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), usage, kept)
     return outcome.status
 
 
@@ -60,13 +67,13 @@ def give_up(store: JobStore, job: Job) -> None:
     """Fail a job that saw the service die again and again while it ran."""
     detail = f"The service died {job.restarts} times while this job ran; it is not tried again."
     problem = problem_documents.problem_document(500, "fault", detail)
-    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage())
+    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage(), TRANSIENT)
 
 
 def lose(store: JobStore, job: Job) -> None:
     """Fail a job whose answer cannot be stored by a fault of ours."""
     problem = problem_documents.problem_document(500, "fault", "The answer was computed and could not be stored.")
-    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage())
+    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage(), TRANSIENT)
 
 
 def undetermined(outcome: Outcome, options: JobOptions) -> dict[str, Any]:
@@ -76,8 +83,3 @@ def undetermined(outcome: Outcome, options: JobOptions) -> dict[str, Any]:
     except InverseServiceError:
         bare = replace(outcome, value=None)
         return result_document(bare, solve_options(options), options.memory_limit)
-
-
-def _successful(store: JobStore, job: Job, body: bytes, label: str, usage: Usage) -> str:
-    store.finish(job.id, job.attempt, body, usage)
-    return label

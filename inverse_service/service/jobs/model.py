@@ -34,7 +34,8 @@ class Job:
     `crashes` counts workers that died by themselves, `restarts` deaths of the whole service, both
     since the question was asked. `body` is the JSON of the result (successful) or of the problem
     document (failed), read only where it is asked for. `revision` counts the answers. `wall`, `cpu`
-    (seconds) and `memory` (MiB) are what the run took that gave the answer.
+    (seconds) and `memory` (MiB) are what the run took that gave the answer. `expires`: from this time
+    on the question is computed again where it is asked again; None: never.
     """
 
     id: str
@@ -55,6 +56,7 @@ class Job:
     wall: float = 0.0
     cpu: float = 0.0
     memory: float = 0.0
+    expires: float | None = None
     body: bytes | None = None
 
     @property
@@ -66,6 +68,11 @@ class Job:
     def is_final(self) -> bool:
         """Whether it is successful, failed or dismissed."""
         return self.status in FINAL
+
+    def is_to_be_asked(self, fresh: bool, now: float) -> bool:
+        """Whether a question for this job is computed: it was cancelled, its answer expired or shall be a new one."""
+        is_old = fresh or (self.expires is not None and self.expires <= now)
+        return self.status == "dismissed" or (self.is_final and is_old)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,3 +164,10 @@ class DatabaseTaken(InverseServiceError):
     """Another process supervises this database."""
 
     code = "database-taken"
+
+
+class WrongVersion(Exception):
+    """The database was written by a newer version of this program."""
+
+    def __init__(self, found: int, known: int) -> None:
+        super().__init__(f"a newer version of this program wrote it (its tables are {found}, those known here {known})")

@@ -11,7 +11,7 @@ import sqlite3
 from pathlib import Path
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.model import DatabaseTaken
+from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.temporary import temporary_database
@@ -35,7 +35,7 @@ def open_store(database: str | None) -> JobStore:
         return _store_at(Path(database))
     except DatabaseTaken as error:
         raise InputError(error.detail) from None
-    except (OSError, sqlite3.Error) as error:
+    except (OSError, sqlite3.Error, WrongVersion) as error:
         raise InputError(f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}.") from None
 
 
@@ -47,7 +47,7 @@ def default_path() -> Path:
 
 def _default_store() -> JobStore:
     path = default_path()
-    with contextlib.suppress(OSError, sqlite3.Error, DatabaseTaken):
+    with contextlib.suppress(OSError, sqlite3.Error, DatabaseTaken, WrongVersion):
         return _store_at(path)
     kept = contextlib.ExitStack()
     atexit.register(kept.close)
@@ -70,4 +70,6 @@ def _store_at(path: Path) -> SqliteStore:
 
 
 def _reason(error: Exception) -> str:
+    if isinstance(error, WrongVersion):
+        return str(error)
     return getattr(error, "strerror", None) or "it is no database of this program"

@@ -1,4 +1,4 @@
-"""Forgetting in the PostgreSQL store: what is old, then what makes it too large."""
+"""Forgetting in the PostgreSQL store, a little in each transaction."""
 
 from __future__ import annotations
 
@@ -6,50 +6,52 @@ from typing import Any
 
 from inverse_service.service.jobs.postgres_connections import Connection
 
-STEP = 100
 # Rows have their share of tables and indexes besides their contents.
 ROW_BYTES = 300
 
 
-def prune(connection: Connection, oldest: float, largest: int) -> int:
-    """The number of jobs forgotten; open ones stay, and so do those that a kept batch names."""
+def forget(connection: Connection, before: float, most: int) -> tuple[int, int]:
+    """Forget a little: lines of a batch from before with nothing open, or where there is none, finished jobs.
+
+    How many rows were forgotten, and how many of them are jobs. Those that a kept batch names stay, and so do those
+    that a batch has locked which is made at this moment.
+    """
     connection.execute("SELECT pg_advisory_xact_lock(7204021103)")
-    forgotten = _forget(connection, "finished < %s", oldest, before=oldest)
-    while _size(connection) > largest:
-        row = connection.execute(
-            "SELECT max(finished) AS newest FROM (SELECT finished FROM jobs "
-            "WHERE status NOT IN ('accepted', 'running') ORDER BY finished LIMIT %s) AS next",
-            (STEP,),
-        ).fetchone()
-        newest = None if row is None else row["newest"]
-        found = 0 if newest is None else _forget(connection, "finished <= %s", newest, before=newest)
-        if not found:
-            break
-        forgotten += found
-    return forgotten
-
-
-def _forget(connection: Connection, where: str, moment: float, before: float) -> int:
-    """Finished jobs, and first the batches from before that have nothing open any more."""
-    connection.execute(
-        "DELETE FROM batches WHERE created <= %s AND NOT EXISTS (SELECT 1 FROM lines JOIN jobs ON jobs.id = lines.job "
-        "WHERE lines.batch = batches.id AND jobs.status IN ('accepted', 'running'))",
+    batch = connection.execute(
+        "SELECT id FROM batches WHERE created <= %s AND NOT EXISTS (SELECT 1 FROM lines WHERE batch = batches.id "
+        "AND order_number IS NULL) ORDER BY created LIMIT 1",
         (before,),
-    )
-    connection.execute("DELETE FROM lines WHERE NOT EXISTS (SELECT 1 FROM batches WHERE batches.id = lines.batch)")
-    # A batch that is made at this moment has locked its jobs: they are passed over.
+    ).fetchone()
+    if batch is not None:
+        numbers = "SELECT number FROM lines WHERE batch = %s LIMIT %s"
+        some = (batch["id"], batch["id"], most)
+        lines = connection.execute(f"DELETE FROM lines WHERE batch = %s AND number IN ({numbers})", some).rowcount
+        if lines < most:
+            connection.execute("DELETE FROM batches WHERE id = %s", (batch["id"],))
+        return max(1, lines), 0
     rows = connection.execute(
-        f"SELECT id FROM jobs WHERE status NOT IN ('accepted', 'running') AND {where} "
-        "AND NOT EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id) ORDER BY id FOR UPDATE SKIP LOCKED",
-        (moment,),
+        "SELECT id FROM jobs WHERE status NOT IN ('accepted', 'running') AND finished <= %s "
+        "AND NOT EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id) ORDER BY finished LIMIT %s "
+        "FOR UPDATE SKIP LOCKED",
+        (before, most),
     ).fetchall()
     ids: list[Any] = [row["id"] for row in rows]
     for table in ("bodies", "events", "jobs"):
         connection.execute(f"DELETE FROM {table} WHERE id = ANY(%s)", (ids,))
-    return len(ids)
+    return len(ids), len(ids)
 
 
-def _size(connection: Connection) -> int:
+def oldest_moment(connection: Connection, count: int) -> float | None:
+    """When the last of the `count` finished jobs ended that are the first to be forgotten."""
+    row = connection.execute(
+        "SELECT max(finished) AS moment FROM (SELECT finished FROM jobs "
+        "WHERE status NOT IN ('accepted', 'running') ORDER BY finished LIMIT %s) AS next",
+        (count,),
+    ).fetchone()
+    return None if row is None else row["moment"]
+
+
+def used_bytes(connection: Connection) -> int:
     """Bytes of what is stored, compressed as it is; the files themselves only shrink when vacuumed."""
     row = connection.execute(
         "SELECT (SELECT coalesce(sum(pg_column_size(body) + %(row)s), 0) FROM bodies) "

@@ -1,4 +1,4 @@
-"""Tables of the PostgreSQL store, in a schema of their own.
+"""Tables of the PostgreSQL store, in a schema of their own, and how those of older versions become these.
 
 `answers` of a batch numbers its answers. Whoever takes a number holds the row until its commit, so
 numbers become visible in their order and a reader that asks for those above its last misses none.
@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
-VERSION = 1
+from inverse_service.service.jobs.model import WrongVersion
+
+VERSION = 2
 # Two front ends that start at the same time create the tables one after the other.
 CREATE_LOCK = 7_204_021_101
 SCHEMA = """
-CREATE SCHEMA IF NOT EXISTS inverse_service;
-CREATE TABLE IF NOT EXISTS versions (version INTEGER PRIMARY KEY);
 CREATE TABLE IF NOT EXISTS jobs (
     sequence BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY,
     id TEXT NOT NULL UNIQUE,
@@ -32,11 +32,12 @@ CREATE TABLE IF NOT EXISTS jobs (
     revision INTEGER NOT NULL DEFAULT 0,
     owner TEXT,
     heartbeat DOUBLE PRECISION,
+    expires DOUBLE PRECISION,
     wall DOUBLE PRECISION NOT NULL DEFAULT 0,
     cpu DOUBLE PRECISION NOT NULL DEFAULT 0,
     memory DOUBLE PRECISION NOT NULL DEFAULT 0
 );
-CREATE INDEX IF NOT EXISTS jobs_waiting ON jobs (priority, sequence) WHERE status = 'accepted';
+CREATE INDEX IF NOT EXISTS jobs_next ON jobs (client, priority, sequence) WHERE status = 'accepted';
 CREATE INDEX IF NOT EXISTS jobs_open ON jobs (client, status) WHERE status IN ('accepted', 'running');
 CREATE INDEX IF NOT EXISTS jobs_finished ON jobs (finished) WHERE status NOT IN ('accepted', 'running');
 CREATE INDEX IF NOT EXISTS jobs_status ON jobs (status, sequence);
@@ -50,25 +51,48 @@ CREATE TABLE IF NOT EXISTS batches (
 );
 CREATE TABLE IF NOT EXISTS lines (
     batch TEXT NOT NULL, number INTEGER NOT NULL, identifier TEXT NOT NULL, job TEXT, problem BYTEA,
-    order_number INTEGER, PRIMARY KEY (batch, number)
+    order_number INTEGER, dismissed INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (batch, number)
+);
+CREATE INDEX IF NOT EXISTS batches_created ON batches (created);
+CREATE TABLE IF NOT EXISTS askers (
+    job TEXT NOT NULL, client TEXT NOT NULL, gone INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (job, client)
 );
 CREATE INDEX IF NOT EXISTS lines_of_job ON lines (job, order_number);
 CREATE INDEX IF NOT EXISTS lines_in_order ON lines (batch, order_number);
 """
 
 
-class WrongVersion(Exception):
-    """The tables are those of another version of this program."""
+# What makes the tables of one version those of the next.
+MIGRATIONS = {
+    1: """
+    ALTER TABLE jobs ADD COLUMN expires DOUBLE PRECISION;
+    ALTER TABLE lines ADD COLUMN dismissed INTEGER NOT NULL DEFAULT 0;
+    DROP INDEX jobs_waiting;
+    CREATE TABLE askers (
+        job TEXT NOT NULL, client TEXT NOT NULL, gone INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (job, client)
+    );
+    INSERT INTO askers SELECT id, client, 0 FROM jobs WHERE status IN ('accepted', 'running') AND priority < 10;
+    UPDATE lines SET dismissed = 1 WHERE job IN (SELECT id FROM jobs WHERE status = 'dismissed');
+    """,
+}
 
 
 def prepare(connection: Any) -> None:
-    """Make the tables that are missing, inside one transaction; raises WrongVersion."""
+    """Make the tables that are missing, bring those of an older version to this one, all in one transaction.
+
+    Raises WrongVersion for a newer one.
+    """
     with connection.transaction():
         connection.execute("SELECT pg_advisory_xact_lock(%s)", (CREATE_LOCK,))
         connection.execute("CREATE SCHEMA IF NOT EXISTS inverse_service")
         connection.execute("SET LOCAL search_path TO inverse_service")
+        connection.execute("CREATE TABLE IF NOT EXISTS versions (version INTEGER PRIMARY KEY)")
+        row = connection.execute("SELECT max(version) AS version FROM versions").fetchone()
+        found = row["version"] or VERSION
+        if found > VERSION:
+            raise WrongVersion(found, VERSION)
+        for version in range(found, VERSION):
+            connection.execute(MIGRATIONS[version])
         connection.execute(SCHEMA)
-        connection.execute("INSERT INTO versions SELECT %s WHERE NOT EXISTS (SELECT 1 FROM versions)", (VERSION,))
-        found = connection.execute("SELECT max(version) AS version FROM versions").fetchone()["version"]
-    if found != VERSION:
-        raise WrongVersion(f"the database has version {found}, this program knows {VERSION}")
+        connection.execute("DELETE FROM versions")
+        connection.execute("INSERT INTO versions VALUES (%s)", (VERSION,))

@@ -4,33 +4,34 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, LiteralString, TypeVar
+from typing import Any, TypeVar
 
 import psycopg
 
 from inverse_service.errors import InputError
+from inverse_service.service.jobs import postgres_pruning as pruning
 from inverse_service.service.jobs import postgres_statements as statements
-from inverse_service.service.jobs.model import Batch, BatchAnswer, BatchLine, Bounds, Event, Job, JobRequest, Usage
+from inverse_service.service.jobs.model import (
+    Batch,
+    BatchAnswer,
+    BatchLine,
+    Bounds,
+    Event,
+    Job,
+    JobRequest,
+    Usage,
+    WrongVersion,
+)
 from inverse_service.service.jobs.postgres_changes import Changes
 from inverse_service.service.jobs.postgres_connections import Connection, Connections, Row
-from inverse_service.service.jobs.postgres_pruning import prune
-from inverse_service.service.jobs.postgres_schema import WrongVersion
+from inverse_service.service.jobs.pruning import pruned
+from inverse_service.service.jobs.rows import answer_of, sequence_of
+from inverse_service.service.jobs.shared_sql import ANSWERS, SELECT
 from inverse_service.service.jobs.states import JobStatus
+from inverse_service.service.jobs.store import NO_BOUND
 
 T = TypeVar("T")
 NO_BOUNDS = Bounds()
-ANSWERS: LiteralString = (
-    "SELECT lines.number, lines.identifier, lines.problem, lines.order_number, bodies.status, bodies.body "
-    "FROM lines LEFT JOIN bodies ON bodies.id = lines.job "
-    "WHERE lines.batch = %s AND lines.order_number > %s ORDER BY lines.order_number LIMIT %s"
-)
-ONLY_HERE: LiteralString = (
-    "SELECT jobs.id FROM jobs WHERE jobs.status IN ('accepted', 'running') "
-    "AND EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id AND lines.batch = %(batch)s) "
-    "AND NOT EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id AND lines.batch <> %(batch)s "
-    "AND lines.order_number IS NULL) "
-    "ORDER BY jobs.id FOR UPDATE"
-)
 
 
 class PostgresStore:
@@ -54,9 +55,9 @@ class PostgresStore:
     def submit(self, requests: Sequence[JobRequest], bounds: Bounds = NO_BOUNDS) -> list[Job]:
         return self._write(lambda c: statements.submit(c, requests, bounds), lambda found: found[1])[0]
 
-    def claim(self, owner: str, limit: int, excluded_clients: Sequence[str] = ()) -> list[Job]:
+    def claim(self, owner: str, limit: int, client_running: int = NO_BOUND) -> list[Job]:
         def change(connection: Connection) -> list[Job]:
-            return statements.claim(connection, owner, limit, excluded_clients)
+            return statements.claim(connection, owner, limit, client_running)
 
         return self._write(change, lambda jobs: [job.id for job in jobs], durable=False)
 
@@ -65,32 +66,35 @@ class PostgresStore:
             return []
         return self._connections.write(lambda c: statements.heartbeat(c, owner, running), durable=False)
 
-    def finish(self, id: str, attempt: int, result: bytes, usage: Usage) -> bool:
-        return self._end(id, attempt, "successful", result, usage)
+    def finish(self, id: str, attempt: int, result: bytes, usage: Usage, kept: float | None = None) -> bool:
+        return self._end(id, attempt, "successful", result, usage, kept)
 
-    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage) -> bool:
-        return self._end(id, attempt, "failed", problem, usage)
+    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage, kept: float | None = None) -> bool:
+        return self._end(id, attempt, "failed", problem, usage, kept)
 
     def release(self, id: str, attempt: int, crashed: bool) -> Job | None:
         return self._write(lambda c: statements.release(c, id, attempt, crashed), lambda job: [id])
 
-    def dismiss(self, id: str) -> Job | None:
-        return self._write(lambda c: statements.dismiss(c, id), lambda found: [id] if found[1] else [])[0]
+    def dismiss(self, id: str, client: str | None = None) -> tuple[Job | None, bool]:
+        def change(connection: Connection) -> tuple[Job | None, bool]:
+            return statements.dismiss(connection, id) if client is None else statements.leave(connection, id, client)
+
+        return self._write(change, lambda found: [id] if found[0] is not None else [])
 
     def recover(self, owner: str | None = None, lease: float = 0.0) -> list[Job]:
         return self._write(lambda c: statements.recover(c, owner, lease), lambda jobs: [job.id for job in jobs])
 
-    def job(self, id: str, with_body: bool = True) -> Job | None:
-        return self._connections.read(lambda c: statements.read_job(c, id, with_body))
+    def job(self, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
+        return self._connections.read(lambda c: statements.read_job(c, id, with_body, client))
 
     def jobs(
         self, *, status: JobStatus | None = None, kind: str | None = None, client: str | None = None,
         cursor: str | None = None, limit: int = 50,
     ) -> tuple[list[Job], str | None]:  # fmt: skip
-        wanted = {"status": status, "kind": kind, "client": client, "sequence": _sequence(cursor)}
+        wanted = {"status": status, "kind": kind, "client": client, "sequence": sequence_of(cursor)}
         chosen = {name: value for name, value in wanted.items() if value is not None}
         where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} %s" for name in chosen) or "true"
-        query = f"{statements.SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT %s"
+        query = f"{SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT %s"
         rows = self._rows(query, *chosen.values(), limit + 1)
         found = [statements.job_of(row) for row in rows[:limit]]
         return found, str(found[-1].sequence) if len(rows) > limit else None
@@ -119,25 +123,24 @@ class PostgresStore:
         return self._connections.read(lambda c: statements.read_batch(c, id))
 
     def batch_answers(self, id: str, after: int = 0, limit: int = 500) -> list[BatchAnswer]:
-        return [_answer(row) for row in self._rows(ANSWERS, id, after, limit)]
+        return [answer_of(row) for row in self._rows(statements.marked(ANSWERS), id, after, limit)]
 
     def dismiss_batch(self, id: str) -> list[str]:
-        def change(connection: Connection) -> list[str]:
-            ids = [row["id"] for row in connection.execute(ONLY_HERE, {"batch": id}).fetchall()]
-            return [job for job in ids if statements.dismiss(connection, job)[1]]
-
-        return self._write(change, lambda ids: ids)
+        return self._write(lambda c: statements.leave_batch(c, id), lambda ids: ids or [""])
 
     def counts(self) -> Mapping[JobStatus, int]:
         rows = self._rows("SELECT status, count(*) AS jobs FROM jobs GROUP BY status")
         return {row["status"]: row["jobs"] for row in rows}
 
-    def running_by_client(self) -> Mapping[str, int]:
-        query = "SELECT client, count(*) AS jobs FROM jobs WHERE status = 'running' GROUP BY client"
-        return {row["client"]: row["jobs"] for row in self._rows(query)}
-
     def prune(self, oldest: float, largest: int) -> int:
-        return self._connections.write(lambda c: prune(c, oldest, largest))
+        connections = self._connections
+        return pruned(
+            lambda before, most: connections.write(lambda c: pruning.forget(c, before, most)),
+            lambda count: connections.read(lambda c: pruning.oldest_moment(c, count)),
+            lambda: connections.read(pruning.used_bytes),
+            oldest,
+            largest,
+        )
 
     def on_change(self, listener: Callable[[str], None]) -> None:
         self._changes.on_change(listener)
@@ -146,8 +149,8 @@ class PostgresStore:
         self._changes.close()
         self._connections.close()
 
-    def _end(self, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage) -> bool:
-        return self._write(lambda c: statements.end(c, id, attempt, status, body, usage), lambda _: [id])
+    def _end(self, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage, kept: float | None) -> bool:
+        return self._write(lambda c: statements.end(c, id, attempt, status, body, usage, kept), lambda _: [id])
 
     def _write(
         self, change: Callable[[Connection], T], changed: Callable[[T], Sequence[str]], durable: bool = True
@@ -165,21 +168,6 @@ class PostgresStore:
 
     def _rows(self, query: str, *arguments: Any) -> list[Row]:
         return self._connections.read(lambda c: c.execute(query, arguments).fetchall())
-
-
-def _answer(row: Row) -> BatchAnswer:
-    bad = row["problem"] is not None
-    status: JobStatus = "failed" if bad else row["status"] or "dismissed"
-    body = row["problem"] if bad else row["body"]
-    return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"])
-
-
-def _sequence(cursor: str | None) -> int | None:
-    if cursor is None:
-        return None
-    if not (cursor.isascii() and cursor.isdigit() and len(cursor) < 16):
-        raise ValueError("not a cursor of this list")
-    return int(cursor)
 
 
 def _name(error: Exception) -> str:

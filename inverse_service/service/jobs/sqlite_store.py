@@ -11,11 +11,16 @@ from pathlib import Path
 from inverse_service.service.jobs import sqlite_statements as statements
 from inverse_service.service.jobs.lock import SupervisorLock
 from inverse_service.service.jobs.model import Batch, BatchAnswer, BatchLine, Bounds, Event, Job, JobRequest, Usage
+from inverse_service.service.jobs.pruning import pruned
+from inverse_service.service.jobs.rows import answer_of, sequence_of
+from inverse_service.service.jobs.shared_sql import ANSWERS, SELECT
 from inverse_service.service.jobs.sqlite_schema import connect, prepare
 from inverse_service.service.jobs.sqlite_writer import Writer
 from inverse_service.service.jobs.states import JobStatus
+from inverse_service.service.jobs.store import NO_BOUND
 
 NO_BOUNDS = Bounds()
+PAGES_AT_ONCE, PAGES_KEPT = 256, 2048
 
 
 class SqliteStore:
@@ -29,8 +34,12 @@ class SqliteStore:
         self._lock = SupervisorLock(path)
         try:
             connection = connect(self._path)
-            prepare(connection)
-        except sqlite3.Error:
+            try:
+                prepare(connection)
+            except BaseException:
+                connection.close()
+                raise
+        except BaseException:
             self._lock.release()
             raise
         self._writer = Writer(connection, durable)
@@ -48,8 +57,8 @@ class SqliteStore:
         self._tell(accepted)
         return jobs
 
-    def claim(self, owner: str, limit: int, excluded_clients: Sequence[str] = ()) -> list[Job]:
-        jobs = self._writer.write(lambda c: statements.claim(c, owner, limit, excluded_clients), durable=False)
+    def claim(self, owner: str, limit: int, client_running: int = NO_BOUND) -> list[Job]:
+        jobs = self._writer.write(lambda c: statements.claim(c, owner, limit, client_running), durable=False)
         self._tell(job.id for job in jobs)
         return jobs
 
@@ -59,37 +68,38 @@ class SqliteStore:
         # One process has the database, so its claims need no renewal.
         return [id for id, attempt in running if reader.execute(query, (id, attempt, owner)).fetchone() is None]
 
-    def finish(self, id: str, attempt: int, result: bytes, usage: Usage) -> bool:
-        return self._end(id, attempt, "successful", result, usage)
+    def finish(self, id: str, attempt: int, result: bytes, usage: Usage, kept: float | None = None) -> bool:
+        return self._end(id, attempt, "successful", result, usage, kept)
 
-    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage) -> bool:
-        return self._end(id, attempt, "failed", problem, usage)
+    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage, kept: float | None = None) -> bool:
+        return self._end(id, attempt, "failed", problem, usage, kept)
 
     def release(self, id: str, attempt: int, crashed: bool) -> Job | None:
         job = self._writer.write(lambda c: statements.release(c, id, attempt, crashed))
         self._tell([id])
         return job
 
-    def dismiss(self, id: str) -> Job | None:
-        job, changed = self._writer.write(lambda c: statements.dismiss(c, id))
-        if changed:
-            self._tell([id])
-        return job
+    def dismiss(self, id: str, client: str | None = None) -> tuple[Job | None, bool]:
+        job, changed = self._writer.write(
+            lambda c: statements.dismiss(c, id) if client is None else statements.leave(c, id, client)
+        )
+        self._tell([id])
+        return job, changed
 
     def recover(self, owner: str | None = None, lease: float = 0.0) -> list[Job]:
         return self._writer.write(lambda c: statements.recover(c, owner, lease))
 
-    def job(self, id: str, with_body: bool = True) -> Job | None:
-        return statements.read_job(self._reader(), id, with_body)
+    def job(self, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
+        return statements.read_job(self._reader(), id, with_body, client)
 
     def jobs(
         self, *, status: JobStatus | None = None, kind: str | None = None, client: str | None = None,
         cursor: str | None = None, limit: int = 50,
     ) -> tuple[list[Job], str | None]:  # fmt: skip
-        wanted = {"status": status, "kind": kind, "client": client, "sequence": _sequence(cursor)}
+        wanted = {"status": status, "kind": kind, "client": client, "sequence": sequence_of(cursor)}
         chosen = {name: value for name, value in wanted.items() if value is not None}
         where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1"
-        query = f"{statements.SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
+        query = f"{SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
         rows = self._reader().execute(query, (*chosen.values(), limit + 1)).fetchall()
         found = [statements.job_of(row) for row in rows[:limit]]
         return found, str(found[-1].sequence) if len(rows) > limit else None
@@ -116,39 +126,22 @@ class SqliteStore:
         return statements.read_batch(self._reader(), id)
 
     def batch_answers(self, id: str, after: int = 0, limit: int = 500) -> list[BatchAnswer]:
-        query = (
-            "SELECT lines.number, lines.identifier, lines.problem, lines.order_number, bodies.status, bodies.body "
-            "FROM lines LEFT JOIN bodies ON bodies.id = lines.job "
-            "WHERE lines.batch = ? AND lines.order_number > ? ORDER BY lines.order_number LIMIT ?"
-        )
-        return [_answer(row) for row in self._reader().execute(query, (id, after, limit))]
+        return [answer_of(row) for row in self._reader().execute(ANSWERS, (id, after, limit))]
 
     def dismiss_batch(self, id: str) -> list[str]:
-        query = (
-            "SELECT DISTINCT job FROM lines JOIN jobs ON jobs.id = lines.job WHERE lines.batch = ? "
-            "AND jobs.status IN ('accepted', 'running') "
-            "AND NOT EXISTS (SELECT 1 FROM lines AS other WHERE other.job = lines.job AND other.batch <> lines.batch "
-            "AND other.order_number IS NULL)"
-        )
-
-        def change(connection: sqlite3.Connection) -> list[str]:
-            ids = [row["job"] for row in connection.execute(query, (id,)).fetchall()]
-            return [job for job in ids if statements.dismiss(connection, job)[1]]
-
-        dismissed = self._writer.write(change)
-        self._tell(dismissed)
+        dismissed = self._writer.write(lambda c: statements.leave_batch(c, id))
+        self._tell(dismissed or [""])
         return dismissed
 
     def counts(self) -> Mapping[JobStatus, int]:
         rows = self._reader().execute("SELECT status, count(*) AS jobs FROM jobs GROUP BY status")
         return {row["status"]: row["jobs"] for row in rows}
 
-    def running_by_client(self) -> Mapping[str, int]:
-        query = "SELECT client, count(*) AS jobs FROM jobs WHERE status = 'running' GROUP BY client"
-        return {row["client"]: row["jobs"] for row in self._reader().execute(query)}
-
     def prune(self, oldest: float, largest: int) -> int:
-        return self._writer.write(lambda c: statements.prune(c, oldest, largest))
+        forgotten = pruned(self._forget, self._oldest_moment, self._used_bytes, oldest, largest)
+        while self._writer.write(_give_back, durable=False):
+            pass
+        return forgotten
 
     def on_change(self, listener: Callable[[str], None]) -> None:
         self._listeners.append(listener)
@@ -161,8 +154,17 @@ class SqliteStore:
             self._readers.clear()
         self._lock.release()
 
-    def _end(self, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage) -> bool:
-        ended = self._writer.write(lambda c: statements.end(c, id, attempt, status, body, usage))
+    def _forget(self, before: float, most: int) -> tuple[int, int]:
+        return self._writer.write(lambda c: statements.forget(c, before, most), durable=False)
+
+    def _oldest_moment(self, count: int) -> float | None:
+        return statements.oldest_moment(self._reader(), count)
+
+    def _used_bytes(self) -> int:
+        return statements.used_bytes(self._reader())
+
+    def _end(self, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage, kept: float | None) -> bool:
+        ended = self._writer.write(lambda c: statements.end(c, id, attempt, status, body, usage, kept))
         self._tell([id])
         return ended
 
@@ -181,16 +183,9 @@ class SqliteStore:
                 listener(id)
 
 
-def _answer(row: sqlite3.Row) -> BatchAnswer:
-    bad = row["problem"] is not None
-    status: JobStatus = "failed" if bad else row["status"] or "dismissed"
-    body = row["problem"] if bad else row["body"]
-    return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"])
-
-
-def _sequence(cursor: str | None) -> int | None:
-    if cursor is None:
-        return None
-    if not (cursor.isascii() and cursor.isdigit() and len(cursor) < 16):
-        raise ValueError("not a cursor of this list")
-    return int(cursor)
+def _give_back(connection: sqlite3.Connection) -> bool:
+    """Give some free pages back to the disk; whether many are left."""
+    if statements.pragma(connection, "auto_vacuum") == 0:
+        return False
+    connection.execute(f"PRAGMA incremental_vacuum({PAGES_AT_ONCE})").fetchall()
+    return statements.pragma(connection, "freelist_count") > PAGES_KEPT

@@ -8,9 +8,10 @@ JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
 STATUSES: Final[tuple[JobStatus, ...]] = ("accepted", "running", "successful", "failed", "dismissed")
 OPEN: Final[frozenset[JobStatus]] = frozenset({"accepted", "running"})
 FINAL: Final[frozenset[JobStatus]] = frozenset({"successful", "failed", "dismissed"})
-# running -> accepted: the worker or the service died; final -> accepted: the question is asked anew.
+# running -> accepted: the worker or the service died; final -> accepted: the question is asked again;
+# accepted -> successful or failed: cancelled while it was computed again, so its earlier answer holds.
 NEXT: Final[dict[JobStatus, frozenset[JobStatus]]] = {
-    "accepted": frozenset({"running", "dismissed"}),
+    "accepted": frozenset({"running", "dismissed", "successful", "failed"}),
     "running": frozenset({"successful", "failed", "dismissed", "accepted"}),
     "successful": frozenset({"accepted"}),
     "failed": frozenset({"accepted"}),
@@ -27,3 +28,7 @@ MAX_UNSTARTED: Final = 100
 def may_become(now: JobStatus, then: JobStatus) -> bool:
     """Whether a job may go from one status to the other."""
     return then in NEXT[now]
+
+
+# Answers that a clock, lack of memory or a fault of ours ended are given for so long (s) and computed again then.
+TRANSIENT: Final = 600.0

@@ -7,10 +7,12 @@ they say otherwise. A store is the truth: whatever else dies, an accepted job is
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Protocol
+from typing import Final, Protocol
 
 from inverse_service.service.jobs.model import Batch, BatchAnswer, BatchLine, Bounds, Event, Job, JobRequest, Usage
 from inverse_service.service.jobs.states import JobStatus
+
+NO_BOUND: Final = 1_000_000
 
 
 class JobStore(Protocol):
@@ -27,9 +29,10 @@ class JobStore(Protocol):
         request is `fresh` and it is answered, or it was dismissed: then it is accepted again.
         """
 
-    def claim(self, owner: str, limit: int, excluded_clients: Sequence[str] = ()) -> list[Job]:
-        """Up to `limit` accepted jobs, by priority and age, now running and owned by `owner`.
+    def claim(self, owner: str, limit: int, client_running: int = ...) -> list[Job]:
+        """Up to `limit` accepted jobs, now running and owned by `owner`; of one client at most `client_running` run.
 
+        By priority, then those of the client that has the fewest running, then by age.
         `attempt` is one higher than before. No two owners get the same job. Need not be durable:
         a claim that is lost leaves the job accepted.
         """
@@ -37,26 +40,33 @@ class JobStore(Protocol):
     def heartbeat(self, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
         """Keep the claims (id, attempt) alive; the ids among them that are no longer this owner's."""
 
-    def finish(self, id: str, attempt: int, result: bytes, usage: Usage) -> bool:
-        """running -> successful; False where the attempt is no longer the current one."""
+    def finish(self, id: str, attempt: int, result: bytes, usage: Usage, kept: float | None = None) -> bool:
+        """running -> successful; False where the attempt is no longer the current one.
 
-    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage) -> bool:
+        After `kept` s (None: never) the question is computed again where it is asked again.
+        """
+
+    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage, kept: float | None = None) -> bool:
         """running -> failed; False where the attempt is no longer the current one."""
 
     def release(self, id: str, attempt: int, crashed: bool) -> Job | None:
         """running -> accepted after the worker died; counts a crash where `crashed`."""
 
-    def dismiss(self, id: str) -> Job | None:
-        """accepted or running -> dismissed; a final job is returned as it is, an unknown one is None."""
+    def dismiss(self, id: str, client: str | None = None) -> tuple[Job | None, bool]:
+        """The job, dismissed for a client and its batches (None: for all), and whether its work is to stop.
+
+        The work stops when nobody waits for it any more: accepted or running -> dismissed, or to the earlier answer of
+        a job that was computed again. A final job is returned as it is, an unknown one is None.
+        """
 
     def recover(self, owner: str | None = None, lease: float = 0.0) -> list[Job]:
-        """Jobs running for `owner` (None: for anybody), without a heartbeat for `lease` s -> accepted.
+        """Jobs running for `owner` (None: for anybody), without a heartbeat for `lease` s (0: all) -> accepted.
 
         Each counts a restart. Returns them.
         """
 
-    def job(self, id: str, with_body: bool = True) -> Job | None:
-        """One job."""
+    def job(self, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
+        """One job; while it is open, dismissed for a client who cancelled it."""
 
     def jobs(
         self, *, status: JobStatus | None = None, kind: str | None = None, client: str | None = None,
@@ -80,17 +90,15 @@ class JobStore(Protocol):
         """Answers with `order` above `after`, in that order: what is done so far."""
 
     def dismiss_batch(self, id: str) -> list[str]:
-        """Dismiss what is open in the batch and what no other one waits for; the ids."""
+        """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop."""
 
     def counts(self) -> Mapping[JobStatus, int]:
         """Number of jobs in each status."""
 
-    def running_by_client(self) -> Mapping[str, int]:
-        """Number of running jobs of each client that has some."""
-
     def prune(self, oldest: float, largest: int) -> int:
         """Forget jobs and batches finished before the time `oldest`, then the oldest until the
-        store has at most `largest` bytes; how many jobs were forgotten. Open ones always stay."""
+        store has at most `largest` bytes; how many jobs were forgotten. Open ones always stay.
+        In small transactions, between which others are served; free space goes back to the disk."""
 
     def on_change(self, listener: Callable[[str], None]) -> None:
         """Call the listener with the id of each job whose status or events change in this process."""

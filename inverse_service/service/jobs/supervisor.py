@@ -13,7 +13,7 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from inverse_service.errors import InverseServiceError
@@ -25,7 +25,7 @@ from inverse_service.service.jobs.model import Job, StoreUnavailable
 from inverse_service.service.jobs.options import stored_options
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.states import MAX_RESTARTS
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.store import NO_BOUND, JobStore
 from inverse_service.service.jobs.worker_process import Report
 from inverse_service.service.jobs.workers import FIRST, Executor, Running
 
@@ -60,7 +60,7 @@ class Supervisor:
         self.counters = counters or Counters()
         self.events = EventLog(store)
         self._store, self._executor = store, executor
-        self._client_running = client_running
+        self._client_running = client_running or NO_BOUND
         self._owner = uuid.uuid4().hex
         self._running: dict[tuple[str, int], tuple[Job, Running]] = {}
         self._lock = threading.Lock()
@@ -134,17 +134,11 @@ class Supervisor:
             free = 2 * self._executor.capacity - len(self._running)
             if free <= 0:
                 return
-            jobs = self._store.claim(self._owner, free, self._busy_clients())
+            jobs = self._store.claim(self._owner, free, self._client_running)
             if not jobs:
                 return
             for job in jobs:
                 self._start(job)
-
-    def _busy_clients(self) -> Sequence[str]:
-        if self._client_running is None:
-            return ()
-        limit = self._client_running
-        return [client for client, count in self._store.running_by_client().items() if count >= limit]
 
     def _start(self, job: Job) -> None:
         if job.restarts >= MAX_RESTARTS:

@@ -13,6 +13,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service.service.jobs.line_answers import answer_line
 from inverse_service.service.jobs.model import BatchAnswer
 from inverse_service.web.budget import FACTORS
+from inverse_service.web.clients import viewer_of
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.receiving import SMALL_FORM, read_form
@@ -112,7 +113,7 @@ async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
 async def _answers(request: Request, identifier: str) -> list[BatchAnswer]:
     """The answers that are there now; the call under /v1 would wait for all of them."""
     engine: Engine = request.app.state.engine
-    if not IDENTIFIER.fullmatch(identifier):
+    if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, viewer_of(request)) is None:
         return []
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, SHOWN_LINES + 1)
 

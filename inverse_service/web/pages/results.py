@@ -14,6 +14,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.service.jobs.model import Job
+from inverse_service.web.clients import viewer_of
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import answers, cases, constrained, exports, figures, simulations, typesetting
 from inverse_service.web.pages.advice import advice_for
@@ -161,7 +162,8 @@ async def _stored(request: Request, identifier: str) -> Job | None:
 async def stored_job(request: Request, identifier: str) -> Job | None:
     """The job with its document, without its answer; None where there is none."""
     engine: Engine = request.app.state.engine
-    return await engine.job(identifier, with_body=False) if IDENTIFIER.fullmatch(identifier) else None
+    is_id = IDENTIFIER.fullmatch(identifier) is not None
+    return await engine.job(identifier, viewer_of(request), with_body=False) if is_id else None
 
 
 def result_address(answer: Answer) -> str:
@@ -185,8 +187,8 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
     if job["kind"] == "solve":
         return solve_result(request, job, check)
     if job["kind"] in ("simulate", "work-precision"):
-        stored = await request.app.state.engine.job(job["id"], with_body=False)
-        scene = simulations.pretty(stored.document)
+        stored = await stored_job(request, job["id"])
+        scene = simulations.pretty(stored.document if stored is not None else "null")
         make = simulations.simulation_result if job["kind"] == "simulate" else simulations.precision_result
         return make(request, job, scene)
     return other_result(request, job)

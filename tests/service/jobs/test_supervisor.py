@@ -224,11 +224,11 @@ class Refusing(SqliteStore):
     away = True
     error: Exception = sqlite3.OperationalError("database or disk is full")
 
-    def finish(self, id: str, attempt: int, body: bytes, usage: Usage) -> bool:
+    def finish(self, id: str, attempt: int, body: bytes, usage: Usage, kept: float | None = None) -> bool:
         if self.away:
             self.refused.set()
             raise self.error
-        return super().finish(id, attempt, body, usage)
+        return super().finish(id, attempt, body, usage, kept)
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)

@@ -1,0 +1,103 @@
+"""A store of version 0.1.0 is brought to this version whole; one of a newer version is left as it is."""
+
+from __future__ import annotations
+
+import itertools
+import sqlite3
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psycopg
+import pytest
+
+from inverse_service.errors import InputError
+from inverse_service.service.jobs.model import BatchLine, JobRequest, Usage, WrongVersion
+from inverse_service.service.jobs.opening import open_store
+from inverse_service.service.jobs.sqlite_schema import VERSION
+from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.store import JobStore
+
+OLD = Path(__file__).parent / "version_1"
+COUNT = itertools.count()
+
+
+@pytest.fixture(params=["sqlite", "postgres"])
+def old(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[], JobStore]]:
+    """Opens a database that 0.1.0 wrote, in which a job ran, jobs waited, and a batch was half done."""
+    opened: list[JobStore] = []
+    script = (OLD / f"{request.param}.sql").read_text()
+    if request.param == "sqlite":
+        with sqlite3.connect(tmp_path / "jobs.sqlite") as connection:
+            connection.executescript(script)
+        connection.close()
+    else:
+        address = request.getfixturevalue("postgres").database(f"old{next(COUNT)}")
+        with psycopg.connect(address, autocommit=True) as server:
+            server.execute(script.encode())
+
+    def open_old() -> JobStore:
+        opened.append(open_store(str(tmp_path / "jobs.sqlite") if request.param == "sqlite" else address))
+        return opened[-1]
+
+    yield open_old
+    for store in opened:
+        store.close()
+
+
+def test_everything_of_0_1_0_is_there_and_goes_on(old: Callable[[], JobStore]) -> None:
+    store = old()
+    assert dict(store.counts()) == {"successful": 1, "failed": 1, "dismissed": 2, "running": 1, "accepted": 2}
+    answered = store.job("answered")
+    assert answered is not None
+    assert (answered.body, answered.client, answered.expires) == (b'{"verdict": "variational"}', "alice", None)
+    assert [event.number for event in store.events("answered")] == [1]
+    batch = store.batch("batch")
+    assert batch is not None
+    assert batch.counts == {"successful": 1, "accepted": 1, "dismissed": 1, "failed": 1}
+    assert sorted((a.number, a.status) for a in store.batch_answers("batch")) == [
+        (1, "successful"), (3, "dismissed"), (4, "failed"),
+    ]  # fmt: skip
+    assert [job.id for job in store.recover(None, 0.0)] == ["running"]
+    assert not store.dismiss("waiting", "alice")[1], "bob, who asked in 0.1.0, still waits"
+    for job in store.claim("o", 9):
+        assert store.finish(job.id, job.attempt, b"{}", Usage())
+    assert {a.number for a in store.batch_answers("batch")} == {1, 2, 3, 4}
+    store.create_batch("new", "solve", "", [BatchLine(1, "1", JobRequest("x", "solve", "{}"))])
+    assert store.dismiss_batch("new") == ["x"]
+
+
+def test_a_second_opening_changes_nothing(old: Callable[[], JobStore]) -> None:
+    first = old()
+    before = (dict(first.counts()), first.jobs())
+    first.close()
+    second = old()
+    assert (dict(second.counts()), second.jobs()) == before
+
+
+def test_a_newer_database_says_so_and_stays_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "jobs.sqlite"
+    SqliteStore(path).close()
+    with sqlite3.connect(path) as connection:
+        connection.execute(f"PRAGMA user_version = {VERSION + 1}")
+    connection.close()
+    before = path.read_bytes()
+    with pytest.raises(WrongVersion):
+        SqliteStore(path)
+    with pytest.raises(InputError, match="a newer version of this program wrote it"):
+        open_store(str(path))
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("script", ["CREATE TABLE mine (x)", "PRAGMA user_version = 1"])
+def test_a_database_of_another_program_is_left_as_it_is(tmp_path: Path, script: str) -> None:
+    path = tmp_path / "jobs.sqlite"
+    with sqlite3.connect(path) as connection:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute(script)
+    connection.close()
+    with pytest.raises(InputError, match="no database of this program"):
+        open_store(str(path))
+    with sqlite3.connect(path) as connection:
+        tables = {row[0] for row in connection.execute("SELECT name FROM sqlite_schema")}
+    connection.close()
+    assert tables <= {"mine"}

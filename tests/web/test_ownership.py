@@ -1,0 +1,168 @@
+"""With keys, a client reads, renews and cancels what is its own and nothing else: all routes, with two keys."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from fastapi.routing import APIRoute
+
+from inverse_service.settings import Settings, hash_of_key
+from inverse_service.web.application import create_application
+
+SECRET = "of alice alone"
+ALICE, BOB = {"Authorization": "Bearer alice-key"}, {"X-API-Key": "bob-key"}
+WAIT, ASYNC = {"Prefer": "wait=20"}, {"Prefer": "respond-async"}
+NAMES = [f"x{k}" for k in range(8)]
+TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
+HARD = {"name": SECRET, "coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
+EASY = {"name": SECRET, "coordinates": ["x"], "equations": {"x": "-x"}}
+SCENE = {
+    "name": SECRET,
+    "system": {"catalogue": "nonholonomic-particle"},
+    "initial": {"positions": {"x": 0, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1}},
+    "step": 0.1,
+    "steps": 20,
+    "methods": [{"method": "nonholonomic", "label": "one"}],
+    "observe": ["trajectory", "energy"],
+}
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    folder: Path = tmp_path_factory.mktemp("owned")
+    environment = os.environ | {
+        "INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"),
+        "INVERSE_SERVICE_API_KEYS": f"alice:{hash_of_key('alice-key')}, bob:{hash_of_key('bob-key')}",
+        "INVERSE_SERVICE_WORKERS": "2",
+        "INVERSE_SERVICE_LOG_LEVEL": "warning",
+    }
+    command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout is not None
+        with httpx.Client(base_url=process.stdout.readline().strip(), timeout=60) as client:
+            yield client
+        process.terminate()
+
+
+@dataclass(frozen=True)
+class Ids:
+    """What alice has: a solved system, a simulation, a batch, and work that goes on."""
+
+    solved: str
+    simulated: str
+    batch: str
+    open: str
+
+
+def ask(client: httpx.Client, path: str, document: Any, who: dict[str, str], **more: str) -> str:
+    headers = WAIT | who | more
+    answer = client.post(path, json=document, headers=headers)
+    assert answer.status_code in (200, 202), answer.text
+    return answer.headers["location"].rpartition("/")[2]
+
+
+@pytest.fixture(scope="module")
+def ids(client: httpx.Client) -> Ids:
+    found = Ids(
+        ask(client, "/v1/solve", EASY, ALICE),
+        ask(client, "/v1/simulate", SCENE, ALICE),
+        ask(client, "/v1/batches", [{"id": SECRET, **EASY}], ALICE),
+        ask(client, "/v1/solve", HARD, ALICE | ASYNC),
+    )
+    for place in (f"/v1/jobs/{found.solved}", f"/v1/jobs/{found.simulated}", f"/v1/batches/{found.batch}"):
+        end = time.monotonic() + 60
+        while client.get(place, headers=ALICE).json()["status"] != "successful" and time.monotonic() < end:
+            time.sleep(0.1)
+        assert client.get(place, headers=ALICE).json()["status"] == "successful"
+    return found
+
+
+def routes_of(part: Any) -> Iterator[APIRoute]:
+    """All routes of an application, those of its routers and of routers in them too."""
+    for route in part.routes:
+        if isinstance(route, APIRoute):
+            yield route
+        elif (inner := getattr(route, "original_router", None)) is not None:
+            yield from routes_of(inner)
+
+
+def addresses(ids: Ids) -> list[tuple[str, str]]:
+    """Method and path of every route that names a job or a batch, with each of alice's."""
+    found = []
+    files = {"figures": "coordinates.svg", "data": "one.csv"}
+    for route in routes_of(create_application(Settings())):
+        if not re.search(r"\{(id|identifier)\}", route.path):
+            continue
+        of_batch = "batch" in route.path
+        for id in [ids.batch] if of_batch else [ids.solved, ids.simulated, ids.open]:
+            path = re.sub(r"\{(id|identifier)\}", id, route.path).replace("{number}", "1")
+            path = path.replace("{file}", files.get(route.path.split("/")[-2], "")).replace("{name}", "one")
+            found += [(method, path) for method in sorted(route.methods or ())]
+    return found
+
+
+def state(client: httpx.Client, ids: Ids) -> list[Any]:
+    """What alice sees, but for what goes on by itself."""
+    places = [f"/v1/jobs/{id}" for id in (ids.solved, ids.simulated)] + [f"/v1/batches/{ids.batch}"]
+    open_one = client.get(f"/v1/jobs/{ids.open}", headers=ALICE).json()
+    listed = [job["id"] for job in client.get("/v1/jobs", headers=ALICE).json()["jobs"]]
+    return [client.get(p, headers=ALICE).json() for p in places] + [open_one["status"], open_one["created"], listed]
+
+
+def read(client: httpx.Client, method: str, path: str, who: dict[str, str]) -> tuple[int, str]:
+    """Status and the first of the text: streams of open work do not end."""
+    with client.stream(method, path, headers=who) as answer:
+        if answer.status_code == 200 and path.endswith(("/events", "/results")):
+            return answer.status_code, next(answer.iter_text(), "")
+        answer.read()
+        return answer.status_code, answer.text
+
+
+def test_another_client_gets_the_same_as_for_what_is_not_there_on_all_routes(client: httpx.Client, ids: Ids) -> None:
+    before, tried = state(client, ids), addresses(ids)
+    assert len(tried) > 30
+    for method, path in tried:
+        status, text = read(client, method, path, BOB)
+        form = method == "POST" and path.endswith("/cancel")
+        assert status == 404 or (form and status == 303), (method, path, status)
+        assert SECRET not in text, (method, path)
+    assert state(client, ids) == before
+    seen = [read(client, method, path, ALICE)[0] for method, path in tried if method == "GET"]
+    assert seen.count(404) <= 3 * 3, "the paths of this test are wrong"  # figures and data of what is no simulation
+
+
+def test_the_lists_of_another_client_are_empty(client: httpx.Client, ids: Ids) -> None:
+    for query in ("", "?status=successful", "?kind=solve", "?cursor=999999"):
+        assert client.get(f"/v1/jobs{query}", headers=BOB).json() == {"jobs": [], "next": None}
+
+
+def test_the_same_question_of_another_client_tells_nothing_and_changes_nothing(client: httpx.Client, ids: Ids) -> None:
+    before, began = state(client, ids), time.time()
+    for more in ({}, {"Cache-Control": "no-cache"}):
+        id = ask(client, "/v1/solve", EASY, BOB, **more)
+        assert id != ids.solved
+        job = client.get(f"/v1/jobs/{id}", headers=BOB).json()
+        assert min(job["created"], job["started"], job["finished"]) >= began - 1.0
+        assert client.delete(f"/v1/jobs/{id}", headers=BOB).status_code == 200
+    ask(client, "/v1/batches", [{"id": SECRET, **EASY}, HARD], BOB)
+    batch = ask(client, "/v1/batches", [{"id": SECRET, **EASY}, HARD], BOB)
+    assert batch != ids.batch
+    assert client.delete(f"/v1/batches/{batch}", headers=BOB).json()["counts"].get("accepted", 0) == 0
+    assert state(client, ids) == before
+
+
+def test_alice_cancels_her_work_and_bob_keeps_his(client: httpx.Client, ids: Ids) -> None:
+    bobs = ask(client, "/v1/solve", HARD, BOB | ASYNC)
+    assert client.delete(f"/v1/jobs/{ids.open}", headers=ALICE).json()["status"] == "dismissed"
+    assert client.get(f"/v1/jobs/{bobs}", headers=BOB).json()["status"] in ("accepted", "running")
+    assert client.delete(f"/v1/jobs/{bobs}", headers=BOB).json()["status"] == "dismissed"
