@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import ipaddress
 import os
 import re
 from collections.abc import Mapping
@@ -24,7 +25,9 @@ class Settings:
     may be open, `client_running` of one client run at a time (None: no bound); `waiting` requests may
     wait for a process without being jobs. `retention_days` and `store_size` (MiB) say how long answers
     are kept. `api_keys`: SHA-256 of each key by the name of its client; empty: no keys are asked for.
-    `cluster`: the address of a Dask scheduler.
+    `cluster`: the address of a Dask scheduler. `connections` may be open, `client_connections` from one address;
+    `proxies` are addresses or networks that are believed who asks them, `hosts` the names that are answered to
+    (empty: any).
     """
 
     workers: int = 2
@@ -42,6 +45,10 @@ class Settings:
     api_keys: tuple[tuple[str, str], ...] = ()
     cors_origins: tuple[str, ...] = ()
     cluster: str | None = None
+    connections: int = 2000
+    client_connections: int = 256
+    proxies: tuple[str, ...] = ()
+    hosts: tuple[str, ...] = ()
     log_level: str = "info"
 
 
@@ -72,6 +79,10 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         api_keys=_api_keys(environment),
         cors_origins=_origins(environment),
         cluster=environment.get(PREFIX + "CLUSTER", "").strip() or None,
+        connections=_whole(environment, "CONNECTIONS", 2000, 10, 1_000_000),
+        client_connections=_whole(environment, "CLIENT_CONNECTIONS", 256, 1, 1_000_000),
+        proxies=_addresses(environment),
+        hosts=tuple(_listed(environment, "HOSTS")),
         log_level=_log_level(environment),
     )
 
@@ -105,9 +116,24 @@ def _seconds(
     return value
 
 
+def _listed(environment: Mapping[str, str], name: str) -> list[str]:
+    return [part.strip() for part in environment.get(PREFIX + name, "").split(",") if part.strip()]
+
+
+def _addresses(environment: Mapping[str, str]) -> tuple[str, ...]:
+    found = tuple(_listed(environment, "PROXIES"))
+    for text in found:
+        try:
+            ipaddress.ip_network(text)
+        except ValueError:
+            raise InputError(
+                f"The setting {PREFIX}PROXIES must be a list of addresses or networks such as 127.0.0.1, 10.0.0.0/8."
+            ) from None
+    return found
+
+
 def _origins(environment: Mapping[str, str]) -> tuple[str, ...]:
-    text = environment.get(PREFIX + "CORS_ORIGINS", "")
-    origins = tuple(part.strip() for part in text.split(",") if part.strip())
+    origins = tuple(_listed(environment, "CORS_ORIGINS"))
     for origin in origins:
         if origin != "*" and not origin.startswith(("http://", "https://")):
             raise InputError(

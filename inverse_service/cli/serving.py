@@ -7,7 +7,8 @@ import signal
 import socket
 import threading
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 
 from inverse_service.cli.exits import ExitCode
 from inverse_service.errors import InputError
@@ -18,22 +19,33 @@ WEB_MEMORY = 1024
 SHARE_OF_BODIES = 128
 # Streams and running work have ended by then, or they never will; what was acknowledged is stored in any case, s.
 LONGEST_END = 4.5
+BACKLOG = 128
+# Descriptors that are no connections: the database, the pipes of the workers.
+OWN_DESCRIPTORS = 192
+LOOPBACK_ADDRESSES = ("127.0.0.1", "::1", "localhost")
+LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 EXAMPLE = '{"coordinates": ["x"], "equations": {"x": "-x"}}'
 
 
 def serve_http(host: str, port: int) -> ExitCode:
     """Serve until stopped; raises InputError where the address cannot be listened on."""
     settings = read_settings()
+    if not settings.hosts and host in LOOPBACK_ADDRESSES:
+        # Another name would be a page elsewhere that lets its own name point here.
+        settings = replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
     import uvicorn
 
     from inverse_service.service.jobs.isolation import bound_data
     from inverse_service.web import journal
     from inverse_service.web.application import create_application
+    from inverse_service.web.connections import KEEP_ALIVE, Connections
     from inverse_service.web.headers import LARGEST_HEADERS
 
     journal.begin(settings.log_level)
+    connections = Connections(_most_connections(settings.connections), settings.client_connections, settings.proxies)
     application = create_application(settings)
+    application.state.engine.connections = connections
     # Opened here so that a database that cannot be used is one sentence, and before the address is told.
     application.state.engine.open()
     address = _address(host, listener.getsockname()[1])
@@ -41,11 +53,15 @@ def serve_http(host: str, port: int) -> ExitCode:
     print(f"{address}\ncurl -s {address}/v1/solve -H 'Content-Type: application/json' -d '{EXAMPLE}'", flush=True)
     configuration = uvicorn.Config(
         application,
+        http=cast(Any, connections.protocol),
+        backlog=BACKLOG,
+        proxy_headers=bool(settings.proxies),
+        forwarded_allow_ips=list(settings.proxies),
         log_config=None,
         access_log=False,
         server_header=False,
         timeout_graceful_shutdown=1,
-        timeout_keep_alive=30,
+        timeout_keep_alive=int(KEEP_ALIVE),
         h11_max_incomplete_event_size=LARGEST_HEADERS,
     )
     server = uvicorn.Server(configuration)
@@ -54,6 +70,19 @@ def serve_http(host: str, port: int) -> ExitCode:
     signal.signal(signal.SIGTERM, lambda number, frame: None)
     server.run(sockets=[listener])
     return ExitCode.DONE
+
+
+def _most_connections(wanted: int) -> int:
+    """So many that descriptors never run out; the limit is raised first where it may be."""
+    try:
+        import resource
+    except ImportError:
+        return wanted
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    largest = min(hard if hard != resource.RLIM_INFINITY else 65_536, 65_536)
+    if soft < largest:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (largest, hard))
+    return max(10, min(wanted, max(soft, largest) - OWN_DESCRIPTORS))
 
 
 def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:

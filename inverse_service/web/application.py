@@ -47,7 +47,7 @@ def create_application(settings: Settings) -> FastAPI:
     problems.install(app, page_of_refusal)
     app.add_middleware(StopWhenLeft)
     app.add_middleware(HeadAsGet)
-    app.add_middleware(SecurityHeaders)
+    app.add_middleware(SecurityHeaders, hosts=settings.hosts)
     app.add_middleware(Measured, counters=app.state.engine.counters)
     if settings.cors_origins:
         app.add_middleware(

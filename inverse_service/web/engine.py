@@ -6,7 +6,7 @@ import asyncio
 import itertools
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from typing import Any, ParamSpec, TypeVar
@@ -74,6 +74,8 @@ class Engine:
         self._cleaner: Cleaner | None = None
         self._waiting: Counter[str] = Counter()
         self.bytes = ByteBudget(2 * LARGEST_FACTOR * settings.max_body, LARGEST_FACTOR * settings.max_body)
+        # Those of the server that runs this application, where it counts them.
+        self.connections: Sized = ()
         self.is_open = False
         self._store: JobStore | None = None
 

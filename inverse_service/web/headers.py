@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from starlette.datastructures import MutableHeaders
+from collections.abc import Sequence
+
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -26,10 +28,15 @@ LARGEST_HEADERS = 32_768
 
 
 class SecurityHeaders:
-    """Adds HEADERS to every response that does not set them itself; refuses requests with too large ones (431)."""
+    """Adds HEADERS to every response that does not set them itself.
 
-    def __init__(self, app: ASGIApp) -> None:
+    Refuses requests with too large ones (431), and those to another host than `hosts` (421): a page elsewhere may let
+    its own name point to this machine. No `hosts`: any is taken.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: Sequence[str] = ()) -> None:
         self.app = app
+        self._hosts = frozenset(host.lower() for host in hosts)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -37,7 +44,12 @@ class SecurityHeaders:
             return
 
         if sum(len(name) + len(value) for name, value in scope["headers"]) > LARGEST_HEADERS:
-            await _too_large(scope, receive, send)
+            detail = f"The headers have more than {LARGEST_HEADERS} bytes; send less."
+            await _refuse(431, "headers-too-large", detail, (scope, receive, send))
+            return
+        if self._hosts and not self._hosts & {host_of(scope), "*"}:
+            detail = "This service does not answer to this host name; its operator lists them in INVERSE_SERVICE_HOSTS."
+            await _refuse(421, "host", detail, (scope, receive, send))
             return
 
         async def send_with_headers(message: Message) -> None:
@@ -50,8 +62,13 @@ class SecurityHeaders:
         await self.app(scope, receive, send_with_headers)
 
 
-async def _too_large(scope: Scope, receive: Receive, send: Send) -> None:
-    detail = f"The headers have more than {LARGEST_HEADERS} bytes; send less."
-    content = as_bytes(problem_document(431, "headers-too-large", detail))
-    response = Response(content, 431, headers=HEADERS, media_type="application/problem+json")
-    await response(scope, receive, send)
+def host_of(scope: Scope) -> str:
+    """The name in the Host header, in small letters and without its port."""
+    text = Headers(scope=scope).get("host", "").lower()
+    name, _, port = text.rpartition(":")
+    return name if name and port.isdigit() else text
+
+
+async def _refuse(status: int, kind: str, detail: str, call: tuple[Scope, Receive, Send]) -> None:
+    content = as_bytes(problem_document(status, kind, detail))
+    await Response(content, status, headers=HEADERS, media_type="application/problem+json")(*call)

@@ -6,8 +6,13 @@ import json
 import logging
 import sys
 import time
+from collections import Counter
+from contextvars import ContextVar
 
 STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}
+BETWEEN = 10.0
+# The id of the request that is worked on; every line of the log that comes of it has it.
+REQUEST: ContextVar[str] = ContextVar("request", default="")
 
 
 class JsonLines(logging.Formatter):
@@ -21,10 +26,30 @@ class JsonLines(logging.Formatter):
             "where": record.name,
             "what": record.getMessage(),
         }
+        if REQUEST.get():
+            line["request"] = REQUEST.get()
         line |= {key: value for key, value in vars(record).items() if key not in STANDARD}
         if record.exc_info:
             line["trace"] = self.formatException(record.exc_info)
         return json.dumps(line, default=str)
+
+
+class Seldom(logging.Filter):
+    """Lets the same sentence through once in BETWEEN, and says how many were left out since."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._last: dict[str, float] = {}
+        self._left_out: Counter[str] = Counter()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        sentence = str(record.msg)[:100]
+        if record.created - self._last.get(sentence, -BETWEEN) < BETWEEN:
+            self._left_out[sentence] += 1
+            return False
+        self._last[sentence] = record.created
+        record.left_out = self._left_out.pop(sentence, 0)
+        return True
 
 
 def begin(level: str) -> None:
@@ -33,3 +58,6 @@ def begin(level: str) -> None:
     handler.setFormatter(JsonLines())
     logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
     logging.getLogger("inverse_service").setLevel(level.upper())
+    # What strangers can make these write has no end: bad requests, and connections where descriptors run out.
+    for name in ("asyncio", "uvicorn.error"):
+        logging.getLogger(name).addFilter(Seldom())

@@ -82,14 +82,15 @@ class Attacked:
 
 
 @contextmanager
-def attacked(folder: Path, **settings: str) -> Iterator[Attacked]:
-    """A service with a fresh database, ready to be asked."""
+def attacked(folder: Path, descriptors: int | None = None, **settings: str) -> Iterator[Attacked]:
+    """A service with a fresh database, ready to be asked; it may have only so many descriptors."""
+    command = COMMAND if descriptors is None else ["sh", "-c", f'ulimit -n {descriptors}; exec "$@"', "sh", *COMMAND]
     environment = os.environ | {"INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"), "INVERSE_SERVICE_WORKERS": "2"}
     environment |= {f"INVERSE_SERVICE_{name.upper()}": value for name, value in settings.items()}
     log = folder / "log"
     with (
         log.open("wb") as stream,
-        subprocess.Popen(COMMAND, stdout=subprocess.PIPE, stderr=stream, text=True, env=environment) as process,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stream, text=True, env=environment) as process,
     ):
         assert process.stdout is not None
         found = Attacked(process.stdout.readline().strip(), process, log)

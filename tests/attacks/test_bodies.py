@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator
 
 import pytest
@@ -67,7 +68,7 @@ def test_a_body_holds_up_nobody(service: Attacked, name: str) -> None:
     address, content_type, body = {**ATTACKS, **LARGE}[name]
     with Watch(service) as watch, service.client() as client:
         answers = [client.post(address, content=body, headers={"Content-Type": content_type}) for _ in range(2)]
-    assert {answer.status_code for answer in answers} <= {200, 303, 400, 413, 422}
+    assert {answer.status_code for answer in answers} <= {200, 202, 303, 400, 413, 422}
     watch.hold()
 
 
@@ -79,16 +80,14 @@ def test_a_check_says_that_it_is_json(service: Attacked) -> None:
 
 @pytest.mark.nightly
 def test_bodies_that_one_client_leaves_half_sent_are_bounded(service: Attacked) -> None:
-    import socket
-
-    head = b"POST /v1/solve HTTP/1.1\r\nHost: a\r\nContent-Type: application/json\r\nContent-Length: 990000\r\n\r\n"
+    head = b"POST /v1/solve HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 990000"
     connections = []
     with Watch(service) as watch:
         for _ in range(200):
             connection = socket.create_connection(("127.0.0.1", service.port))
             connections.append(connection)
             try:
-                connection.sendall(head + b" " * 900_000)
+                connection.sendall(head + b"\r\n\r\n" + b" " * 900_000)
             except OSError:  # refused with 429
                 continue
         with service.other() as client:

@@ -79,3 +79,11 @@ def test_paths_known_at_few_steps_are_dots(disk: dict[str, Any]) -> None:
 @pytest.mark.parametrize(("value", "text"), [(0.0, "0"), (0.0123456, "0.0123"), (1e-12, "1.0e-12"), (98765.0, "9.9e4")])
 def test_numbers_of_captions_are_short(value: float, text: str) -> None:
     assert shown(value) == text
+
+
+@pytest.mark.parametrize("label", ["$x^$", "$\\frac{$", "$\\notacommand$", "costs $5 and $6"])
+def test_a_label_is_no_formula_of_the_drawing_program(label: str, disk: dict[str, Any], tmp_path: Path) -> None:
+    methods = [method | {"label": label} for method in disk["result"]["methods"][:1]]
+    table = {label: next(iter(disk["tables"].values()))}
+    figures = draw_simulation(tmp_path, disk["result"] | {"methods": methods}, table, None)
+    assert len(figures) >= 2

@@ -87,3 +87,22 @@ def test_other_pages_may_call_only_where_the_settings_say_so(
     response = answer_of(monkeypatch, Refusal(422, "limit", "no"), Settings(cors_origins=origins))
     assert response.status_code == 422
     assert response.headers.get("access-control-allow-origin") == allowed
+
+
+def test_a_fault_is_counted_and_has_an_id(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def fail(self: Engine, request: Any) -> Any:
+        raise KeyError("inside")
+
+    monkeypatch.setattr(Engine, "submit", fail)
+    application = create_application(Settings())
+    engine = application.state.engine
+    engine.is_open, engine._quick = True, Inline()
+    transport = httpx.ASGITransport(application, raise_app_exceptions=False)
+
+    async def call() -> httpx.Response:
+        async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
+            return await client.post("/v1/solve", json=DOCUMENT)
+
+    assert asyncio.run(call()).status_code == 500
+    (counted,) = (m for m in engine.counters.metrics() if m.name == "inverse_service_http_requests_total")
+    assert counted.samples == {("", (("route", "/v1/solve"), ("status", "500"))): 1.0}

@@ -141,6 +141,39 @@ def test_the_log_is_json_with_the_ids_of_jobs(client: httpx.Client, guarded: Gua
     assert "alice-key" not in guarded.log.read_text()
 
 
+def test_every_request_has_an_id_in_its_answer_and_in_the_access_log(client: httpx.Client, guarded: Guarded) -> None:
+    trace = "4bf92f3577b34da6a3ce929d0e0e4736"
+    sent = ({"X-Request-Id": "mine-1"}, {"traceparent": f"00-{trace}-00f067aa0ba902b7-01"}, {"X-Request-Id": "no good"})
+    ids = [client.get("/v1/limits", headers=headers | ALICE).headers["x-request-id"] for headers in sent]
+    assert (ids[0], ids[1]) == ("mine-1", trace)
+    assert len(ids[2]) == 32
+    assert client.get("/v1/limits", headers={"X-API-Key": "guess"}).status_code == 401
+    records = [json.loads(line) for line in guarded.log.read_text().splitlines()]
+    lines = {record.get("request"): record for record in records if record["what"] == "request"}
+    assert {lines[id]["client"] for id in ids} == {"alice"}
+    assert (lines["mine-1"]["path"], lines["mine-1"]["status"]) == ("/v1/limits", 200)
+    assert [r["client"] for r in records if r["what"] == "request" and r["level"] == "warning"][-1] == "127.0.0.1"
+
+
+def test_another_host_name_is_not_answered_to(client: httpx.Client) -> None:
+    for host in ("attacker.example", "attacker.example:80", "127.0.0.1.attacker.example"):
+        assert client.get("/livez", headers={"Host": host}).status_code == 421
+    for host in ("localhost", "LOCALHOST:1", "127.0.0.1:9"):
+        assert client.get("/livez", headers={"Host": host}).status_code == 200
+
+
+def test_who_says_to_come_from_elsewhere_is_not_believed(client: httpx.Client, guarded: Guarded) -> None:
+    client.get("/v1/limits", headers={"X-API-Key": "guess", "X-Forwarded-For": "8.8.8.8"})
+    records = [json.loads(line) for line in guarded.log.read_text().splitlines()]
+    assert "8.8.8.8" not in {record.get("client") for record in records}
+
+
+def test_a_cookie_of_another_program_may_hold_any_bytes(client: httpx.Client) -> None:
+    for name in (b"Cookie", b"Authorization", b"X-API-Key"):
+        answer = client.get("/", headers=[(name, b"name=J\xe9r\xf4me")])  # type: ignore[list-item]
+        assert answer.status_code in (200, 303)
+
+
 def open_jobs(client: httpx.Client) -> int:
     """How many jobs of bob's have no answer yet."""
     jobs = client.get("/v1/jobs", headers=BOB).json()["jobs"]

@@ -18,6 +18,7 @@ TITLES = {
     410: "The job was dismissed",
     413: "The body is too large",
     415: "The body has another content type",
+    421: "Another host is meant",
     422: "The document cannot be accepted",
     429: "Too much at a time",
     431: "The header is too large",

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, look, new_figure, shown, spread
+from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, look, new_figure, plain, shown, spread
 
 Array = NDArray[np.float64]
 MOST_POINTS = 4000
@@ -58,5 +58,5 @@ def _line(axes: Any, place: int, method: Mapping[str, Any], table: Mapping[str, 
     t, values = table["t"][::every], table[name][::every]
     axes.plot(
         t, values, color=style.colour, linestyle=style.line, linewidth=1.1, marker=style.marker, markersize=4,
-        fillstyle="none", markevery=spread(len(t), 14, 5 * place), label=method["label"],
+        fillstyle="none", markevery=spread(len(t), 14, 5 * place), label=plain(method["label"]),
     )  # fmt: skip

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, joined, look, new_figure, shown, spread
+from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, joined, look, new_figure, plain, shown, spread
 from inverse_service.simulation.matching_circle import turned
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def _panel(
     centre, half = box
     axes.set(xlim=(centre[0] - half, centre[0] + half), ylim=(centre[1] - half, centre[1] + half))
     axes.set_aspect("equal", adjustable="box")
-    axes.set_title(_title(method), fontsize=9.5)
+    axes.set_title(plain(_title(method)), fontsize=9.5)
     axes.set_xlabel(f"{pair[0]}\n{_below(method, path, centre, half)}", fontsize=8.5)
     axes.set_ylabel(pair[1])
 

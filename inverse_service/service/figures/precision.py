@@ -9,7 +9,7 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from inverse_service.service.figures.style import SETTINGS, look, new_figure
+from inverse_service.service.figures.style import SETTINGS, look, new_figure, plain
 
 AXES = (("best_seconds", "steady time in s (best)"), ("force_evaluations", "force evaluations"))
 
@@ -38,7 +38,7 @@ def _curve(axes: Axes, place: int, method: Mapping[str, Any], key: str) -> None:
     style = look(place, method["method"])
     axes.plot(
         [s[key] for s in drawn], [s["relative_error"] for s in drawn], color=style.colour, linestyle=style.line,
-        linewidth=1.3, marker=style.marker, markersize=5, fillstyle="none", label=method["label"],
+        linewidth=1.3, marker=style.marker, markersize=5, fillstyle="none", label=plain(method["label"]),
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from inverse_service.service.figures.style import SETTINGS, look, new_figure, shown, spread
+from inverse_service.service.figures.style import SETTINGS, look, new_figure, plain, shown, spread
 
 Array = NDArray[np.float64]
 Tables = Mapping[str, Mapping[str, Array]]
@@ -77,7 +77,7 @@ def series_figure(name: str, result: Mapping[str, Any], tables: Tables) -> tuple
             t, height = _envelope(times, values)
             axes.plot(
                 t, height, color=style.colour, linestyle=style.line, linewidth=1.3, marker=style.marker, markersize=4.5,
-                markevery=spread(len(t), 12, 7 * shift), fillstyle="none", label=method["label"],
+                markevery=spread(len(t), 12, 7 * shift), fillstyle="none", label=plain(method["label"]),
             )  # fmt: skip
         axes.set_yscale("log")
         axes.set(xlabel="t", ylabel=label, ylim=_limits(lines))

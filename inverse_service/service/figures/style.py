@@ -62,12 +62,17 @@ def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
     width = float(figure.get_size_inches()[0])
     lines = textwrap.wrap(caption, int(width * 14.5)) if caption else []
     if lines:
-        figure.supxlabel("\n".join(lines), x=0.012, ha="left", fontsize=CAPTION_SIZE, color="#333333")
+        figure.supxlabel(plain("\n".join(lines)), x=0.012, ha="left", fontsize=CAPTION_SIZE, color="#333333")
     names = [f"{name}.svg", f"{name}.png"]
     with matplotlib.rc_context(SETTINGS):
         figure.savefig(folder / names[0], metadata={"Date": None, "Title": name})
         figure.savefig(folder / names[1], dpi=RESOLUTION, metadata={"Title": name})
     return names
+
+
+def plain(text: str) -> str:
+    """A text of the user's, in which a dollar begins no formula of matplotlib's."""
+    return text.replace("$", "\\$")
 
 
 def spread(length: int, count: int, shift: int = 0) -> list[int]:

@@ -210,7 +210,7 @@ class Supervisor:
             "inverse_service_job_memory_peak_mebibytes", "Largest memory of a run.", spent.memory, kind=job.kind
         )
         figures = {"wall": round(spent.wall, 4), "cpu": round(spent.cpu, 4), "memory": round(spent.memory, 1)}
-        log.info("job ended", extra={"job": job.id, "attempt": job.attempt, **about, **figures})
+        log.info("job ended", extra={"job": job.id, "client": job.client, "attempt": job.attempt, **about, **figures})
 
     def _tick_loop(self) -> None:
         while not self._stopping.wait(TICK):

@@ -126,4 +126,5 @@ def row_of(answer: BatchAnswer) -> Row:
         return Row(answer.number, name, "failed", found["detail"], "")
     lagrangian = found.get("lagrangian")
     text = f"L = {lagrangian['text']}" if lagrangian else found.get("reason", "")
-    return Row(answer.number, name, found["verdict"], text, found.get("checked") or "")
+    # Results of other kinds have no verdict.
+    return Row(answer.number, name, found.get("verdict") or "done", text, found.get("checked") or "")

@@ -12,7 +12,7 @@ import httpx
 from starlette.requests import Request
 
 # What says who asks; everything else of the browser's request is the page's own business.
-PASSED_ON = ("authorization", "x-api-key", "cookie")
+PASSED_ON = ("authorization", "x-api-key", "cookie", "host")
 ORIGIN = "http://pages.invalid"
 # It would note every one of these calls, which the service counts itself.
 logging.getLogger("httpx").setLevel(logging.WARNING)
@@ -50,5 +50,10 @@ async def call(
     client = (request.client.host, request.client.port) if request.client else ("", 0)
     transport = httpx.ASGITransport(app=request.app, raise_app_exceptions=False, client=client)
     async with httpx.AsyncClient(transport=transport, base_url=ORIGIN, timeout=None) as http:
-        found = await http.request(method, path, content=content, headers=sent)
+        found = await http.request(method, path, content=content, headers=as_sent(sent))
     return Answer(found.status_code, found.headers, found.content)
+
+
+def as_sent(headers: Mapping[str, str]) -> dict[bytes, bytes]:
+    """Headers as bytes: a cookie that another program on this host has set may hold any."""
+    return {name.encode(): value.encode("latin-1") for name, value in headers.items()}

@@ -1,0 +1,147 @@
+"""Connections that are not for ever: so many in all and of one address, each with a time for its head and its body."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+# The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.
+HEADERS = 10.0
+KEEP_ALIVE = 30.0
+# A body may come this slowly after its first seconds.
+BODY_GRACE = 15.0
+BYTES_A_SECOND = 10_000
+# An answer of which the client takes nothing for so long is given up, s.
+STALL = 120.0
+LOOK_EVERY = 1.0
+FULL = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+
+
+@dataclass(slots=True)
+class Connections:
+    """The open connections of a server; used on its loop only. Those of `proxies` (networks) have no bound."""
+
+    total: int
+    of_an_address: int
+    proxies: tuple[str, ...] = ()
+    refused: int = 0
+    timed_out: int = 0
+    _open: set[Connection] = field(default_factory=set)
+    _addresses: Counter[str] = field(default_factory=Counter)
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def protocol(self, **settings: Any) -> asyncio.Protocol:
+        """A connection to be, as uvicorn asks for it."""
+        return Connection(self, **settings)
+
+    def admit(self, connection: Connection) -> bool:
+        """Take a new connection in, at the cost of the one that was silent longest where all places are taken."""
+        if self._addresses[connection.address] >= self.of_an_address and not self._is_proxy(connection.address):
+            self.refused += 1
+            return False
+        if len(self._open) >= self.total and not self._make_room():
+            self.refused += 1
+            return False
+        if not self._open:
+            connection.loop.call_later(LOOK_EVERY, self._look, connection.loop)
+        self._open.add(connection)
+        self._addresses[connection.address] += 1
+        return True
+
+    def forget(self, connection: Connection) -> None:
+        """A connection is gone."""
+        if connection in self._open:
+            self._open.discard(connection)
+            self._addresses[connection.address] -= 1
+            if not self._addresses[connection.address]:
+                del self._addresses[connection.address]
+
+    def _is_proxy(self, address: str) -> bool:
+        try:
+            found = ipaddress.ip_address(address)
+        except ValueError:
+            return False
+        return any(found in ipaddress.ip_network(proxy) for proxy in self.proxies)
+
+    def _make_room(self) -> bool:
+        silent = [connection for connection in self._open if connection.is_waiting]
+        if not silent:
+            return False
+        longest = min(silent, key=lambda connection: connection.since)
+        self.forget(longest)
+        longest.transport.abort()
+        return True
+
+    def _look(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Close what took too long; again in a second."""
+        now = time.monotonic()
+        for connection in [connection for connection in self._open if connection.is_late(now)]:
+            self.timed_out += 1
+            connection.transport.abort()
+        if self._open:
+            loop.call_later(LOOK_EVERY, self._look, loop)
+
+
+class Connection(H11Protocol):
+    """uvicorn's connection, which has no time for heads and bodies and no bounds."""
+
+    def __init__(self, all_of_them: Connections, **settings: Any) -> None:
+        super().__init__(**settings)
+        self._all = all_of_them
+        self.address = ""
+        self.since = time.monotonic()
+        self._is_first = True
+        self._request: object = None
+        self._received = 0
+        self._unread = 0
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self.address = self.client[0] if self.client else ""
+        if not self._all.admit(self):
+            transport.write(FULL)
+            transport.close()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._all.forget(self)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if self.cycle is not self._request:
+            self._request, self._is_first = self.cycle, False
+            self.since, self._received = time.monotonic(), 0
+        self._received += len(data)
+
+    def on_response_complete(self) -> None:
+        self.since = time.monotonic()
+        super().on_response_complete()
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the next request has not come, or not to the end of its headers."""
+        return self.cycle is None or self.cycle.response_complete
+
+    def is_late(self, now: float) -> bool:
+        """Whether the client takes longer than it may for what it does now."""
+        if self.transport.is_closing():
+            return False
+        if self.is_waiting:
+            return now - self.since > (HEADERS if self._is_first else KEEP_ALIVE)
+        if self.cycle.more_body:
+            return now - self.since > BODY_GRACE + self._received / BYTES_A_SECOND
+        return self._is_stalled(now)
+
+    def _is_stalled(self, now: float) -> bool:
+        unread = self.transport.get_write_buffer_size()
+        if unread == 0 or unread != self._unread:
+            self._unread, self.since = unread, now
+        return now - self.since > STALL

@@ -1,0 +1,94 @@
+"""Connections that ask nothing, ask slowly, or are too many."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from inverse_service.web import connections as timing
+from tests.attacks.harness import Attacked, Watch, attacked
+
+HEAD = b"POST /v1/parse HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 500000\r\n\r\n"
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
+    folder = tmp_path_factory.mktemp("connections")
+    with attacked(folder, connections="80", client_connections="60") as found:
+        yield found
+
+
+def opened(service: Attacked, count: int, first: bytes = b"", source: str = "127.0.0.1") -> list[socket.socket]:
+    found = [socket.create_connection(("127.0.0.1", service.port), source_address=(source, 0)) for _ in range(count)]
+    for connection in found:
+        connection.sendall(first)
+    return found
+
+
+def still_open(connections: list[socket.socket]) -> int:
+    """Those that the service did not close; what it said before is read."""
+    count = 0
+    for connection in connections:
+        connection.setblocking(False)
+        try:
+            while connection.recv(65_536):
+                pass
+        except BlockingIOError:
+            count += 1
+        except OSError:
+            pass
+    return count
+
+
+def close(connections: list[socket.socket]) -> None:
+    for connection in connections:
+        connection.close()
+
+
+def test_one_address_has_so_many_connections_and_others_have_theirs(service: Attacked) -> None:
+    with Watch(service) as watch:
+        mine = opened(service, 100)
+        time.sleep(0.3)
+        assert still_open(mine) == 60
+    close(mine)
+    watch.hold()
+
+
+def test_where_all_places_are_taken_the_longest_silent_one_is_closed(service: Attacked) -> None:
+    found = [connection for k in range(2, 5) for connection in opened(service, 40, source=f"127.0.0.{k}")]
+    time.sleep(0.3)
+    with service.client() as client:
+        assert client.get("/livez").status_code == 200
+    assert 60 <= still_open(found) <= 80
+    close(found)
+
+
+@pytest.mark.nightly
+def test_heads_and_bodies_that_do_not_come_are_not_waited_for(service: Attacked) -> None:
+    began = time.monotonic()
+    heads = opened(service, 5) + opened(service, 5, b"GET /livez HT")
+    bodies = opened(service, 5, HEAD + b" " * 1_000)
+    ends = {}
+    while len(ends) < 2 and time.monotonic() - began < 60:
+        for name, found in (("heads", heads), ("bodies", bodies)):
+            if name not in ends and not still_open(found):
+                ends[name] = time.monotonic() - began
+        time.sleep(0.2)
+    close([*heads, *bodies])
+    assert ends["heads"] == pytest.approx(timing.HEADERS, abs=4)
+    assert ends["bodies"] == pytest.approx(timing.BODY_GRACE, abs=4)
+
+
+@pytest.mark.nightly
+def test_where_descriptors_are_few_the_log_stays_short(tmp_path: Path) -> None:
+    with attacked(tmp_path, descriptors=256) as service:
+        found = [c for k in range(2, 8) for c in opened(service, 50, source=f"127.0.0.{k}")]
+        time.sleep(5)
+        with service.client() as client:
+            assert client.get("/livez").status_code == 200
+        close(found)
+        assert service.log.stat().st_size < 20_000
