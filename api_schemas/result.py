@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from api_schemas.base import Document
 from api_schemas.special_cases import SpecialCasesPart
@@ -22,11 +22,30 @@ class Formula(Document):
     latex: str
 
 
+class ExplanationPart(Document):
+    """A part of a step: "text", a "formula" of the sentence, one on "display" below it, or what the step is "about".
+
+    `mathml` is what stands inside a math element; `uses` names the tensors and words of the theory that occur.
+    """
+
+    kind: str
+    text: str
+    latex: str = ""
+    mathml: str = ""
+    uses: list[str] = Field(default_factory=list)
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Keys that say nothing are left out: an explanation has thousands of parts."""
+        return {key: value for key, value in handler(self).items() if value or key in ("kind", "text")}
+
+
 class ExplanationStep(Document):
-    """One step of the explanation: a sentence, and a formula in LaTeX or nothing."""
+    """One step of the explanation: its sentence, its displayed formula in LaTeX or nothing, and both in parts."""
 
     text: str
     latex: str = ""
+    parts: list[ExplanationPart] = Field(default_factory=list)
 
 
 class LagrangianPart(Formula):

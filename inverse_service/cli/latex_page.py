@@ -9,11 +9,7 @@ from inverse_service.cli.family_search_pages import family_search_latex
 from inverse_service.cli.nonholonomic_pages import nonholonomic_latex
 from inverse_service.cli.special_cases_pages import special_cases_latex
 from inverse_service.cli.text_page import asks_for_time, verdict_sentence
-
-SPECIAL = {
-    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
-    **{character: f"\\{character}" for character in "&%$#_{}"},
-}  # fmt: skip
+from inverse_service.service.documents.latex_proof import display, escaped, latex_proof
 
 
 def latex_page(result: dict[str, Any], explain: bool) -> str:
@@ -22,7 +18,7 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
     if result.get("nonholonomic") is not None:
         lines += nonholonomic_latex(result["nonholonomic"])
     if result["system"] is not None:
-        lines += [escaped(result["system"]["name"]), *map(_display, result["system"]["latex"].values())]
+        lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
     lines += _answer(result, asks_for_time(result), explain)
     if result["with_time"] is not None:
         lines += _answer(result["with_time"], True, explain)
@@ -33,25 +29,13 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
     return "\n".join([*lines, r"\end{document}"]) + "\n"
 
 
-def escaped(text: str) -> str:
-    """Plain text with the characters that LaTeX gives a meaning made harmless."""
-    return "".join(SPECIAL.get(character, character) for character in text)
-
-
-def _display(formula: str) -> str:
-    return f"\\[ {formula} \\]"
-
-
 def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
     yield escaped(f"{verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
     if answer["lagrangian"] is not None:
-        yield _display(f"L = {answer['lagrangian']['latex']}")
+        yield display(f"L = {answer['lagrangian']['latex']}")
     if answer["hamiltonian"] is not None:
-        yield _display(f"H = {answer['hamiltonian']['latex']}")
+        yield display(f"H = {answer['hamiltonian']['latex']}")
     if answer["solution_space"] is not None:
         yield escaped(answer["solution_space"]["statement"])
-    if explain and answer["explanation"]:
-        yield r"\begin{enumerate}"
-        for step in answer["explanation"]:
-            yield f"\\item {escaped(step['text'])}" + (f" {_display(step['latex'])}" if step["latex"] else "")
-        yield r"\end{enumerate}"
+    if explain:
+        yield from latex_proof(answer["explanation"])

@@ -52,11 +52,26 @@ class Hamiltonian:
 
 
 @dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a step: "text", a "formula" in the sentence, one on "display" below it, or what the step is "about".
+
+    `mathml` is what stands inside <math>; `uses` names the tensors and words of the theory that need explaining.
+    """
+
+    kind: str
+    text: str
+    latex: str = ""
+    mathml: str = ""
+    uses: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
-    """One step of an explanation: a sentence, and a formula in LaTeX (may be empty)."""
+    """One step of an explanation: its sentence, its displayed formula in LaTeX (may be empty), and both in parts."""
 
     text: str
     latex: str = ""
+    parts: tuple[Part, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

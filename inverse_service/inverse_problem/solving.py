@@ -30,6 +30,7 @@ from inverse_service.inverse_problem.explanation.hierarchy import smallest_suffi
 from inverse_service.inverse_problem.explanation.negative import explain_negative
 from inverse_service.inverse_problem.explanation.printed_conditions import printed_conditions
 from inverse_service.inverse_problem.explanation.shared_letters import with_shared_letters
+from inverse_service.inverse_problem.explanation.steps import said
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
@@ -209,7 +210,7 @@ def _negative(work: _Work, decision: Decision) -> Answer:
     try:
         steps = _reasons(work, decision.with_time)
     except IrreducibleAtoms as problem:
-        steps = (Step(f"The conditions could not be written out: {problem.detail}."),)
+        steps = (said(f"The conditions could not be written out: {problem.detail}.".replace("`", "")),)
     work.add_seconds("explanation", began)
     return Answer("not_variational", certificate=certify.of_decision(work.analysis, decision), explanation=steps)
 

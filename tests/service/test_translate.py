@@ -58,7 +58,7 @@ def test_every_field_of_the_contract_is_filled() -> None:
     assert found["solution_space"]["dimensions"] == [1, 2]
     assert found["conditions"] == {"Phi": [["2"]], "nabla_Phi": [["0"]], "R": [[["0"]]]}
     assert found["certificate"] == {"kind": "lagrangian", "rows": [[1, 2]]}
-    assert found["explanation"] == [{"text": "because", "latex": "x"}]
+    assert found["explanation"] == [{"text": "because", "latex": "x", "parts": []}]
     assert found["provenance"]["program"] == "inverse-service"
 
 

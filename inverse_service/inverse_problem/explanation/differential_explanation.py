@@ -6,9 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
 from inverse_service.algebra.point import Variable
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.expressions.tree import Symbol, number
+from inverse_service.expressions.notation import Formula, of_tree, row, theory
+from inverse_service.expressions.tree import Symbol
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.local_system import RowName
 from inverse_service.inverse_problem.explanation.differential_numbers import DifferentialNumbers, FractionRow, Sum
@@ -24,10 +23,11 @@ from inverse_service.inverse_problem.explanation.point_explanation import (
     left_free,
     point_step,
     solution_step,
+    unsolved,
 )
+from inverse_service.inverse_problem.explanation.steps import Piece, enumerated, said, separated
+from inverse_service.inverse_problem.explanation.wording import SINGULAR, indices
 from inverse_service.inverse_problem.outcome import Step
-
-_LATEX = r"\Gamma(g) = gN + (gN)^{\mathsf T},\qquad g\Phi = (g\Phi)^{\mathsf T}"
 
 
 def steps_in_derivatives(
@@ -43,32 +43,31 @@ def steps_in_derivatives(
         _opening(analysis, numbers.with_time),
         point_step("The equations are long", numbers.variables, numbers.atoms, numbers.real),
         _notation(symbols[0, 0], variables),
-        *(_equation(numbering[name], name, row, symbols, variables) for name, row in numbers.rows.items()),
+        *(_equation(numbering[name], name, line, symbols, variables) for name, line in numbers.rows.items()),
         *(_sum(each, numbering, names) for each in numbers.sums),
         solution_step(solution, names),
-        _closing(left_free(solution, names), numbers),
+        _closing(left_free(solution, names), bool(unsolved(solution, names)), numbers),
     )
 
 
 def _opening(analysis: Analysis, with_time: bool) -> Step:
-    numbering = ", ".join(f"{k + 1} for {name}" for k, name in enumerate(analysis.system.coordinates))
     moment = " + d/dt" if with_time or analysis.system.depends_on_time else ""
-    text = (
-        "Suppose that there is a Lagrangian. The algebraic conditions (Phi, nabla Phi, ..., R) leave a nonsingular g, "
-        "but its Hessian g in the velocities fulfils (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi = (g Phi)^T "
-        f"identically, with Gamma = v^i d/dq^i + f^i d/dv^i{moment}; so their derivatives hold too "
-        f"(indices: {numbering})."
-    )
-    return Step(text, _LATEX)
+    return said(
+        "Suppose that there is a Lagrangian. The algebraic conditions (`Phi`, `nabla Phi`, ..., `R`) leave a "
+        "nonsingular `g`, but its Hessian `g` in the velocities satisfies (H2) `Gamma(g) = g N + (g N)^T` and (H3) "
+        f"`g Phi = (g Phi)^T` identically, with `Gamma = v^i d/dq^i + f^i d/dv^i{moment}`; so their derivatives hold "
+        "too (indices: ", *indices(analysis.system), ").",
+        about=("multiplier",),
+    )  # fmt: skip
 
 
 def _notation(entry: Symbol, variables: Sequence[Variable]) -> Step:
-    first, last = to_text(variables[0]), to_text(variables[-1])
-    text = (
-        f"Write {entry.name}[{first}, {last}] for the derivative of {entry.name} by {first} and {last} at the point. "
-        "By (H1) dg_ij/dv^k is symmetric in i, j and k; equal derivatives are written in one way."
-    )
-    return Step(text, r"\partial_{v^k} g_{ij} = \partial_{v^j} g_{ik}")
+    first, last = of_tree(variables[0]), of_tree(variables[-1])
+    return said(
+        "Write ", row(entry, "[", first, ", ", last, "]"), " for the derivative of ", entry, " by ", first, " and ",
+        last, " at the point. By (H1) `dg_ij/dv^k` is symmetric in `i`, `j` and `k`; equal derivatives are written in "
+        "one way.",
+    )  # fmt: skip
 
 
 def _by(exponents: Iterable[int], variables: Sequence[Variable]) -> list[Variable]:
@@ -76,57 +75,49 @@ def _by(exponents: Iterable[int], variables: Sequence[Variable]) -> list[Variabl
 
 
 def _equation(
-    place: int, name: RowName, row: FractionRow, symbols: Mapping[Unknown, Symbol], variables: Sequence[Variable]
+    place: int, name: RowName, line: FractionRow, symbols: Mapping[Unknown, Symbol], variables: Sequence[Variable]
 ) -> Step:
     kind, i, j, alpha = name
-    by = " and ".join(map(to_text, _by(alpha, variables)))
-    ordered = sorted(row.items(), key=lambda item: (item[0].degree, item[0]))
-    text = _signed([(value, _text(unknown, symbols, variables)) for unknown, value in ordered], "*")
-    latex = _signed([(value, _latex(unknown, symbols, variables)) for unknown, value in ordered], " ")
-    what = f"({kind})_{i + 1}{j + 1}" + (f" differentiated by {by}" if by else "")
-    return Step(f"E{place}, {what}, times a number: {text} = 0.", rf"E_{{{place}}}:\quad {latex} = 0")
+    ordered = sorted(line.items(), key=lambda item: (item[0].degree, item[0]))
+    terms = _signed([(value, _derivative(unknown, symbols, variables)) for unknown, value in ordered])
+    by = _by(alpha, variables)
+    differentiated: list[Piece] = [" differentiated by ", *enumerated(by)] if by else []
+    return said(f"E{place}, ({kind})_{i + 1}{j + 1}", *differentiated, ", times a number: ", row(terms, " = 0"), ".")
 
 
-def _text(unknown: DerivativeOfEntry, symbols: Mapping[Unknown, Symbol], variables: Sequence[Variable]) -> str:
-    by = ", ".join(map(to_text, _by(unknown.by, variables)))
-    return symbols[unknown.i, unknown.j].name + (f"[{by}]" if by else "")
+def _derivative(
+    unknown: DerivativeOfEntry, symbols: Mapping[Unknown, Symbol], variables: Sequence[Variable]
+) -> Formula:
+    by, entry = _by(unknown.by, variables), symbols[unknown.i, unknown.j]
+    return row(entry, "[", *separated(by), "]") if by else of_tree(entry)
 
 
-def _latex(unknown: DerivativeOfEntry, symbols: Mapping[Unknown, Symbol], variables: Sequence[Variable]) -> str:
-    by = "".join(rf"\partial_{{{to_latex(name)}}} " for name in _by(unknown.by, variables))
-    return by + to_latex(symbols[unknown.i, unknown.j])
-
-
-def _signed(terms: Sequence[tuple[Fraction, str]], times: str) -> str:
+def _signed(terms: Sequence[tuple[Fraction, Formula]]) -> Formula:
     """The terms with their factors: 2*a - b."""
-    found = ""
-    for value, word in terms:
-        size = "" if abs(value) == 1 else f"{abs(value)}{times}"
-        sign = ("-" if value < 0 else "") if not found else (" - " if value < 0 else " + ")
-        found += f"{sign}{size}{word}"
-    return found
+    pieces: list[Formula | str] = []
+    for value, formula in terms:
+        size = "" if abs(value) == 1 else f"{abs(value)}*"
+        sign = ("-" if value < 0 else "") if not pieces else (" - " if value < 0 else " + ")
+        pieces += [sign + size, formula]
+    return row(*pieces)
 
 
 def _sum(each: Sum, numbering: Mapping[RowName, int], names: Sequence[Symbol]) -> Step:
     terms = sorted((numbering[name], factor) for name, factor in each.factors.items())
-    text = _signed([(factor, f"E{place}") for place, factor in terms], "*")
-    latex = _signed([(factor, rf"E_{{{place}}}") for place, factor in terms], " ")
-    tree = combination(each.result, names)
-    line = f"In {text} all derivatives of g cancel: {to_text(tree)} = 0."
-    return Step(line, rf"{latex}:\quad {to_latex(tree)} = {to_latex(number(0))}")
+    left = _signed([(factor, theory(f"E{place}")) for place, factor in terms])
+    return said("In ", left, " all derivatives of `g` cancel: ", row(combination(each.result, names), " = 0"), ".")
 
 
-def _closing(left: str, numbers: DifferentialNumbers) -> Step:
+def _closing(left: Sequence[Piece], is_free: bool, numbers: DifferentialNumbers) -> Step:
     """The kernel of a matrix whose rank is constant near a point depends on the point analytically.
 
     So does what the sums exclude; that det g vanishes on what they leave was found at the random point.
     """
-    nothing = left == "So g = 0"
-    rest = "no g but 0" if nothing else "singular g only, as was computed there as well"
-    text = (
-        f"{left}. The same holds at every generic point: these equations are among {numbers.considered} of their kind, "
-        f"in which the coefficients of the derivatives of g have the rank {numbers.rank} here and, as was computed at "
-        "a random point, generically too; so sums in which the derivatives cancel exist there as well, and they leave "
-        f"{rest}. There is no Lagrangian."
-    )
-    return Step(text, r"\det g = 0")
+    rest = "singular `g` only, as was computed there as well" if is_free else "no `g` but 0"
+    return said(
+        *left, f". The same holds at every generic point: these equations are among {numbers.considered} of their "
+        f"kind, in which the coefficients of the derivatives of `g` have the rank {numbers.rank} here and, as was "
+        "computed at a random point, generically too; so sums in which the derivatives cancel exist there as well, "
+        f"and they leave {rest}. There is no Lagrangian.",
+        shown=[SINGULAR],
+    )  # fmt: skip

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from inverse_service.algebra.exact_derivations import sum_of
 from inverse_service.algebra.exact_ring import ExactRing
@@ -23,6 +24,8 @@ from inverse_service.algebra.point import Point, evaluate
 from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
+from inverse_service.expressions.notation import Formula, partial_derivative, row, theory
+from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.elimination import Elimination
 from inverse_service.mechanics.conditions import ExactMotion
@@ -33,21 +36,20 @@ Matrix = tuple[tuple[Quotient, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A derivative of u and its value, in words and in LaTeX."""
+    """A derivative of u, how it is found (with formulas of the theory between grave accents), and its value."""
 
     reason: str
-    text: str
-    latex: str
+    formula: Formula
     value: Quotient
 
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """The derivatives of u, and an expression in them that must be zero and is not."""
+    """The derivatives of u, and an expression in them that must be zero and is not; `note` says why it must."""
 
     lines: tuple[Line, ...]
-    text: str
-    latex: str
+    formula: Formula
+    note: str
     difference: Quotient
 
 
@@ -69,9 +71,9 @@ def contradiction(
     slopes = _slopes(exact, direction)
     point = draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
-    for text, latex, difference in _conditions(exact, slopes, with_time, names):
+    for formula, note, difference in _conditions(exact, slopes, with_time, names):
         if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
-            return Contradiction(_lines(slopes, with_time, text, names), text, latex, difference)
+            return Contradiction(_lines(slopes, with_time, formula.text, names), formula, note, difference)
     raise TooLarge("no integrability condition of the factor fails")
 
 
@@ -118,7 +120,7 @@ def _slope_along(exact: ExactMotion, direction: Matrix) -> Quotient:
 def _inverse(matrix: Matrix, one: Quotient) -> list[list[Quotient]]:
     """The inverse by elimination; ZeroDivisionError for a singular matrix."""
     n, zero = len(matrix), one - one
-    rows = [[*row, *(one if i == j else zero for j in range(n))] for i, row in enumerate(matrix)]
+    rows = [[*line, *(one if i == j else zero for j in range(n))] for i, line in enumerate(matrix)]
     for column in range(n):
         pivot = next((i for i in range(column, n) if not rows[i][column].is_zero), None)
         if pivot is None:
@@ -126,50 +128,55 @@ def _inverse(matrix: Matrix, one: Quotient) -> list[list[Quotient]]:
         rows[column], rows[pivot] = rows[pivot], rows[column]
         head = rows[column][column].inverse()
         rows[column] = [head * entry for entry in rows[column]]
-        for i, row in enumerate(rows):
-            if i != column and not row[column].is_zero:
-                rows[i] = [a - row[column] * b for a, b in zip(row, rows[column], strict=True)]
-    return [row[n:] for row in rows]
+        for i, line in enumerate(rows):
+            if i != column and not line[column].is_zero:
+                rows[i] = [a - line[column] * b for a, b in zip(line, rows[column], strict=True)]
+    return [line[n:] for line in rows]
 
 
 def _conditions(
     exact: ExactMotion, slopes: _Slopes, with_time: bool, names: tuple[str, ...]
-) -> Iterator[tuple[str, str, Quotient]]:
-    """Everything that vanishes if u exists, the simplest first."""
+) -> Iterator[tuple[Formula, str, Quotient]]:
+    """Everything that vanishes if u exists, with the reason, the simplest first."""
     motion = exact.motion
     if not with_time:
-        yield "du/dt, as L is not to contain t,", r"u_{t}", slopes.by_time
-    first = [(f"{x}'", rf"\dot{{{x}}}", motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)]
-    first += [(x, x, motion.by_coordinate[k], slopes.by_coordinate[k]) for k, x in enumerate(names)]
+        yield _slope(TIME), ", as L is not to contain t,", slopes.by_time
+    first: list[tuple[Symbol | Velocity, Any, Quotient]] = [
+        (Velocity(x), motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)
+    ]
+    first += [(Symbol(x), motion.by_coordinate[k], slopes.by_coordinate[k]) for k, x in enumerate(names)]
     if with_time:
-        first.append(("t", "t", exact.ring.partial(0), slopes.by_time))
+        first.append((TIME, exact.ring.partial(0), slopes.by_time))
     for left in range(len(first)):
         for right in range(left):
-            x, x_latex, by_x, u_x = first[left]
-            y, y_latex, by_y, u_y = first[right]
-            latex = f"{_mixed(y_latex, x_latex)} - {_mixed(x_latex, y_latex)}"
-            yield f"d(du/d{y})/d{x} - d(du/d{x})/d{y}", latex, by_x(u_y) - by_y(u_x)
+            x, by_x, u_x = first[left]
+            y, by_y, u_y = first[right]
+            yield row(_mixed(y, x), " - ", _mixed(x, y)), "", by_x(u_y) - by_y(u_x)
 
 
-def _mixed(inner: str, outer: str) -> str:
-    return rf"\frac{{\partial u_{{{inner}}}}}{{\partial {outer}}}"
+def _slope(variable: Symbol | Velocity) -> Formula:
+    return partial_derivative(theory("u"), variable)
+
+
+def _mixed(inner: Symbol | Velocity, outer: Symbol | Velocity) -> Formula:
+    return partial_derivative(row("(", _slope(inner), ")"), outer)
 
 
 def _lines(slopes: _Slopes, with_time: bool, used: str, names: tuple[str, ...]) -> tuple[Line, ...]:
     """The derivatives of u in the order in which they are found."""
     lines = [
-        Line("As dg_ij/dv^k is symmetric in j and k", f"du/d{x}'", rf"u_{{\dot{{{x}}}}}", slopes.by_velocity[k])
+        Line("As `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(Velocity(x)), slopes.by_velocity[k])
         for k, x in enumerate(names)
     ]
-    lines.append(Line("By Gamma(g) = g N + (g N)^T", "Gamma(u)", r"\Gamma(u)", slopes.along))
+    lines.append(Line("By `Gamma(g) = g N + (g N)^T`", theory("Gamma(u)"), slopes.along))
     if used == f"d(du/d{names[0]}')/d{names[-1]}' - d(du/d{names[-1]}')/d{names[0]}'":
         return tuple(lines)
     lines += [
-        Line(f"Gamma(u) differentiated by {x}'", f"du/d{x}", rf"u_{{{x}}}", slopes.by_coordinate[k])
+        Line(f"`Gamma(u)` differentiated by `{x}'`", _slope(Symbol(x)), slopes.by_coordinate[k])
         for k, x in enumerate(names)
     ]
     if with_time and used.count("/dt"):
-        lines.append(Line("The rest of Gamma(u)", "du/dt", r"u_{t}", slopes.by_time))
+        lines.append(Line("The rest of `Gamma(u)`", _slope(TIME), slopes.by_time))
     return tuple(lines)
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.notation import Formula, listed, row
 from inverse_service.expressions.tree import TIME, Expression
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis
@@ -14,6 +13,7 @@ from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.decision.power_series import count
 from inverse_service.inverse_problem.decision.rational_series import as_tree, rational_series
 from inverse_service.inverse_problem.explanation.plain_proof import euler_lagrange_steps
+from inverse_service.inverse_problem.explanation.steps import Piece, said, separated
 from inverse_service.inverse_problem.explanation.verification import explain_positive
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
 from inverse_service.inverse_problem.search.describe import describe
@@ -36,20 +36,25 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
     order, degree = decision.order, decision.degree
     dimensions = ", ".join(map(str, decision.history[order][: degree + 1]))
     return (
-        Step(
+        said(
             f"The Helmholtz conditions, prolonged to order {order}, leave a space of Taylor polynomials of the "
-            f"multiplier of dimensions {dimensions} in degrees 0 to {degree}; it no longer shrinks."
+            f"multiplier of dimensions {dimensions} in degrees 0 to {degree}; it no longer shrinks.",
+            about=("multiplier", "Helmholtz"),
         ),
-        Step(
+        said(
             f"Its symbol in degree {degree} has dimension {decision.symbol.dimension} and passes Cartan's test "
-            f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive."
+            f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive.",
+            about=("involutive",),
         ),
-        Step(f"A regular g is left at a generic point, so a regular Lagrangian exists; {decision.space.statement}."),
+        said(
+            f"A regular `g` is left at a generic point, so a regular Lagrangian exists; {decision.space.statement}.",
+            about=("regular",),
+        ),
     )
 
 
 def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
-    """Which families were tried in vain."""
+    """The families that were tried without success."""
     families = [(name, count) for name, count in outcome.tried if name not in REASONS]
     tried = "; ".join(f"{name} ({terms(count)})" for name, count in families if count) or "none fits f"
     others = {
@@ -57,7 +62,7 @@ def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
         "Methods tried": [name for name, _ in outcome.tried if name in REASONS],
     }
     also = "".join(f" {title}: {'; '.join(names)}." for title, names in others.items() if names)
-    return (Step(f"No closed form was found. Families tried: {tried}.{also}"),)
+    return (said(f"No closed form was found. Families tried: {tried}.{also}".replace("`", "'")),)
 
 
 def terms(count: int) -> str:
@@ -65,9 +70,9 @@ def terms(count: int) -> str:
     return "1 term" if count == 1 else f"{count} terms"
 
 
-def _written(text: str, given: str) -> str:
+def _written(formula: Formula, given: str) -> Piece:
     """The formula, or where it stands if it would fill the page."""
-    return text if len(text) <= _LONGEST_FORMULA else given
+    return formula if len(formula.text) <= _LONGEST_FORMULA else given
 
 
 def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> tuple[Step, ...]:
@@ -80,14 +85,14 @@ def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> t
     if found is None:
         return ()
     named = [symbol for symbol in found.point if symbol != TIME or TIME in found.variables]
-    place = ", ".join(f"{to_text(symbol)} = {found.point[symbol]}" for symbol in named)
-    text = (
-        f"Near {place} one regular Lagrangian begins, to total degree {found.order + 2} and up to terms of at most "
-        "first degree in the velocities (which the equations of motion then fix), as "
-    )
-    series = as_tree(found)
-    shown = _written(f"L = {to_text(series)} + ...", "the formula given as LaTeX")
-    return (Step(f"{text}{shown}.", r"L = " + to_latex(series) + r" + \dots"),)
+    place = separated([row(symbol, f" = {found.point[symbol]}") for symbol in named])
+    series = row("L = ", as_tree(found), " + …")
+    step = said(
+        "Near ", *place, f" one regular Lagrangian begins, to total degree {found.order + 2} and up to terms of at "
+        "most first degree in the velocities (which the equations of motion then fix), as ",
+        _written(series, "the formula below"), ".", shown=[] if len(series.text) <= _LONGEST_FORMULA else [series],
+    )  # fmt: skip
+    return (step,)
 
 
 def of_lagrangian(
@@ -106,36 +111,36 @@ def of_lagrangian(
 
 def as_given_steps(tree: Expression) -> tuple[Step, ...]:
     """How L follows from equations that are Euler-Lagrange equations as written."""
-    text = (
-        "The equations are self-adjoint as they are written: the matrix of their accelerations fulfils the Helmholtz "
-        "conditions, so it is the Hessian of a Lagrangian, which follows by integration: "
-        f"{_written(f'L = {to_text(tree)}', 'the L given above')}."
-    )
-    return (Step(text, "L = " + to_latex(tree)),)
+    step = said(
+        "The equations are self-adjoint as they are written: the matrix of their accelerations satisfies the Helmholtz "
+        "conditions, so it is the Hessian of a Lagrangian, which follows by integration: ",
+        _written(row("L = ", tree), "the L given above"), ".", about=("Helmholtz",),
+    )  # fmt: skip
+    return (step,)
 
 
 def search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
     """The family or the method that found L, and the constants it may have."""
     assert outcome.found is not None
     name, count = outcome.tried[-1]
-    result = _written(f"L = {to_text(tree)}", "the L given above")
     reason = (
-        f"{REASONS[name]} This gives {result}."
+        f"{REASONS[name]} This gives "
         if name in REASONS
         else (
             f"In the family '{name}' ({count} candidate {'term' if count == 1 else 'terms'}) the Euler-Lagrange "
-            f"equations along the motion are linear in the coefficients; solved, they leave {result}."
+            "equations along the motion are linear in the coefficients; solved, they leave "
         )
     )
-    first = Step(reason, "L = " + to_latex(tree))
+    first = said(reason, _written(row("L = ", tree), "the L given above"), ".")
     if len(outcome.found.parts) < 2:
         return (first,)
-    formula = " + ".join(f"C_{{{k}}}\\left({to_latex(p)}\\right)" for k, p in enumerate(outcome.found.parts, start=1))
-    plain = " + ".join(f"C_{k}*({to_text(p)})" for k, p in enumerate(outcome.found.parts, start=1))
-    general = _written(f"L = {plain} is a Lagrangian", "so is every sum of its parts C_k L_k")
+    parts = [row(f"C_{k}*(", part, ")") for k, part in enumerate(outcome.found.parts, start=1)]
+    general = row("L = ", *separated(parts, " + "))
+    short = len(general.text) <= _LONGEST_FORMULA
+    sentence: list[Piece] = [general, " is a Lagrangian"] if short else ["so is every sum of its parts `C_k L_k`"]
     return (
         first,
-        Step(f"More generally, {general} for constants C_k that keep the Hessian regular.", "L = " + formula),
+        said("More generally, ", *sentence, " for constants `C_k` that keep the Hessian regular.", about=("regular",)),
     )
 
 
@@ -162,13 +167,12 @@ def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
     if hamiltonian is None:
         return ()
     pairs = list(zip(hamiltonian.symbols, hamiltonian.momenta, strict=True))
-    names = [to_text(symbol) for symbol, _ in pairs]
-    formula = r",\quad ".join(f"{to_latex(symbol)} = {to_latex(p)}" for symbol, p in pairs)
-    plain = ", ".join(f"{name} = {to_text(p)}" for name, (_, p) in zip(names, pairs, strict=True))
+    momenta = listed([row(symbol, " = ", p) for symbol, p in pairs])
     solved = "were not solved for the velocities" if hamiltonian.implicit else "are solved for the velocities"
-    note = f" ({hamiltonian.note.rstrip('.')})" if hamiltonian.note else ""
-    result = _written(f"H = p v - L = {to_text(hamiltonian.expression)}", "H = p v - L is the one given above")
+    branch = hamiltonian.note.rstrip(".").replace("`", "")
+    note = f" ({branch})" if branch else ""
+    result = row("H = p v - L = ", hamiltonian.expression)
     return (
-        Step(f"The momenta p = dL/dv are {_written(plain, 'those given with H')}.", formula),
-        Step(f"They {solved}{note}; with them {result}.", "H = " + to_latex(hamiltonian.expression)),
+        said("The momenta `p = dL/dv` are ", _written(momenta, "those given with H"), "."),
+        said(f"They {solved}{note}; with them ", _written(result, "H = p v - L is the one given above"), "."),
     )

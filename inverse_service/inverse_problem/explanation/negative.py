@@ -10,6 +10,7 @@ from inverse_service.algebra.exact_derivations import sum_of
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.expressions.notation import matrix, row
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.differential_explanation import steps_in_derivatives
@@ -37,7 +38,9 @@ from inverse_service.inverse_problem.explanation.hierarchy import (
 from inverse_service.inverse_problem.explanation.numbers_at_a_point import numbers_at_a_point
 from inverse_service.inverse_problem.explanation.point_explanation import steps_in_numbers
 from inverse_service.inverse_problem.explanation.pointwise import local_motion
+from inverse_service.inverse_problem.explanation.steps import said
 from inverse_service.inverse_problem.explanation.wording import (
+    SINGULAR,
     Explanation,
     block_sentence,
     differential_summary,
@@ -59,6 +62,7 @@ TERM_LIMIT = 2_000
 TIME_LIMIT = 1.0
 NUMBERS_LIMIT = 5.0
 LARGEST_N = 5
+MOST_NODES_SHOWN = 400
 
 
 def explain_negative(
@@ -202,8 +206,21 @@ def _closing_step(solved: SolvedConditions) -> Step:
     elements = {unknown: ring.atoms[symbol] for unknown, symbol in solved.symbols.items()}
     if not determinant(solved.result, n, elements, ring.constant(1)).is_zero:
         raise TooLarge("the determinant of what remains was not recognised as zero")
-    text = "With these values det g is identically zero in the entries that remain. There is no Lagrangian."
-    return Step(text, r"\det g = 0")
+    return _det_vanishes(solved)
+
+
+def _det_vanishes(solved: SolvedConditions) -> Step:
+    """The multiplier that is left, written out where it fits a page, and its determinant."""
+    n, result = solved.exact.motion.size, solved.result
+    one = solved.exact.ring.constant(1)
+    end = "`det g` is identically zero in the entries that remain. There is no Lagrangian."
+    rows = [
+        [linear_tree(solved.exact.ring, solved.symbols, result.entry((min(i, j), max(i, j)), one)) for j in range(n)]
+        for i in range(n)
+    ]
+    if sum(1 for line in rows for entry in line for _ in walk(entry)) > MOST_NODES_SHOWN:
+        return said(f"With these values {end}", shown=[SINGULAR])
+    return said("With these values ", row("g = ", matrix(rows)), f", and {end}", shown=[SINGULAR])
 
 
 def _side_conditions(ring: ExactRing, result: Elimination) -> tuple[Expression, ...]:

@@ -13,13 +13,14 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from inverse_service.algebra.point import Variable
+from inverse_service.expressions.notation import matrix, row, theory
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, number
 from inverse_service.inverse_problem.explanation.elimination import Unknown
 from inverse_service.inverse_problem.explanation.hierarchy import ConditionName, EquationName, SufficientSet, unknowns
 from inverse_service.inverse_problem.explanation.numbers_at_a_point import NumbersAtAPoint
-from inverse_service.inverse_problem.explanation.wording import condition_latex, equation_name, opening
+from inverse_service.inverse_problem.explanation.steps import Piece, enumerated, said, separated
+from inverse_service.inverse_problem.explanation.wording import SINGULAR, equation_name, opening
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -54,13 +55,13 @@ def _whole(row: Row) -> Row:
 def echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
     """The reduced echelon form: (pivot column, row with 1 in the pivot)."""
     found: list[tuple[int, Row]] = []
-    for row in rows:
+    for line in rows:
         for pivot, known in found:
-            row = tuple(a - row[pivot] * b for a, b in zip(row, known, strict=True))
-        column = next((k for k in reversed(range(len(row))) if row[k]), None)
+            line = tuple(a - line[pivot] * b for a, b in zip(line, known, strict=True))
+        column = next((k for k in reversed(range(len(line))) if line[k]), None)
         if column is None:
             continue
-        fresh = tuple(entry / row[column] for entry in row)
+        fresh = tuple(entry / line[column] for entry in line)
         found = [(p, tuple(a - old[column] * b for a, b in zip(old, fresh, strict=True))) for p, old in found]
         found.append((column, fresh))
     return sorted(found)
@@ -71,53 +72,49 @@ def point_step(
 ) -> Step:
     """The values that are put in, and why they may be."""
     values = [*sorted(variables.items(), key=lambda pair: to_text(pair[0])), *atoms.items()]
-    listed = ", ".join(f"{to_text(name)} = {value}" for name, value in values)
-    latex = r",\; ".join(f"{to_latex(name)} = {to_latex(number(value))}" for name, value in values)
+    listed = separated([row(name, " = ", number(value)) for name, value in values])
     if not values:
-        return Step("Take any point.", latex)
+        return said("Take any point.")
     if real:
-        return Step(f"{why}; take one point. There let {listed}.", latex)
-    text = (
-        f"{why}; put numbers for the functions in them: {listed}. No real point need have these values, but they "
-        "fulfil every algebraic relation that holds among these functions and the variables."
-    )
-    return Step(text, latex)
+        return said(f"{why}; take one point. There let ", *listed, ".")
+    return said(
+        f"{why}; put numbers for the functions in them: ", *listed, ". No real point need have these values, but they "
+        "satisfy every algebraic relation that holds among these functions and the variables.",
+    )  # fmt: skip
 
 
-def _tensor_step(condition: ConditionName, matrix: tuple[Row, ...]) -> Step:
-    text = ", ".join("[" + ", ".join(map(str, row)) + "]" for row in matrix)
-    body = r" \\ ".join(" & ".join(to_latex(number(entry)) for entry in row) for row in matrix)
-    head = condition_latex(condition)
-    return Step(f"At this point {condition.name} = [{text}].", rf"{head} = \begin{{pmatrix}} {body} \end{{pmatrix}}")
+def _tensor_step(condition: ConditionName, rows: tuple[Row, ...]) -> Step:
+    entries = matrix([[number(entry) for entry in line] for line in rows])
+    return said("At this point ", row(theory(f"{condition.name} = "), entries), ".")
 
 
 def combination(row: Row, names: Sequence[Symbol]) -> Expression:
     return add(*(multiply(number(a), name) for a, name in zip(row, names, strict=True) if a))
 
 
-def _equation_step(name: EquationName, row: Row, names: Sequence[Symbol]) -> Step:
-    tree = combination(row, names)
-    return Step(f"{equation_name(name)}, times a number: {to_text(tree)} = 0.", f"{to_latex(tree)} = 0")
+def _equation_step(name: EquationName, line: Row, names: Sequence[Symbol]) -> Step:
+    return said(equation_name(name), ", times a number: ", row(combination(line, names), " = 0"), ".")
 
 
 def solution_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
     lines = []
-    for pivot, row in solution:
-        rest = tuple(-a if k != pivot else Fraction(0) for k, a in enumerate(row))
-        lines.append((names[pivot], combination(rest, names)))
-    text = ", ".join(f"{name.name} = {to_text(tree)}" for name, tree in lines)
-    latex = r",\; ".join(f"{to_latex(name)} = {to_latex(tree)}" for name, tree in lines)
-    return Step(f"These linear equations have the solution {text}.", latex)
+    for pivot, line in solution:
+        rest = tuple(-a if k != pivot else Fraction(0) for k, a in enumerate(line))
+        lines.append(row(names[pivot], " = ", combination(rest, names)))
+    return said("These linear equations have the solution ", *separated(lines), ".")
 
 
-def left_free(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> str:
+def left_free(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> list[Piece]:
     """What the solution makes of g."""
-    free = _free(solution, names)
-    return f"With these values det g is zero whatever {', '.join(free)} may be" if free else "So g = 0"
+    free = unsolved(solution, names)
+    if not free:
+        return ["So `g = 0`"]
+    return ["With these values `det g` is zero whatever ", *enumerated(free), " may be"]
 
 
-def _free(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> list[str]:
-    return [name.name for k, name in enumerate(names) if k not in {pivot for pivot, _ in solution}]
+def unsolved(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> list[Symbol]:
+    """The entries of g that the solution leaves free."""
+    return [name for k, name in enumerate(names) if k not in {pivot for pivot, _ in solution}]
 
 
 def _closing_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
@@ -128,7 +125,7 @@ def _closing_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) 
     )
     random = (
         "This is no accident of the point: at random points, modulo large primes, the same equations were found to "
-        "leave singular g only, so det g is zero at every generic point."
+        "leave singular `g` only, so `det g` is zero at every generic point."
     )
-    reason = random if _free(solution, names) else minors
-    return Step(f"{left_free(solution, names)}. {reason} There is no Lagrangian.", r"\det g = 0")
+    reason = random if unsolved(solution, names) else minors
+    return said(*left_free(solution, names), f". {reason} There is no Lagrangian.", shown=[SINGULAR])

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from inverse_service.inverse_problem.outcome import Answer, Step
+from inverse_service.inverse_problem.explanation.steps import said
+from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _MEANING = {
@@ -29,13 +30,13 @@ _MEANING = {
 def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     """The answer, its explanation begun with what each letter that has two meanings is in the sentences."""
     names = {*system.coordinates, *system.parameters, *(function.name for function in system.functions)}
-    said = " ".join(step.text for step in answer.explanation)
-    shared = [name for name in _MEANING if name in names and _is_said(name, said)]
+    texts = " ".join(step.text for step in answer.explanation)
+    shared = [name for name in _MEANING if name in names and _is_said(name, texts)]
     if not shared:
         return answer
     meanings = ", ".join(f"{name} is {_MEANING[name]}" for name in shared)
     also = "these names may also be those" if len(shared) > 1 else f"the name {shared[0]} may also be that"
-    step = Step(f"In the sentences below, {meanings}; inside their formulas {also} of the system.")
+    step = said(f"In the sentences below, {meanings}; inside their formulas {also} of the system.")
     return replace(answer, explanation=(step, *answer.explanation))
 
 

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from inverse_service.algebra.exact_derivations import sum_of
 from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.notation import Formula, matrix, row, theory
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.explanation.elimination import expanded_determinant
+from inverse_service.inverse_problem.explanation.steps import said
 from inverse_service.inverse_problem.explanation.wording import Explanation
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.mechanics.conditions import ExactMotion, exact_motion
@@ -49,15 +49,13 @@ def explain_positive(
 def _plan() -> tuple[Step, ...]:
     """What has to be computed."""
     return (
-        Step("The matrix g is the Hessian of L in the velocities; dg_ij/dv^k is symmetric in j and k.", _FIRST),
-        Step("With N = -1/2 df/dv, compare Gamma(g) with g N + (g N)^T.", _SECOND),
-        Step("With Phi as given, see that g Phi is symmetric; det g is not zero.", _THIRD),
+        said(
+            "The matrix `g` is the Hessian of `L` in the velocities; `dg_ij/dv^k` is symmetric in `j` and `k`.",
+            about=("multiplier",),
+        ),
+        said("With `N = -1/2 df/dv`, compare `Gamma(g)` with `g N + (g N)^T`."),
+        said("With `Phi` as given, see that `g Phi` is symmetric; `det g` is not zero."),
     )
-
-
-_FIRST = r"\frac{\partial g_{ij}}{\partial v^k} = \frac{\partial g_{ik}}{\partial v^j}"
-_SECOND = r"\Gamma(g) = gN + (gN)^{\mathsf T},\quad N = -\tfrac12 \frac{\partial f}{\partial v}"
-_THIRD = r"g\Phi = (g\Phi)^{\mathsf T},\quad \det g \neq 0"
 
 
 def _worked_out(exact: ExactMotion, g: Matrix) -> Explanation:
@@ -77,17 +75,16 @@ def _worked_out(exact: ExactMotion, g: Matrix) -> Explanation:
     if sum(len(entry.numerator) for entry in [*shown, size]) > MOST_TERMS_SHOWN:
         raise TooLarge("the products fill pages")
     steps = (
-        Step(f"The Hessian of L in the velocities is g = {_text(exact, g)}.", f"g = {_latex(exact, g)}"),
-        Step("Its derivatives dg_ij/dv^k are symmetric in j and k.", _FIRST),
-        Step(
-            f"Gamma(g) = {_text(exact, moved)}, and g N + (g N)^T with N = {_text(exact, n)} is the same.",
-            rf"\Gamma(g) = gN + (gN)^{{\mathsf T}} = {_latex(exact, moved)}",
+        said("The Hessian of `L` in the velocities is ", row("g = ", _matrix(exact, g)), ".", about=("multiplier",)),
+        said("Its derivatives `dg_ij/dv^k` are symmetric in `j` and `k`."),
+        said(
+            row("Gamma(g) = ", _matrix(exact, moved)),
+            ", and `g N + (g N)^T` with ",
+            row("N = ", _matrix(exact, n)),
+            " is the same.",
         ),
-        Step(f"g Phi = {_text(exact, lowered)} is symmetric.", rf"g\Phi = {_latex(exact, lowered)}"),
-        Step(
-            f"det g = {to_text(quotient_tree(exact.ring, size))} is not zero identically: g is a multiplier.",
-            rf"\det g = {to_latex(quotient_tree(exact.ring, size))} \neq 0",
-        ),
+        said(row("g Phi = ", _matrix(exact, lowered)), " is symmetric."),
+        said(row("det g = ", quotient_tree(exact.ring, size)), " is not zero identically: `g` is a multiplier."),
     )
     return Explanation(steps, tuple(factor_trees(exact.ring, size)))
 
@@ -112,13 +109,7 @@ def _require_zero(differences: Sequence[Quotient]) -> None:
         raise TooLarge("an identity was not recognised")
 
 
-def _text(exact: ExactMotion, matrix: Matrix) -> str:
-    if len(matrix) > 1 and all(entry.is_zero for row in matrix for entry in row):
-        return "0"
-    rows = [", ".join(to_text(quotient_tree(exact.ring, entry)) for entry in row) for row in matrix]
-    return "[" + ", ".join(f"[{row}]" for row in rows) + "]"
-
-
-def _latex(exact: ExactMotion, matrix: Matrix) -> str:
-    rows = [" & ".join(to_latex(quotient_tree(exact.ring, entry)) for entry in row) for row in matrix]
-    return r"\begin{pmatrix} " + r" \\ ".join(rows) + r" \end{pmatrix}"
+def _matrix(exact: ExactMotion, entries: Matrix) -> Formula:
+    if len(entries) > 1 and all(entry.is_zero for line in entries for entry in line):
+        return theory("0")
+    return matrix([[quotient_tree(exact.ring, entry) for entry in line] for line in entries])

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import existence_steps, legendre_steps, verification_steps
 from inverse_service.inverse_problem.explanation.printed_conditions import printed_conditions
+from inverse_service.inverse_problem.explanation.steps import said
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Solution, Step
 from inverse_service.inverse_problem.search.describe import describe
@@ -80,7 +81,7 @@ def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> A
     decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
     steps = (
         *(existence_steps(decision) if decided else ()),
-        Step(f"The {chosen.source} is a regular Lagrangian of the system:", "L = " + to_latex(chosen.lagrangian)),
+        said(f"The {chosen.source} is a regular Lagrangian of the system: ", row("L = ", chosen.lagrangian), "."),
         *_short(verification_steps(analysis, lagrangian)),
         *legendre_steps(hamiltonian),
     )
@@ -101,4 +102,4 @@ def _short(steps: Sequence[Step]) -> tuple[Step, ...]:
     length = sum(len(step.text) for step in steps)
     if length <= _LONGEST_STEPS:
         return tuple(steps)
-    return (Step("Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."),)
+    return (said("Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."),)

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
     ConditionsPart,
+    ExplanationPart,
     ExplanationStep,
     Formula,
     HamiltonianPart,
@@ -28,7 +29,7 @@ from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration, Expression, walk
-from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution
+from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution, Step
 from inverse_service.mechanics.document_names import Declared
 from inverse_service.mechanics.parameter_values import parameter_values, with_values
 from inverse_service.mechanics.reading import read_given, read_system
@@ -200,10 +201,17 @@ def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
             statement=space.statement,
         ),
         "certificate": None if answer.certificate is None else _plain(answer.certificate),
-        "explanation": [ExplanationStep(text=step.text, latex=step.latex) for step in answer.explanation],
+        "explanation": [_step(step) for step in answer.explanation],
         "checked": answer.checked,
         "reason": answer.reason,
     }
+
+
+def _step(step: Step) -> ExplanationStep:
+    parts = [
+        ExplanationPart(kind=p.kind, text=p.text, latex=p.latex, mathml=p.mathml, uses=list(p.uses)) for p in step.parts
+    ]
+    return ExplanationStep(text=step.text, latex=step.latex, parts=parts)
 
 
 def _lagrangian(lagrangian: Lagrangian) -> LagrangianPart:

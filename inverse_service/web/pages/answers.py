@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.glossary import Term, terms_in
+from inverse_service.web.pages.glossary import Term, terms_of
 from inverse_service.web.pages.rendering import duration
 
-TENSORS = (("Phi", "Φ", "\\Phi"), ("nabla_Phi", "∇Φ", "\\nabla\\Phi"))
+TENSORS = (("Phi", "Φ", "<mi>Φ</mi>"), ("nabla_Phi", "∇Φ", "<mi>∇</mi><mi>Φ</mi>"))
 QUESTIONS = {"L(q, q')": "L(q, q\u2032)", "L(t, q, q')": "L(t, q, q\u2032)"}
 VERDICTS = {"variational": "a Lagrangian", "not_variational": "no Lagrangian", "undetermined": "undetermined"}
 # What no line can be broken in.
@@ -28,7 +28,12 @@ class Matrix:
 
     name: str
     math: Markup
-    anchor: str = ""
+    key: str
+
+    @property
+    def anchor(self) -> str:
+        """Its place on the page."""
+        return f"matrix-{self.key}-{self.name}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +82,7 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
     """The main answer of a result, or its `with_time`."""
     names = typesetting.names_of(result["system"])
     matrices = matrices_of(result["conditions"], names)
-    steps = _said_once([_step(step, names, matrices) for step in part["explanation"][:MAX_STEPS]])
+    steps = _said_once([step_of(step, names, matrices) for step in part["explanation"][:MAX_STEPS]])
     return ShownAnswer(
         QUESTIONS[question],
         part["verdict"],
@@ -104,6 +109,12 @@ def headline(part: Mapping[str, Any], question: str) -> str:
     if part["lagrangian"] is None:
         return f"A regular Lagrangian {kind} exists; none was found in closed form."
     return f"These equations come from a regular Lagrangian {kind}."
+
+
+def equations_of(system: Mapping[str, Any]) -> list[Markup]:
+    """The equations of motion, solved for the accelerations."""
+    names = typesetting.names_of(system)
+    return [typesetting.formula(f"{name}'' = {f}", names) for name, f in system["equations"].items()]
 
 
 def title_of(result: Mapping[str, Any]) -> str:
@@ -158,30 +169,40 @@ def matrices_of(conditions: Mapping[str, Any] | None, names: Names) -> list[Matr
     if conditions is None:
         return []
     found = [
-        Matrix(symbol, _named_matrix(latex, conditions[key], names), f"matrix-{key}")
-        for key, symbol, latex in TENSORS
+        Matrix(symbol, _named_matrix(shown, conditions[key], names), key)
+        for key, symbol, shown in TENSORS
         if conditions.get(key)
     ]
     for index, block in enumerate(conditions.get("R") or [], start=1):
         if any(entry != "0" for row in block for entry in row):
-            found.append(Matrix(f"R{index}", _named_matrix(f"R^{{{index}}}", block, names), f"matrix-R{index}"))
+            above = f"<msup><mi>R</mi><mn>{index}</mn></msup>"
+            found.append(Matrix(f"R{index}", _named_matrix(above, block, names), "R"))
     return found
 
 
-def _named_matrix(latex: str, rows: Sequence[Sequence[str]], names: Names) -> Markup:
-    left = typesetting.latex_inner(latex)
+def _named_matrix(left: str, rows: Sequence[Sequence[str]], names: Names) -> Markup:
     inner = typesetting.matrix_inner(rows, names)
     if inner is None:
         return typesetting.matrix(rows, names)
     return typesetting.math(f"<mrow>{left}<mo>=</mo>{inner}</mrow>", display=True)
 
 
-def _step(step: Mapping[str, str], names: Names, matrices: list[Matrix]) -> Step:
-    text, says_formula = typesetting.sentence(step["text"], names)
-    shown = None if says_formula or not step["latex"] else typesetting.latex(step["latex"])
-    plain = step["text"].replace("nabla Phi", "∇Φ").replace("Phi", "Φ")
-    used = [m for m in matrices if _uses(plain, m.name)]
-    return Step(text, shown, used, any(tag in text for tag in UNBREAKABLE), terms_in(plain))
+def step_of(step: Mapping[str, Any], names: Names, matrices: list[Matrix]) -> Step:
+    """The sentence with its formulas set; results of older versions have no parts, and show words only."""
+    parts = step.get("parts") or [{"kind": "text", "text": step["text"]}]
+    sentence = Markup("").join(_part(part, names) for part in parts if part["kind"] in ("text", "formula"))
+    below = [_part(part, names) for part in parts if part["kind"] == "display"]
+    shown = Markup(" ").join(Markup('<span class="part">{}</span>').format(part) for part in below)
+    uses = [use for part in parts for use in part.get("uses", ())]
+    used = [matrix for matrix in matrices if matrix.key in uses]
+    return Step(sentence, shown or None, used, any(tag in sentence for tag in UNBREAKABLE), terms_of(uses))
+
+
+def _part(part: Mapping[str, Any], names: Names) -> Markup:
+    if part["kind"] == "text":
+        return escape(part["text"])
+    mathml = part.get("mathml")
+    return typesetting.math(typesetting.spaced(mathml)) if mathml else typesetting.formula(part["text"], names)
 
 
 def _said_once(steps: Sequence[Step]) -> list[Step]:
@@ -194,14 +215,6 @@ def _said_once(steps: Sequence[Step]) -> list[Step]:
         seen |= {matrix.anchor for matrix in matrices} | {term.key for term in terms}
         found.append(replace(step, matrices=matrices, terms=terms))
     return found
-
-
-def _uses(text: str, name: str) -> bool:
-    if name == "Φ":
-        return "Φ" in text.replace("∇Φ", "")
-    if name.startswith("R"):
-        return "R^j_kl" in text or "(R)_" in text or "components of R" in text
-    return name in text
 
 
 def timing(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
@@ -77,7 +77,7 @@ def constrained_of(result: Mapping[str, Any]) -> Constrained | None:
         typesetting.equation("L", part["lagrangian"]["text"], names),
         constraints,
         lines,
-        [typesetting.sentence(statement, names)[0] for statement in statements if statement],
+        [escape(statement) for statement in statements if statement],
         _facts(part, names),
         [_associated(entry["kind"], entry, names) for entry in part["associated"]],
         [_confirmed(entry, names) for entry in part["hamiltonisation"]],
@@ -112,7 +112,7 @@ def _confirmed(entry: Mapping[str, Any], names: Names) -> Confirmed:
         f"{entry['associated']}: {entry['label']}",
         typesetting.equation("H", hamiltonian["text"], names) if hamiltonian else None,
         [typesetting.formula(f"{w['text']} = 0", names) for w in entry["constraints"]],
-        [(typesetting.sentence(s["text"], names)[0], s["verdict"]) for s in entry["statements"]],
+        [(escape(s["text"]), s["verdict"]) for s in entry["statements"]],
         entry["holds"],
     )
 

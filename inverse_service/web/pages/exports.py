@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service.errors import InputError
+from inverse_service.service.documents.latex_proof import latex_proof
 from inverse_service.web.pages.sympy_code import sympy_program
 
 
@@ -54,7 +55,7 @@ def latex_of(result: Mapping[str, Any]) -> str:
         rows = [rf"{letter} &= {part['latex']}" for letter, part in _parts(answer)]
         lines += _aligned(rows) if rows else []
     if result["verdict"] == "not_variational":
-        lines += _aligned([_at_relation(step["latex"]) for step in result["explanation"] if step["latex"]])
+        lines += latex_proof(result["explanation"])
     return "\n".join(lines) + "\n"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from markupsafe import Markup
@@ -11,17 +12,17 @@ from inverse_service.web.pages import typesetting
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A word, its formula in LaTeX where it has one, and what it means."""
+    """A word, what it means, and its formula in the notation of the theory where it has one."""
 
     key: str
     name: str
     meaning: str
-    latex: str = ""
+    text: str = ""
 
     @property
     def formula(self) -> Markup | None:
         """The formula typeset."""
-        return typesetting.latex(self.latex) if self.latex else None
+        return typesetting.of_theory(self.text) if self.text else None
 
 
 TERMS = (
@@ -29,7 +30,7 @@ TERMS = (
         "multiplier", "the multiplier",
         "The matrix of second derivatives of L in the velocities. The inverse problem looks for g first: if g "
         "satisfies the Helmholtz conditions, a Lagrangian follows by integration.",
-        r"g_{ij} = \frac{\partial^{2} L}{\partial v^i \partial v^j}",
+        "g_ij = d(dL/dv^i)/dv^j",
     ),
     Term(
         "regular", "regular",
@@ -40,29 +41,28 @@ TERMS = (
         "helmholtz", "Helmholtz",
         "The Helmholtz conditions: a nonsingular g that satisfies them is the Hessian of a Lagrangian, and every "
         "Lagrangian has such a g.",
-        r"g_{ij} = g_{ji} , \quad \Gamma(g) = g N + (g N)^{\mathsf T} , \quad g \Phi = (g \Phi)^{\mathsf T}",
+        "g_ij = g_ji, Gamma(g) = g N + (g N)^T, g Phi = (g Phi)^T",
     ),
     Term(
         "gamma", "Γ",
         "The derivative along the motion: of a function of time, positions and velocities, where accelerations are "
         "replaced by f.",
-        r"\Gamma = \frac{\partial}{\partial t} + v^i \frac{\partial}{\partial q^i} + f^i \frac{\partial}{\partial v^i}",
+        "Gamma = d/dt + v^i d/dq^i + f^i d/dv^i",
     ),
     Term("n", "N", "The connection of the system: how f depends on the velocities.",
-         r"N = - \frac{1}{2} \frac{\partial f}{\partial v}"),
+         "N = -1/2 df/dv"),
     Term(
         "phi", "Φ",
         "Twice the Jacobi endomorphism: a matrix made from f alone, which says how neighboring motions accelerate "
         "away from each other. g Φ must be symmetric.",
-        r"\Phi = \Gamma\left(\frac{\partial f}{\partial v}\right) - 2 \frac{\partial f}{\partial q} - "
-        r"\frac{1}{2} \frac{\partial f}{\partial v} \frac{\partial f}{\partial v}",
+        "Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv) (df/dv)",
     ),
     Term("nabla", "∇Φ", "The derivative of Φ along the motion; g ∇Φ must be symmetric, too.",
-         r"\nabla\Phi = \Gamma(\Phi) + N \Phi - \Phi N"),
+         "nabla Phi = Gamma(Phi) + N Phi - Phi N"),
     Term(
         "r", "R",
         "The curvature: the derivatives of Φ in the velocities, antisymmetrized. Its cyclic sum with g must vanish.",
-        r"R^j_{kl} = \frac{\partial \Phi^j_k}{\partial v^l} - \frac{\partial \Phi^j_l}{\partial v^k}",
+        "R^j_kl = dPhi^j_k/dv^l - dPhi^j_l/dv^k",
     ),
     Term(
         "involutive", "involutive",
@@ -76,13 +76,10 @@ TERMS = (
     ),
     Term("domain", "domain", "The open set on which the answer holds: its formulas are defined, and L is regular."),
 )  # fmt: skip
-_WORDS = {
-    "multiplier": ("multiplier",), "regular": ("regular",), "helmholtz": ("Helmholtz",), "gamma": ("Gamma",),
-    "n": (" N ", "N^"), "phi": ("Φ",), "nabla": ("∇Φ",), "r": ("R^j", "(R)_"), "involutive": ("involutive",),
-    "associated": ("associated",),
-}  # fmt: skip
+_KEYS = {"Phi": "phi", "nabla_Phi": "nabla", "R": "r", "Gamma": "gamma", "N": "n", "Helmholtz": "helmholtz"}
 
 
-def terms_in(text: str) -> tuple[Term, ...]:
-    """The words of the theory that a text uses."""
-    return tuple(term for term in TERMS if any(word in text for word in _WORDS.get(term.key, ())))
+def terms_of(uses: Iterable[str]) -> tuple[Term, ...]:
+    """The words of the theory that a step names."""
+    keys = {_KEYS.get(use, use) for use in uses}
+    return tuple(term for term in TERMS if term.key in keys)

@@ -9,6 +9,7 @@ from fastapi import APIRouter
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
+from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.rendering import can_simulate, page
 
@@ -16,12 +17,19 @@ router = APIRouter()
 
 
 @dataclass(frozen=True, slots=True)
+class Written:
+    """A formula in the notation of a system of the lessons."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Screen:
-    """A heading, paragraphs, formulas in LaTeX, an example to try, and the name of a motion to watch."""
+    """A heading, paragraphs, formulas of the theory or of a system, an example to try, and a motion to watch."""
 
     title: str
     paragraphs: tuple[str, ...]
-    formulas: tuple[str, ...]
+    formulas: tuple[str | Written, ...]
     example: str = ""
     question: str = ""
     motion: str = ""
@@ -36,8 +44,9 @@ SCREENS = (
             "For kinetic minus potential energy of a spring they are the oscillator.",
         ),
         (
-            r"\frac{d}{dt} \frac{\partial L}{\partial v^i} - \frac{\partial L}{\partial q^i} = 0",
-            r"L = \frac{\dot{x}^{2}}{2} - \frac{x^{2}}{2} \quad \Longrightarrow \ddot{x} = -x",
+            "d/dt dL/dv^i - dL/dq^i = 0",
+            Written("L = x'^2/2 - x^2/2"),
+            Written("x'' = -x"),
         ),
         "x'' = -x",
         "Find L from the equation",
@@ -51,9 +60,9 @@ SCREENS = (
             "and fulfil the Helmholtz conditions. They are linear in g.",
         ),
         (
-            r"\ddot{q}^i = f^i(q, v) , \qquad g_{ij} = \frac{\partial^{2} L}{\partial v^i \partial v^j}",
-            r"\Gamma(g) = g N + (g N)^{\mathsf T} , \qquad g \Phi = (g \Phi)^{\mathsf T} , \qquad "
-            r"\frac{\partial g_{ij}}{\partial v^k} = \frac{\partial g_{ik}}{\partial v^j}",
+            "g_ij = d(dL/dv^i)/dv^j, dg_ij/dv^k = dg_ik/dv^j",
+            "Gamma(g) = g N + (g N)^T",
+            "g Phi = (g Phi)^T",
         ),
         "x'' = -x'",
         "Friction: is there an L?",
@@ -64,7 +73,7 @@ SCREENS = (
             "Friction does have a Lagrangian in one coordinate. In several coordinates unusual ones appear, with "
             "velocities in the denominator. The answer says where it is regular.",
         ),
-        (r"L = \frac{\dot{\varphi}^{2}}{2} + \frac{\dot{x}^{2}}{2 \dot{\varphi} \cos\left(\varphi\right)}",),
+        (Written("L = phi'^2/2 + x'^2/(2*phi'*cos(phi))"),),
         "phi'' = 0\nx'' = -tan(phi)*phi'*x'",
         "Find this L",
     ),
@@ -75,7 +84,7 @@ SCREENS = (
             "linear conditions on g. When only singular g are left, there is no Lagrangian, whatever its form.",
             "The answer lists the few conditions that suffice, and each step can be followed by hand.",
         ),
-        (r"g \Phi = (g \Phi)^{\mathsf T} , \qquad g \nabla\Phi = (g \nabla\Phi)^{\mathsf T} , \qquad \det g \neq 0",),
+        ("g Phi = (g Phi)^T", "g nabla Phi = (g nabla Phi)^T", "det g = 0"),
         "phi'' = 0\ntheta'' = 0\nx'' = -sin(phi)*phi'*theta'\ny'' = cos(phi)*phi'*theta'",
         "Prove that there is none",
     ),
@@ -87,10 +96,7 @@ SCREENS = (
             "But other equations, without constraints, have the same motions among theirs: associated systems. The "
             "one on the previous screen is the first of the disk. The second has a Lagrangian.",
         ),
-        (
-            r"\dot{x} = R \cos\left(\varphi\right) \dot{\theta} , \qquad "
-            r"\dot{y} = R \sin\left(\varphi\right) \dot{\theta}",
-        ),
+        (Written("x' = R*cos(phi)*theta'"), Written("y' = R*sin(phi)*theta'")),
         "phi'' = 0\ntheta'' = 0\nx'' = -tan(phi)*phi'*x'\ny'' = cot(phi)*phi'*y'",
         "Solve the second one",
         "disk",
@@ -102,7 +108,7 @@ SCREENS = (
             "variational integrator makes the motion stationary for a discrete action. Its energy does not drift.",
             "For the rolling disk it can be compared with methods that keep the constraint instead.",
         ),
-        (r"L_d(q_1, q_2) = L\left(\left(1 - \alpha\right) q_1 + \alpha q_2 , \frac{q_2 - q_1}{h}\right)",),
+        ("L_d(q_1, q_2) = L((1 - alpha) q_1 + alpha q_2, (q_2 - q_1)/h)",),
         "",
         "",
         "knife-edge",
@@ -124,6 +130,12 @@ async def learn() -> HTMLResponse:
     return page("learn.html", active="/learn", screens=_shown(), can_simulate=can_simulate())
 
 
+def _typeset(formula: str | Written) -> Markup:
+    if isinstance(formula, Written):
+        return typesetting.formula(formula.text, Names(("x", "y", "phi", "theta"), ("R", "L")))
+    return typesetting.of_theory(formula)
+
+
 @lru_cache(maxsize=1)
 def _shown() -> list[Shown]:
-    return [Shown(screen, [typesetting.latex(source) for source in screen.formulas]) for screen in SCREENS]
+    return [Shown(screen, [_typeset(formula) for formula in screen.formulas]) for screen in SCREENS]

@@ -211,7 +211,7 @@ def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | 
         job=job,
         result=found,
         check=check,
-        equations=[] if system is None else [typesetting.latex(line) for line in system["latex"].values()],
+        equations=[] if system is None else answers.equations_of(system),
         main=main,
         other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
         cases=cases.cases_of(found),

@@ -1,4 +1,4 @@
-"""Texts of results as typeset HTML: formulas, conditions, matrices, and the formulas inside sentences.
+"""Texts of results as typeset HTML: formulas, conditions, matrices.
 
 What cannot be read is shown as it is written; nothing is left out.
 """
@@ -13,47 +13,30 @@ from markupsafe import Markup, escape
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
+from inverse_service.expressions.notation import theory
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import read_formula
-from inverse_service.web.pages.latex_mathml import (
-    UnknownLatex,
-    latex_to_mathml,
-    low_fences,
-    matrix_mathml,
-    pieces,
-)
 
 # Beyond this a formula is read as text, in a box that scrolls.
 MAX_CHARACTERS = 4_000
-# Symbols of an explanation; where a system has such a name of its own, that one is meant.
-SYMBOLS = ("g", "T", "L", "H", "N", "p", "v", "Phi", "nablaPhi", "R")
-ARTICLES = frozenset(("a", "A", "I"))
-OPERATORS = frozenset(("+", "-", "="))
 UNBROKEN = 48
 SIGNS = {"-": "\u2212", "!=": "≠", ">=": "≥", "<=": "≤"}
 RELATIONS = {"!=": "≠", ">": ">", "<": "<", ">=": "≥", "<=": "≤", "=": "="}
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
-_MATRIX = re.compile(r"\[\[.*?\]\](?=\W|$)")
-_CONDITION = re.compile(r"\((nabla(?:\^(\d))?)?(Phi|R)\)_(\d+)")
-_NABLA = re.compile(r"\b(nabla(?:\^\d)?) (?=Phi|R)")
-_POWER = re.compile(r"([(]*)nabla\^(\d)(Phi|R)([).,:;]*)")
-_BARE = re.compile(r"([(]*)([A-Za-z0-9_']+)([).,:;]*)")
-_COMPONENTS = re.compile(r"(The components of .+? that are not zero) \(row, column\): .*", re.DOTALL)
-_MATHEMATICAL = re.compile(r"[*^/'=_\d()+]|^-")
+_FENCE = re.compile(r"<mo>[()]</mo>")
+_TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 
 
 def names_of(system: Mapping[str, Any] | None) -> Names:
-    """The names of a result's system; momenta, entries of the multiplier and SYMBOLS read as parameters."""
+    """The names of a result's system; momenta, entries of the multiplier and L, H read as parameters."""
     if system is None:
-        return Names(parameters=SYMBOLS)
+        return Names(parameters=("L", "H"))
     coordinates = tuple(system["coordinates"])
     n = len(coordinates)
     entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
     functions = {name: tuple(arguments) for name, arguments in system.get("functions", {}).items()}
-    if "Gamma" not in coordinates and "Gamma" not in system["parameters"]:
-        functions.setdefault("Gamma", ("g",))
     taken = {*coordinates, *functions}
-    words = [*system["parameters"], *(f"p_{name}" for name in coordinates), *entries, *SYMBOLS]
+    words = [*system["parameters"], *(f"p_{name}" for name in coordinates), *entries, "L", "H"]
     return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
 
 
@@ -65,11 +48,10 @@ def inner_mathml(text: str, names: Names) -> str | None:
         found = to_mathml(read_formula(text, names))
     except InputError:
         return None
-    inner = found.partition(">")[2].removesuffix("</math>").replace("<mi>nablaPhi</mi>", "<mi>∇</mi><mi>Φ</mi>")
-    return _spaced(inner)
+    return spaced(found.partition(">")[2].removesuffix("</math>"))
 
 
-def _spaced(mathml: str) -> str:
+def spaced(mathml: str) -> str:
     return low_fences(mathml).replace("<mo>&#x2062;</mo>", THIN_TIMES)
 
 
@@ -146,18 +128,12 @@ def _relation(text: str, names: Names) -> str | None:
 
 def parsed(mathml: str) -> Markup:
     """A formula that the service wrote as MathML."""
-    return Markup(_spaced(mathml))
+    return Markup(spaced(mathml))
 
 
-def latex(source: str) -> Markup:
-    """A line of LaTeX, its parts free to stand on lines of their own; the source where it is unknown."""
-    if len(source) > 4 * MAX_CHARACTERS:
-        return code(source)
-    try:
-        parts = [latex_to_mathml(part) for part in pieces(source)]
-    except UnknownLatex:
-        return code(source)
-    return Markup(" ".join(f'<span class="part">{part}</span>' for part in parts))
+def of_theory(text: str) -> Markup:
+    """A formula of the theory, in its own notation."""
+    return math(spaced(theory(text).mathml))
 
 
 def matrix(rows: Sequence[Sequence[str]], names: Names) -> Markup:
@@ -174,120 +150,23 @@ def matrix_inner(rows: Sequence[Sequence[str]], names: Names) -> str | None:
     return matrix_mathml([[entry or "" for entry in row] for row in entries])
 
 
-def sentence(text: str, names: Names) -> tuple[Markup, bool]:
-    """A sentence with its formulas typeset, and whether an equation among them was.
-
-    A run of words that reads as a formula is one; words that do not stay words.
-    """
-    text = _NABLA.sub(r"\1", text)
-    # The list that follows is the step's formula, which has better indices.
-    text = _COMPONENTS.sub(r"\1:", text)
-    html: list[Markup | str] = []
-    place, has_equation = 0, False
-    for found in _MATRIX.finditer(text):
-        inner = matrix_inner(_matrix_rows(found.group()), names)
-        if inner is None:
-            continue
-        before, equation = _words(text[place : found.start()], names)
-        html += [before, math(inner)]
-        has_equation, place = True, found.end()
-    rest, equation = _words(text[place:], names)
-    return Markup("").join([*html, rest]), has_equation or equation
+def low_fences(mathml: str) -> str:
+    """Brackets around nothing tall do not stretch: stretched ones are set with gaps around them."""
+    found: list[tuple[int, int]] = []
+    low: list[int] = []
+    for match in _FENCE.finditer(mathml):
+        if match.group() == "<mo>(</mo>":
+            found.append((match.start(), match.end()))
+        elif found:
+            start, end = found.pop()
+            if not _TALL.search(mathml, end, match.start()):
+                low += [start, match.start()]
+    for place in sorted(low, reverse=True):
+        mathml = mathml[:place] + '<mo stretchy="false">' + mathml[place + 4 :]
+    return mathml
 
 
-def _matrix_rows(text: str) -> list[list[str]]:
-    rows = [row.strip("[] ") for row in text[1:-1].split("], [")]
-    return [_split_entries(row) for row in rows]
-
-
-def _split_entries(row: str) -> list[str]:
-    entries, depth, start = [], 0, 0
-    for place, character in enumerate(row):
-        depth += (character == "(") - (character == ")")
-        if character == "," and depth == 0:
-            entries.append(row[start:place].strip())
-            start = place + 1
-    return [*entries, row[start:].strip()]
-
-
-def _words(text: str, names: Names) -> tuple[Markup, bool]:
-    """Prose with runs of mathematical words set as formulas."""
-    html: list[Markup | str] = []
-    run: list[str] = []
-    has_equation = False
-
-    def close_run() -> None:
-        nonlocal has_equation
-        if run:
-            shown, equation = _run(run, names)
-            html.append(shown)
-            has_equation = has_equation or equation
-            run.clear()
-
-    for word in re.split(r"(?<=\S) ", text):
-        if _is_mathematical(word, names) or _goes_on(run, word, names):
-            run.append(word)
-            if word.endswith((",", ".", ":", ";")):
-                close_run()
-        else:
-            close_run()
-            html.append(_single(word, names))
-    close_run()
-    return Markup(" ").join(html), has_equation
-
-
-def _goes_on(run: list[str], word: str, names: Names) -> bool:
-    """Whether a name that is also an article, such as a, stands behind an operator."""
-    return bool(run) and run[-1] in OPERATORS and names.role(word.strip(".,:;()")) is not None
-
-
-def _is_mathematical(word: str, names: Names) -> bool:
-    bare = word.strip(".,:;()")
-    return (names.role(bare) is not None and bare not in ARTICLES) or bool(_MATHEMATICAL.search(word))
-
-
-def _run(words: list[str], names: Names) -> tuple[Markup, bool]:
-    text = " ".join(words)
-    stripped = text.rstrip(".,:;")
-    if stripped.isdigit():
-        return escape(text), False
-    end = text[len(stripped) :]
-    label = _CONDITION.fullmatch(stripped)
-    if label:
-        return Markup("{}{}").format(math(_condition(label)), end), False
-    open_end = stripped.endswith(" =")
-    found = _breakable(stripped.removesuffix(" ="), names)
-    if found is None:
-        return Markup(" ").join(_single(word, names) for word in words), False
-    shown = found + math("<mo>=</mo>") if open_end else found
-    # The mark after a formula stays with it.
-    return Markup("{}{}").format(shown, end), " = " in stripped
-
-
-def _single(word: str, names: Names) -> Markup:
-    """A word by itself: a declared name is set as a symbol, brackets and marks around it stay."""
-    tensor = _POWER.fullmatch(word)
-    if tensor:
-        return Markup("{}{}{}").format(tensor[1], math(_tensor("nabla", tensor[2], tensor[3])), tensor[4])
-    match = _BARE.fullmatch(word)
-    if match is None or names.role(match[2]) is None or match[2] in ARTICLES:
-        return escape(word)
-    return Markup("{}{}{}").format(match[1], math(inner_mathml(match[2], names) or ""), match[3])
-
-
-def _condition(label: re.Match[str]) -> str:
-    inner = low_fences(f"<mrow><mo>(</mo>{_tensor(label[1], label[2], label[3])}<mo>)</mo></mrow>")
-    return f"<msub>{inner}<mn>{label[4]}</mn></msub>"
-
-
-def _tensor(nabla: str | None, power: str | None, letter: str) -> str:
-    symbol = "<mi>Φ</mi>" if letter == "Phi" else "<mi>R</mi>"
-    if not nabla:
-        return symbol
-    before = f"<msup><mi>∇</mi><mn>{power}</mn></msup>" if power else "<mi>∇</mi>"
-    return f"<mrow>{before}{symbol}</mrow>"
-
-
-def latex_inner(source: str) -> str:
-    """MathML of a short LaTeX text without <math> around it."""
-    return latex_to_mathml(source).partition(">")[2].removesuffix("</math>")
+def matrix_mathml(rows: list[list[str]]) -> str:
+    """A matrix in round brackets, its entries being MathML."""
+    body = "".join(f"<mtr>{''.join(f'<mtd>{entry}</mtd>' for entry in row)}</mtr>" for row in rows)
+    return f"<mrow><mo>(</mo><mtable>{body}</mtable><mo>)</mo></mrow>"

@@ -9,10 +9,11 @@ import pytest
 
 from inverse_service import catalogue
 from inverse_service.expressions.names import Names
+from inverse_service.expressions.notation import theory
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.solving import parse_document, solve_document
+from inverse_service.service.documents.solving import solve_document
 from inverse_service.web.pages import answers, typesetting
-from inverse_service.web.pages.latex_mathml import UnknownLatex, latex_to_mathml, low_fences
+from inverse_service.web.pages.typesetting import low_fences
 
 NAMES = Names(("phi", "x"), ("R", "g_11", "g_12", "p_x"), {"A": ("x",)})
 
@@ -23,39 +24,36 @@ def text_of(mathml: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("latex", "shown"),
+    ("text", "shown"),
     [
-        (r"\frac{\dot{\varphi}^{2}}{2}", "φ˙22"),
-        (r"R \sin^{2}\left(\varphi\right)", "Rsin2(φ)"),
-        (r"\sqrt{x} \neq 0", "x≠0"),
-        (r"A''\left(x\right)", "A″(x)".replace("″", "\u2032\u2032")),
-        (r"g = \begin{pmatrix} 1 & 0 \\ 0 & x \end{pmatrix}", "g=(100x)"),
-        (r"\operatorname{asinh}\left(x\right)", "asinh(x)"),
-        (r"(\nabla\Phi)^{3}{}_{1} = 0", "(∇Φ)31=0"),
+        ("g_ij R^j_kl", "gijRklj"),
+        ("Gamma(g) = g N + (g N)^T", "Γ(g)=gN+(gN)^T"),
+        ("nabla Phi", "∇Φ"),
+        ("dg_ij/dv^k = dg_ik/dv^j", "∂gij/∂vk=∂gik/∂vj"),
+        ("det g = 0", "detg=0"),
         ("", ""),
     ],
 )
-def test_latex_becomes_well_formed_mathml(latex: str, shown: str) -> None:
-    assert text_of(latex_to_mathml(latex)) == shown
+def test_the_notation_of_the_theory_becomes_well_formed_mathml(text: str, shown: str) -> None:
+    assert text_of(f"<math>{theory(text).mathml}</math>") == shown
 
 
-@pytest.mark.parametrize("latex", [r"\unknown{x}", r"{x", r"\left(x", r"x}", r"\begin{cases} x \end{cases}", "{" * 500])
-def test_other_latex_is_refused_and_shown_as_it_is(latex: str) -> None:
-    with pytest.raises(UnknownLatex):
-        latex_to_mathml(latex)
-    assert "<code>" in typesetting.latex(latex)
+def test_texts_of_users_cannot_be_markup() -> None:
+    step = {
+        "text": "<b>",
+        "latex": "",
+        "parts": [{"kind": "text", "text": "<b>"}, {"kind": "formula", "text": "<script>"}],
+    }
+    shown = answers.step_of(step, NAMES, [])
+    assert "<b>" not in shown.text
+    assert "<script" not in shown.text
 
 
-def test_names_in_latex_cannot_be_markup() -> None:
-    assert "<script" not in typesetting.latex(r"\mathrm{<script>}")
-    assert "<b>" not in typesetting.sentence("a <b> = 1 & c", NAMES)[0]
-
-
-def test_every_formula_of_the_catalogue_is_typeset_from_its_latex() -> None:
-    for name in catalogue.names():
-        parsed = parse_document(catalogue.document(name))
-        for formula in parsed["equations"].values():
-            text_of(latex_to_mathml(formula["latex"]))
+def test_a_step_of_an_older_result_keeps_its_words() -> None:
+    assert (
+        str(answers.step_of({"text": "There is no Lagrangian.", "latex": ""}, NAMES, []).text)
+        == "There is no Lagrangian."
+    )
 
 
 def test_every_step_of_a_proof_and_of_a_search_is_typeset() -> None:
@@ -66,18 +64,6 @@ def test_every_step_of_a_proof_and_of_a_search_is_typeset() -> None:
         for shown, step in zip(answer.steps, result["explanation"], strict=True):
             assert "<math" in shown.text + (shown.formula or "") or not step["latex"]
             assert "<code>" not in shown.text + (shown.formula or ""), json.dumps(step)
-
-
-def test_a_sentence_keeps_its_words_and_sets_its_formulas() -> None:
-    html, has_equation = typesetting.sentence("(Phi)_23: R*g_11 = 0. As R is not zero, g_12 = -x/R.", NAMES)
-    assert has_equation
-    assert html.count("<math") == 4
-    assert "is not zero" in html
-    names = typesetting.names_of({"coordinates": ["x"], "parameters": [], "functions": {}})
-    higher, _ = typesetting.sentence("T = Phi, nabla Phi and nabla^2 Phi (indices: 1 for x).", names)
-    assert "nabla" not in higher
-    plain, has_equation = typesetting.sentence("There is no Lagrangian.", NAMES)
-    assert (str(plain), has_equation) == ("There is no Lagrangian.", False)
 
 
 def test_a_long_formula_can_be_broken_between_its_terms() -> None:
@@ -92,11 +78,3 @@ def test_only_brackets_around_tall_things_stretch() -> None:
     low = low_fences("<mo>(</mo><mi>x</mi><mo>)</mo><mo>(</mo><mfrac></mfrac><mo>)</mo>")
     assert low.count('stretchy="false"') == 2
     assert low.endswith("<mo>(</mo><mfrac></mfrac><mo>)</mo>")
-
-
-def test_a_name_that_is_an_article_belongs_to_the_formula_behind_an_operator() -> None:
-    names = Names(("x",), ("a", "c"))
-    shown, _ = typesetting.sentence("As c - a and c + a are not zero, a Lagrangian exists.", names)
-    assert shown.count("<mi>a</mi>") == 2
-    assert "- a" not in shown
-    assert ", a Lagrangian" in shown

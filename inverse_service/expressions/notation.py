@@ -1,0 +1,171 @@
+"""Formulas in text, LaTeX and MathML at once: trees, matrices, and the tensor notation of the theory.
+
+The theory's notation is a small one of our own, written as people type it: "g_ij R^j_kl", "Gamma(g) = g N + (g N)^T",
+"dg_ij/dv^k". It is used for formulas that this program words, never for text of users.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions.tree import Expression
+
+_TOKEN = re.compile(
+    r"(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>.)"
+)
+# Signs between trees that the reader of formulas knows.
+_READS_BACK = re.compile(r" = (?:-?\d+(?:/\d+)?)?| [-+] |-?\d*\*?|\d+")
+_MARK = re.compile(r"[_^](?:\([^()]*\)|[A-Za-z0-9]+)")
+_PARTIAL = re.compile(r"d([a-zA-Z]|Phi)")
+_GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "mu": "μ", "tau": "τ"}
+_WORDS = frozenset(("det", "for", "and"))
+_SIGNS = {"-": "\u2212", "*": "\u2062"}
+_LATEX_SIGNS = {"*": " ", "\u2026": r"\dots"}
+# What a formula is about: the keys under which a result and the pages explain it.
+_USES = {"Phi": "Phi", "Gamma": "Gamma", "N": "N", "R": "R"}
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """A formula; `mathml` is what stands inside <math>, `uses` are the tensors that it names.
+
+    `reads_back` says that the reader of formulas understands its text.
+    """
+
+    text: str
+    latex: str
+    mathml: str
+    uses: tuple[str, ...] = ()
+    reads_back: bool = False
+
+
+def of_tree(tree: Expression) -> Formula:
+    """The formula of an expression."""
+    mathml = to_mathml(tree).partition(">")[2].removesuffix("</math>")
+    return Formula(to_text(tree), to_latex(tree), mathml, reads_back=True)
+
+
+def row(*pieces: Formula | Expression | str) -> Formula:
+    """The pieces after one another; texts are in the notation of the theory."""
+    parts = [formula_of(piece) for piece in pieces]
+    uses = tuple(dict.fromkeys(use for part in parts for use in part.uses))
+    return Formula(
+        "".join(part.text for part in parts),
+        "".join(part.latex for part in parts),
+        f"<mrow>{''.join(part.mathml for part in parts)}</mrow>",
+        uses,
+        all(part.reads_back or _READS_BACK.fullmatch(part.text) for part in parts),
+    )
+
+
+def formula_of(piece: Formula | Expression | str) -> Formula:
+    """Any piece as a formula."""
+    if isinstance(piece, str):
+        return theory(piece)
+    return piece if isinstance(piece, Formula) else of_tree(piece)
+
+
+def matrix(rows: Sequence[Sequence[Formula | Expression]]) -> Formula:
+    """A matrix with its entries."""
+    entries = [[formula_of(entry) for entry in line] for line in rows]
+    text = ", ".join(f"[{', '.join(entry.text for entry in line)}]" for line in entries)
+    latex = r" \\ ".join(" & ".join(entry.latex for entry in line) for line in entries)
+    cells = "".join(f"<mtr>{''.join(f'<mtd>{entry.mathml}</mtd>' for entry in line)}</mtr>" for line in entries)
+    return Formula(
+        f"[{text}]",
+        rf"\begin{{pmatrix}} {latex} \end{{pmatrix}}",
+        f"<mrow><mo>(</mo><mtable>{cells}</mtable><mo>)</mo></mrow>",
+    )
+
+
+def listed(formulas: Sequence[Formula]) -> Formula:
+    """Formulas with commas between them."""
+    pieces: list[Formula | str] = []
+    for formula in formulas:
+        pieces += [", ", formula] if pieces else [formula]
+    return row(*pieces)
+
+
+def partial_derivative(of: Formula, by: Expression) -> Formula:
+    """dL/dx as a fraction."""
+    under = of_tree(by)
+    return Formula(
+        f"d{of.text}/d{under.text}",
+        rf"\frac{{\partial {of.latex}}}{{\partial {under.latex}}}",
+        f"<mfrac><mrow><mi>∂</mi>{of.mathml}</mrow><mrow><mi>∂</mi>{under.mathml}</mrow></mfrac>",
+        of.uses,
+    )
+
+
+def theory(text: str) -> Formula:
+    """A formula of the theory from its text."""
+    latex, mathml, uses = [], [], []
+    for match in _TOKEN.finditer(text):
+        if match["name"]:
+            name, primes = match["name"], match["primes"]
+            marks = _MARK.findall(match["marks"])
+            latex.append(_with_marks_latex(name, marks, primes))
+            mathml.append(_with_marks_mathml(name, marks, primes))
+            if name in _USES:
+                uses.append("nabla_Phi" if name == "Phi" and _is_after_nabla(text, match.start()) else _USES[name])
+        elif match["digits"]:
+            latex.append(match["digits"])
+            mathml.append(f"<mn>{match['digits']}</mn>")
+        elif match["space"]:
+            latex.append(" ")
+        else:
+            latex.append(_LATEX_SIGNS.get(match["sign"], match["sign"]))
+            mathml.append(f"<mo>{escape(_SIGNS.get(match['sign'], match['sign']))}</mo>")
+    return Formula(text, "".join(latex), f"<mrow>{''.join(mathml)}</mrow>", tuple(dict.fromkeys(uses)))
+
+
+def _is_after_nabla(text: str, place: int) -> bool:
+    return re.search(r"nabla(?:\^\d)?\s*$", text[:place]) is not None
+
+
+def _body(name: str) -> tuple[str, str]:
+    """(LaTeX, MathML) of a name without its marks; dg is the partial derivative sign before g."""
+    partial = _PARTIAL.fullmatch(name)
+    if partial and name != "dt":
+        latex, mathml = _body(partial[1])
+        return rf"\partial {latex}", f"<mi>∂</mi>{mathml}"
+    if name in _GREEK:
+        return rf"\{name}", f"<mi>{_GREEK[name]}</mi>"
+    if name in _WORDS:
+        return (r"\det " if name == "det" else rf"\text{{ {name} }}"), f"<mo>{name}</mo>"
+    return (name, f"<mi>{name}</mi>") if len(name) == 1 or name == "dt" else (rf"\mathrm{{{name}}}", f"<mi>{name}</mi>")
+
+
+def _with_marks_latex(name: str, marks: Sequence[str], primes: str) -> str:
+    body = _body(name)[0]
+    command = body.startswith("\\") and not body.endswith(("}", " "))
+    found = body + "'" * len(primes)
+    for mark in marks:
+        inner = mark[1:].strip("()")
+        inner = r"\mathsf T" if inner == "T" and mark[0] == "^" else inner
+        found += f"{mark[0]}{{{inner}}}"
+    return found + (" " if command and not marks else "")
+
+
+def _with_marks_mathml(name: str, marks: Sequence[str], primes: str) -> str:
+    body = _body(name)[1]
+    sub = "".join(_mark(mark) for mark in marks if mark[0] == "_")
+    sup = "".join(_mark(mark) for mark in marks if mark[0] == "^") + "<mo>&#x2032;</mo>" * len(primes)
+    head, base = ("<mi>∂</mi>", body[len("<mi>∂</mi>") :]) if body.startswith("<mi>∂") else ("", body)
+    if sub and sup:
+        return f"{head}<msubsup>{base}<mrow>{sub}</mrow><mrow>{sup}</mrow></msubsup>"
+    if sub:
+        return f"{head}<msub>{base}<mrow>{sub}</mrow></msub>"
+    return f"{head}<msup>{base}<mrow>{sup}</mrow></msup>" if sup else f"{head}{base}"
+
+
+def _mark(mark: str) -> str:
+    return "".join(
+        f"<mn>{letter}</mn>" if letter.isdigit() else f"<mi>{escape(letter)}</mi>" for letter in mark[1:].strip("()")
+    )
