@@ -33,7 +33,7 @@ class Matrix:
     @property
     def anchor(self) -> str:
         """Its place on the page."""
-        return f"matrix-{self.key}-{self.name}"
+        return f"matrix-{self.name if self.key == 'R' else self.key}"
 
 
 @dataclass(frozen=True, slots=True)
