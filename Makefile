@@ -1,16 +1,19 @@
 # The two commands: `make run` and `make test`. Both make .venv first and need only Python 3.11 and make.
 PORT ?= 8000
 HOST ?= 127.0.0.1
+SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: install run test nightly lint paper bench soundness coverage mutation
+.PHONY: install service run test nightly lint paper bench soundness coverage mutation
 
+# What the service and the command line need; what tests and development need besides.
+service: $(SERVICE)
 install: $(STAMP)
 
 # The first interpreter that is new enough; `make PYTHON=/path/to/python` overrules the search.
-$(STAMP): pyproject.toml constraints.txt
+$(SERVICE): pyproject.toml constraints.txt
 	@set -e; \
-	for candidate in $(PYTHON) python3 python3.11 python3.12 python3.13 python; do \
+	for candidate in $(PYTHON) python3 python3.11 python3.12 python3.13 python3.14 python; do \
 	  if $$candidate -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then found=$$candidate; break; fi; \
 	done; \
 	if [ -z "$$found" ]; then echo "Python 3.11 or newer is needed; none was found." >&2; exit 1; fi; \
@@ -18,7 +21,7 @@ $(STAMP): pyproject.toml constraints.txt
 	  $$found -m venv --clear .venv || { \
 	    echo "This Python cannot make an environment: install its venv package (Debian: python3-venv)." >&2; exit 1; }; \
 	fi
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
 	@# Sources and modular kernels are compiled once, here, and not in the first call of a user: where Python may write
 	@# no bytecode (PYTHONDONTWRITEBYTECODE), every call would compile the sources again, which takes 0.2 s.
 	.venv/bin/python -m compileall -q inverse_service api_schemas
@@ -26,9 +29,13 @@ $(STAMP): pyproject.toml constraints.txt
 	@for name in sho douglas-iiib nonholonomic-particle-second van-der-pol; do \
 	  .venv/bin/inverse-service catalogue $$name | .venv/bin/inverse-service solve - >/dev/null || exit 1; \
 	done
+	@touch $(SERVICE)
+
+$(STAMP): $(SERVICE)
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $(STAMP)
 
-run: install
+run: service
 	.venv/bin/inverse-service serve --host $(HOST) --port $(PORT)
 
 test: install
