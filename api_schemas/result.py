@@ -63,6 +63,13 @@ class HamiltonianPart(Formula):
     constraints: list[str] = Field(default_factory=list)
 
 
+class IntegralPart(Document):
+    """A function in L that is known by its partial derivatives: {"arguments": ["t"], "derivatives": {"t": "f(t)"}}."""
+
+    arguments: list[str]
+    derivatives: dict[str, str]
+
+
 class SolutionSpacePart(Document):
     """Size of the space of multipliers."""
 
@@ -104,6 +111,7 @@ class OtherAnswer(Document):
     other_lagrangians: list[LagrangianPart] = Field(default_factory=list)
     multiplier: TextMatrix | None = None
     hamiltonian: HamiltonianPart | None = None
+    integrals: dict[str, IntegralPart] = Field(default_factory=dict)
     solution_space: SolutionSpacePart | None = None
     certificate: dict[str, Any] | None = None
     explanation: list[ExplanationStep] = Field(default_factory=list)

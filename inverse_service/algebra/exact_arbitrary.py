@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Quotient
-from inverse_service.expressions.tree import Arbitrary, Expression
+from inverse_service.expressions.tree import Arbitrary, Expression, Integral
 
 Family = tuple[str, tuple[Expression, ...]]
 
@@ -19,6 +19,11 @@ def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[Arbitrary], further: int) 
     """
     families: dict[Family, int] = {}
     for node in nodes:
+        if isinstance(node, Integral):
+            index = ring.new_generator(node)
+            ring.atoms[node] = ring.generator(index)
+            ring.undefined.add(index)
+            continue
         family = (node.name, node.arguments)
         families[family] = max(families.get(family, 0), sum(node.orders))
     for (name, arguments), order in families.items():

@@ -27,6 +27,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     children,
     distinct_nodes,
+    split_exponent,
 )
 
 
@@ -161,24 +162,31 @@ def _adjoin_logarithms(ring: ExactRing, nodes: Sequence[Apply]) -> None:
 
 
 def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[Apply], powers: Sequence[Power]) -> None:
-    """exp(u), u^e = exp(e log u), and hyperbolic functions through exp(u)."""
+    """exp(u), u^e = exp(e log u), and hyperbolic functions through exp(u); u^(e + 1) is u u^e."""
+    parts = [split_exponent(node.exponent) for node in powers]
+    symbolic = [Power(node.base, rest) for node, (rest, _) in zip(powers, parts, strict=True)]
     arguments = [ring.value(node.argument) for node in nodes]
-    arguments += [ring.value(node.exponent) * ring.value(Apply("log", node.base)) for node in powers]
+    arguments += [ring.value(node.exponent) * ring.value(Apply("log", node.base)) for node in symbolic]
     trees: list[Expression] = [Apply("exp", node.argument) for node in nodes]
     basis = argument_basis([coordinates_of(argument) for argument in arguments])
     generators = []
     for place, scale in zip(basis.chosen, basis.scales, strict=True):
-        tree = (trees + list(powers))[place]
+        tree = (trees + symbolic)[place]
         index = ring.new_generator(generator_power(tree, Fraction(1, scale)))
         argument = arguments[place].scaled(Fraction(1, scale))
         ring.set_slopes(index, [(ring.generator(index), argument)])
         generators.append(ring.generator(index))
     functions: list[Apply | Power] = [*nodes, *powers]
-    for node, row in zip(functions, basis.coefficients, strict=True):
+    wholes = [*(0 for _ in nodes), *(whole for _, whole in parts)]
+    for node, whole, row in zip(functions, wholes, basis.coefficients, strict=True):
         product = ring.constant(1)
         for generator, coefficient in zip(generators, row, strict=True):
             product = product * generator**coefficient
-        ring.atoms[node] = _of_exponential(node.function, product) if isinstance(node, Apply) else product
+        ring.atoms[node] = (
+            _of_exponential(node.function, product)
+            if isinstance(node, Apply)
+            else product * ring.value(node.base) ** whole
+        )
 
 
 def _of_exponential(function: str, e: Quotient) -> Quotient:

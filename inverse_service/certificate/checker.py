@@ -172,6 +172,8 @@ class Reader:
         name, _, listed = token.rstrip("]").partition("[")
         orders = [int(order) for order in listed.split(",")] if listed else [name.count("'")]
         name, orders = name.rstrip("'"), [0] * len(values) if orders == [0] else orders
+        if name in self.ring.question.integrals:
+            return self.ring.integral(name, orders, values)
         good = len(values) == len(orders) == len(self.ring.question.functions.get(name, ()))
         self.expect(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is no function of {len(values)} arguments")
         return self.ring.function(name, tuple(orders), values)
@@ -336,6 +338,21 @@ class Expansion:
 
         return self.compose(arguments, coefficient)
 
+    def integral(self, name: str, orders: list[int], arguments: list[Series]) -> Series:
+        """A function with one given derivative: at equal arguments the same, random where nothing is given."""
+        (names, (known, slope)), field = self.question.integrals[name], self.arithmetic
+        good = arguments == [self.names.get(argument) for argument in names] and not any(orders)
+        require(good, f"{name} is to be written with its own arguments.")
+        axes = {self.question.variables.index(argument) for argument in names}
+        axis = self.question.variables.index(known)
+        free = [key for d in range(self.degree + 1) for key in self.monomials(d) if not self.exponent(key, axis)]
+        free = [key for key in free if all(a in axes or not self.exponent(key, a) for a in range(len(self.units)))]
+        series = {key: self.jets.setdefault((name, (), (key,)), field.draw()) for key in free}
+        for key, part in Reader(self, slope).value.items():
+            share = field.number(Fraction(1, self.exponent(key, axis) + 1))
+            series[key + self.units[axis]] = field.reduce(part * share)
+        return series
+
     def coefficients(self, degree: int) -> list[int]:
         """The unknowns of a degree: total degree two more, v-degree at least two."""
         return [key for key in self.monomials(degree + 2) if sum(self.exponent(key, v) for v in self.v) >= 2]
@@ -483,6 +500,7 @@ class Question:
         check_shape(near, dict.fromkeys(near, NUMBER), "near")
         require({*near} <= self.names, "near holds a name that the system does not know.")
         self.near = {name: Fraction(value) for name, value in near.items()}
+        self.integrals = dict[str, tuple[list[str], tuple[str, tuple[str, ...]]]]()
 
     def check_time(self) -> None:
         if not time.monotonic() < self.deadline:
@@ -520,7 +538,8 @@ class Question:
     def lagrangian(self, document: dict[str, Any]) -> str:
         """L_(v_i v_j) f^j + L_(v_i q_j) v^j + L_(v_i t) = L_(q_i), and the matrix L_(v_i v_j) is regular."""
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
-        require(self.timed or "t" not in formula, "The Lagrangian contains t, but the question does not.")
+        tokens = formula + self.read_integrals(document.get("integrals") or {})
+        require(self.timed or "t" not in tokens, "The Lagrangian contains t, but the question does not.")
 
         def work(ring: Expansion) -> None:
             lagrangian, one = Reader(ring, formula).value, ring.arithmetic.one
@@ -530,8 +549,30 @@ class Question:
                 require(ring.solved(terms, rates, one >> 60), f"The Euler-Lagrange equation of {name} does not hold.")
             require(ring.regular(lagrangian), "The Hessian of the Lagrangian is singular.")
 
-        self.settle(2, work, formula)
+        self.settle(2, work, tokens)
         return "The Euler-Lagrange equations of the Lagrangian hold and its Hessian is regular."
+
+    def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
+        """The functions that are known by one derivative, which may hold those before them; the tokens of all."""
+        check_shape(listed, {key: {"arguments": [NAME, 6], "derivatives": {}} for key in listed}, "integrals")
+        check_shape(list(listed), [NAME, MAX_NAMES], "integrals")
+        require(
+            not {*listed} & ({*self.names, *self.functions} | RESERVED), "An integral has the name of another thing."
+        )
+        tokens: tuple[str, ...] = ()
+        for name, one in listed.items():
+            arguments, slopes = one["arguments"], one["derivatives"]
+            require(0 < len(arguments) == len({*arguments}), f"integrals.{name} has to name its arguments once.")
+            require({*arguments} <= {"t", *self.coordinates}, f"integrals.{name} may hold t and coordinates only.")
+            require({*slopes} <= {*arguments}, f"integrals.{name} has a derivative by what is no argument.")
+            if len(slopes) != 1:
+                raise Ended("incomplete", f"integrals.{name} has to have one derivative.")
+            (pair,) = ((by, read_tokens(text, f"integrals.{name}")) for by, text in slopes.items())
+            known = {t for t in pair[1] if t in listed}
+            require(known <= {*self.integrals}, f"integrals.{name} may hold integrals before it only.")
+            self.integrals[name] = (arguments, pair)
+            tokens += (*arguments, *pair[1])
+        return tokens
 
     def multi_index(self, exponents: list[int], most: int) -> int:
         require(sum(exponents) <= most, f"A multi-index has to have a total of at most {most}.")

@@ -69,6 +69,7 @@ def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[
         yield f"  independent check: {answer['checked']}"
     if answer["lagrangian"] is not None:
         yield f"  L = {answer['lagrangian']['text']}"
+        yield from (f"      with {line}" for line in _integrals(answer.get("integrals") or {}))
         yield from (f"      where {condition}" for condition in answer["lagrangian"]["domain"])
     elif answer["verdict"] == "variational":
         yield "  no Lagrangian in closed form was found" + ("" if explain else "; --explain says what was tried")
@@ -78,6 +79,17 @@ def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[
         yield f"  {answer['solution_space']['statement']}"
     if explain:
         yield from _steps(answer["explanation"])
+
+
+def _integrals(integrals: dict[str, Any]) -> Iterator[str]:
+    """F(t) = ∫ f(t) dt, or the derivatives where there are several."""
+    for name, known in integrals.items():
+        whole = f"{name}({', '.join(known['arguments'])})"
+        if len(known["derivatives"]) == 1:
+            ((variable, slope),) = known["derivatives"].items()
+            yield f"{whole} = ∫ ({slope}) d{variable}" if " " in slope else f"{whole} = ∫ {slope} d{variable}"
+        else:
+            yield from (f"d{whole}/d{variable} = {slope}" for variable, slope in known["derivatives"].items())
 
 
 def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[str]:

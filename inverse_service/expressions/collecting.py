@@ -22,6 +22,7 @@ from inverse_service.expressions.tree import (
     Apply,
     Arbitrary,
     Expression,
+    Integral,
     Number,
     Power,
     Product,
@@ -116,7 +117,7 @@ def _expansion(tree: Expression) -> Terms:
             return _exponential(_product([_expand(exponent), _logarithm(_expand(base))]))
         case Apply():
             return _function(tree)
-        case Arbitrary(name, arguments, orders):
+        case Arbitrary(name, arguments, orders) if not isinstance(tree, Integral):
             return _atom(Arbitrary(name, tuple(map(_canonical, arguments)), orders))
         case _:
             return _atom(tree)

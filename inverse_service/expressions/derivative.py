@@ -16,6 +16,7 @@ from inverse_service.expressions.tree import (
     Apply,
     Arbitrary,
     Expression,
+    Integral,
     Number,
     Power,
     Product,
@@ -124,6 +125,8 @@ def _derivative(expression: Expression, rate: Rule) -> Expression:
         case Apply(function, argument):
             inner = rate(argument)
             return ZERO if inner == ZERO else multiply(_RULES[function](argument), inner)
+        case Integral():
+            return _of_integral(expression, rate)
         case Arbitrary():
             return _of_arbitrary(expression, rate)
     raise TypeError(f"{type(expression).__name__} has no derivative")
@@ -152,6 +155,18 @@ def _of_power(base: Expression, exponent: Expression, rate: Rule) -> Expression:
 
 def _lowered(base: Expression, exponent: Expression) -> Expression:
     return _inverse_root(base) if exponent == HALF else power(base, subtract(exponent, number(1)))
+
+
+def _of_integral(integral: Integral, rate: Rule) -> Expression:
+    """By its own derivatives; ValueError for one that is left open."""
+    terms = []
+    for slope, argument in zip(integral.slopes, integral.arguments, strict=True):
+        inner = rate(argument)
+        if inner != ZERO:
+            if slope is None:
+                raise ValueError(f"the derivative of {integral.name} is left open")
+            terms.append(multiply(slope, inner))
+    return add(*terms)
 
 
 def _of_arbitrary(function: Arbitrary, rate: Rule) -> Expression:

@@ -14,8 +14,10 @@ from inverse_service.expressions.tree import (
     Apply,
     Arbitrary,
     Expression,
+    Integral,
     Number,
     Power,
+    Sum,
     Symbol,
     Velocity,
     walk,
@@ -98,6 +100,10 @@ def _atom(expression: Expression, raised: bool = False) -> str:
             return f"{_command(function)}{_brackets(argument)}"
         case Power(base, exponent) if exponent == HALF:
             return f"\\sqrt{{{to_latex(base)}}}"
+        case Integral() if (known := expression.integrand) is not None:
+            slope, variable = known
+            inside = to_latex(slope) if not isinstance(slope, Sum) else _brackets(slope)
+            return f"\\left(\\int {inside} \\, d{to_latex(variable)}\\right)"
         case Arbitrary():
             return _arbitrary(expression)
         case _:

@@ -122,6 +122,25 @@ class Arbitrary(_Node):
     __hash__ = _Node.__hash__
 
 
+@dataclass(frozen=True, slots=True)
+class Integral(Arbitrary):
+    """A function that is known by its partial derivatives alone: F(t) with F' = f(t).
+
+    `slopes[k]` is the derivative by `arguments[k]`, None where it is left open; `orders` are 0. Whatever takes it
+    for an arbitrary function says nothing false of it.
+    """
+
+    slopes: tuple[Expression | None, ...] = ()
+
+    __hash__ = _Node.__hash__
+
+    @property
+    def integrand(self) -> tuple[Expression, Expression] | None:
+        """(slope, argument) where one derivative is known, None where several are."""
+        known = [(slope, u) for slope, u in zip(self.slopes, self.arguments, strict=True) if slope is not None]
+        return known[0] if len(known) == 1 else None
+
+
 Expression = Number | Symbol | Velocity | Acceleration | Sum | Product | Power | Apply | Arbitrary
 
 ZERO, ONE, MINUS_ONE, HALF = (Number(Fraction(k)) for k in ("0", "1", "-1", "1/2"))
@@ -186,6 +205,18 @@ def power(base: Expression, exponent: Expression | int | Fraction) -> Expression
         if isinstance(base, Power) and isinstance(base.exponent, Number) and base.exponent.value.denominator == 1:
             return power(base.base, base.exponent.value * exponent.value)
     return Power(base, exponent)
+
+
+def split_exponent(exponent: Expression) -> tuple[Expression, int]:
+    """(e, k) with exponent = e + k, k its integer part as it stands: a + 1 is (a, 1), -(a + 1) is (-a, -1)."""
+    match exponent:
+        case Product((Number() as factor, Sum(terms))):
+            exponent = add(*(multiply(factor, term) for term in terms))
+    if not isinstance(exponent, Sum):
+        return exponent, 0
+    numbers = [term.value for term in exponent.terms if isinstance(term, Number)]
+    whole = int(numbers[0]) if numbers and numbers[0].denominator == 1 else 0
+    return add(exponent, Number(Fraction(-whole))), whole
 
 
 def negate(expression: Expression) -> Expression:
@@ -261,6 +292,9 @@ def rebuild(expression: Expression, change: Callable[[Expression], Expression]) 
             return power(change(base), change(exponent))
         case Apply(function, argument):
             return Apply(function, change(argument))
+        case Integral(name, arguments, orders):
+            slopes = tuple(slope and change(slope) for slope in expression.slopes)
+            return Integral(name, tuple(map(change, arguments)), orders, slopes)
         case Arbitrary(name, arguments, orders):
             return Arbitrary(name, tuple(map(change, arguments)), orders)
         case _:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -16,45 +17,52 @@ from inverse_service.expressions.tree import (
     Expression,
     add,
     multiply,
-    number,
     power,
 )
+from inverse_service.mechanics.constant_coefficients import common_multiple, solution
 from inverse_service.mechanics.nonholonomic.writing import readable
 
 Partial = Callable[[Quotient], Quotient]
 MOST_CANDIDATES = 200
+# Elimination with symbolic coefficients is for short lists.
+_MOST_SYMBOLIC = 40
 
 
 @dataclass(frozen=True, slots=True)
 class Potential:
-    """phi = sum of coefficient * log(element) + rest."""
+    """phi = sum of coefficient * log(element) + rest, the coefficients constant."""
 
-    logarithms: tuple[tuple[Fraction, Quotient], ...]
+    logarithms: tuple[tuple[Quotient, Quotient], ...]
     rest: Quotient
 
     def exponential(self, ring: ExactRing) -> Expression:
         """exp(phi) as a tree."""
-        factors = [power(readable(ring, element), exponent) for exponent, element in self.logarithms]
+        factors = [power(readable(ring, element), readable(ring, value)) for value, element in self.logarithms]
         if not self.rest.is_zero:
             factors.append(Apply("exp", readable(ring, self.rest)))
         return multiply(*factors)
 
     def tree(self, ring: ExactRing) -> Expression:
         """phi as a tree."""
-        logs = [multiply(number(value), Apply("log", readable(ring, element))) for value, element in self.logarithms]
+        logs = [multiply(readable(ring, value), Apply("log", readable(ring, e))) for value, e in self.logarithms]
         return add(*logs, readable(ring, self.rest))
 
     def plus_logarithm(self, factors: Sequence[tuple[Fraction, Quotient]]) -> Potential:
         """phi + sum of coefficient * log(element), equal elements put together."""
-        table: list[tuple[Fraction, Quotient]] = list(self.logarithms)
-        for value, element in factors:
+        table = list(self.logarithms)
+        for exponent, element in factors:
+            value = element.field.constant(exponent)
             for place, (known, other) in enumerate(table):
                 if other.numerator == element.numerator:
                     table[place] = (known + value, other)
                     break
             else:
                 table.append((value, element))
-        return Potential(tuple((value, element) for value, element in table if value), self.rest)
+        return Potential(tuple((value, element) for value, element in table if not value.is_zero), self.rest)
+
+    def negated(self) -> Potential:
+        """-phi."""
+        return Potential(tuple((-value, element) for value, element in self.logarithms), -self.rest)
 
 
 def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient]) -> Potential | None:
@@ -72,10 +80,10 @@ def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient
     found = _combination(ring, columns, form)
     if found is None:
         return None
-    logs = tuple((value, element) for value, element in zip(found, divisors, strict=False) if value)
+    logs = tuple((value, element) for value, element in zip(found, divisors, strict=False) if not value.is_zero)
     rest = ring.constant(0)
     for value, term in zip(found[len(divisors) :], simple, strict=True):
-        rest = rest + term.scaled(value)
+        rest = rest + term * value
     return Potential(logs, rest)
 
 
@@ -92,12 +100,21 @@ def _simple_terms(ring: ExactRing, variables: Sequence[int], form: Sequence[Quot
         own = _index_of_variable(ring, variable)
         for exponents, _ in slope.numerator.terms():
             base = [int(e) for e in exponents]
-            for changed in _changes(ring, base, own, functions):
-                key = (tuple(changed), slope.exponents)
+            for key in itertools.product(map(tuple, _changes(ring, base, own, functions)), _lowered(slope.exponents)):
                 if key not in found:
-                    numerator = ring.field.reduce(ring.field.context.from_dict({tuple(changed): flint.fmpq(1)}))
-                    found[key] = ring.field.quotient(numerator, slope.exponents)
+                    numerator = ring.field.reduce(ring.field.context.from_dict({key[0]: flint.fmpq(1)}))
+                    found[key] = ring.field.quotient(numerator, key[1])
     return [term for term in found.values() if term.constant_value is None and _is_differentiable(ring, term)]
+
+
+def _lowered(exponents: Exponents) -> list[Exponents]:
+    """The exponents of a denominator, and those with one multiple factor less: 1/p^2 comes from 1/p."""
+    less = [
+        tuple((place, power - (place == chosen)) for place, power in exponents)
+        for chosen, multiple in exponents
+        if multiple > 1
+    ]
+    return [exponents, *less]
 
 
 def _is_differentiable(ring: ExactRing, term: Quotient) -> bool:
@@ -132,9 +149,18 @@ def _is_related(primitive: Expression, slope: Expression) -> bool:
 
 def _combination(
     ring: ExactRing, columns: Sequence[Sequence[Quotient]], target: Sequence[Quotient]
+) -> list[Quotient] | None:
+    """Constant c with sum c_k columns[k] = target, rational where that will do; None if there is none."""
+    rational = _rational_combination(ring, columns, target)
+    if rational is not None:
+        return [ring.constant(value) for value in rational]
+    return solution(ring, columns, target) if len(columns) <= _MOST_SYMBOLIC else None
+
+
+def _rational_combination(
+    ring: ExactRing, columns: Sequence[Sequence[Quotient]], target: Sequence[Quotient]
 ) -> list[Fraction] | None:
-    """Rational c with sum c_k columns[k] = target, entry by entry; None where there is none."""
-    common = _common_multiple(ring, [entry for column in [*columns, target] for entry in column])
+    common = common_multiple(ring, [entry for column in [*columns, target] for entry in column])
     whole = [[entry * common for entry in column] for column in [*columns, target]]
     if any(entry.exponents for column in whole for entry in column):
         return None
@@ -144,14 +170,6 @@ def _combination(
             for exponents, coefficient in entry.numerator.terms():
                 rows.setdefault((place, tuple(int(e) for e in exponents)), {})[k] = coefficient
     return _solved(list(rows.values()), len(columns))
-
-
-def _common_multiple(ring: ExactRing, elements: Sequence[Quotient]) -> Quotient:
-    greatest: dict[int, int] = {}
-    for element in elements:
-        for index, exponent in element.exponents:
-            greatest[index] = max(greatest.get(index, 0), exponent)
-    return Quotient(ring.field, ring.field.expand(tuple(sorted(greatest.items()))), ())
 
 
 def _solved(rows: Sequence[dict[int, flint.fmpq]], unknowns: int) -> list[Fraction] | None:
@@ -172,7 +190,7 @@ def constant_null_vectors(ring: ExactRing, rows: Sequence[Sequence[Quotient]]) -
     if not rows or not rows[0]:
         return []
     size = len(rows[0])
-    common = _common_multiple(ring, [entry for row in rows for entry in row])
+    common = common_multiple(ring, [entry for row in rows for entry in row])
     equations: dict[tuple[int, tuple[int, ...]], dict[int, flint.fmpq]] = {}
     for place, row in enumerate(rows):
         for k, entry in enumerate(row):

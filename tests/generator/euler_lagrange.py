@@ -75,7 +75,10 @@ def value(expression: sympy.Expr, point: Mapping[sympy.Symbol, mpmath.mpf]) -> m
         return mpmath.fprod(parts)
     if expression.is_Pow:
         return mpmath.power(*parts)
-    return getattr(mpmath, {"log": "log", "exp": "exp", "sin": "sin", "cos": "cos"}[expression.func.__name__])(*parts)
+    return _FUNCTIONS[expression.func.__name__](*parts)
+
+
+_FUNCTIONS = {name: getattr(mpmath, name) for name in ("log", "exp", "sin", "cos", "atan")}
 
 
 def residual(lagrangian: sympy.Expr, f: Sequence[sympy.Expr], s: Space, seed: int) -> tuple[mpmath.mpf, mpmath.mpf]:

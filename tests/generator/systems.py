@@ -11,6 +11,7 @@ import sympy
 from tests.generator.euler_lagrange import accelerations, residual
 from tests.generator.families import FAMILIES, with_time
 from tests.generator.ingredients import Space, random_space
+from tests.generator.shapes import SHAPES
 
 LONGEST = 700
 TIME_SHARE = 0.15
@@ -58,7 +59,7 @@ def _one(index: int, seed: int, family: str, n: int) -> GeneratedSystem:
     rng = random.Random(f"{seed}/{index}")
     while True:
         s = random_space(rng, n)
-        lagrangian = FAMILIES[family](rng, s)
+        lagrangian = (FAMILIES | SHAPES)[family](rng, s)
         if rng.random() < TIME_SHARE:
             lagrangian = with_time(rng, s, lagrangian)
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import mpmath
@@ -10,7 +11,7 @@ from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Symbol, Velocity
+from inverse_service.expressions.tree import Expression, Integral, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.decision.power_series import count, is_rational, regular_series
@@ -28,7 +29,34 @@ def of_lagrangian(analysis: Analysis, lagrangian: Expression, with_time: bool) -
     """L itself is the proof."""
     table = _point_of(analysis, to_kernels(lagrangian))
     head = _head(analysis.system, table, with_time, "variational", "lagrangian")
-    return head | {"lagrangian": to_text(lagrangian)}
+    return head | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
+
+
+def integrals_of(tree: Expression) -> dict[str, Any]:
+    """{"integrals": the functions of the tree that are known by their derivatives, those first that others hold}."""
+    found = {node.name: node for node in reversed(list(walk_integrals(tree)))}
+    listed = {
+        name: {
+            "arguments": [to_text(argument) for argument in node.arguments],
+            "derivatives": {
+                to_text(argument): to_text(slope)
+                for argument, slope in zip(node.arguments, node.slopes, strict=True)
+                if slope is not None
+            },
+        }
+        for name, node in found.items()
+    }
+    return {"integrals": listed} if listed else {}
+
+
+def walk_integrals(tree: Expression) -> Iterator[Integral]:
+    """Every integral in a tree, and those under its sign after it."""
+    for node in walk(tree):
+        if isinstance(node, Integral):
+            yield node
+            for slope in node.slopes:
+                if slope is not None:
+                    yield from walk_integrals(slope)
 
 
 def _point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:

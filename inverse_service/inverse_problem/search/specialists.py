@@ -11,6 +11,7 @@ from inverse_service.inverse_problem.search import (
     decoupled,
     other_coordinates,
     parameters,
+    scalar_multiplier,
 )
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.holomorphic import (
@@ -53,6 +54,14 @@ def _alone(
 
 
 SPECIALISTS: tuple[Specialist, ...] = (
+    Specialist(
+        "one function times a constant matrix",
+        0.5,
+        lambda material: True,
+        _alone(scalar_multiplier.propose),
+        "The divergence of f is that of a multiplier g = phi(t, q) G with constant G: phi is an integral and G solves "
+        "linear equations; then L = phi G_ij v_i v_j / 2 + A_i v_i - V, and A and V follow by integration.",
+    ),
     Specialist(
         "linear systems, multipliers in t alone",
         1.5,

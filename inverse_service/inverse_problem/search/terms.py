@@ -29,6 +29,7 @@ from inverse_service.expressions.tree import (
     multiply,
     number,
     power,
+    split_exponent,
     walk,
 )
 
@@ -126,6 +127,11 @@ def terms_of(expression: Expression) -> Terms:
             return product
         case Power(base, Number(exponent)):
             return _power(terms_of(base), exponent)
+        case Power(base, exponent) if split_exponent(exponent)[1]:
+            rest, whole = split_exponent(exponent)
+            content, common, primitive = split_content(terms_of(base))
+            beside = times(common, monomial(primitive) if primitive != ONE else EMPTY)
+            return {times(monomial(Power(base, rest)), beside, whole): content**whole}
         case Apply("exp", argument):
             return _exponential(argument)
         case Apply(function, argument) if function in _QUOTIENTS:
@@ -244,11 +250,20 @@ def tree_of(terms: Mapping[Monomial, Fraction]) -> Expression:
 def monomial_tree(key: Monomial) -> Expression:
     """The monomial as a tree; exponentials are merged back into exp(c u)."""
     parts, exponents = [], []
+    symbolic: dict[Expression, list[Expression]] = {}
+    for letter, exponent in key:
+        if isinstance(letter, Power):
+            symbolic.setdefault(letter.base, []).append(multiply(number(exponent), letter.exponent))
     for letter, exponent in sorted(key, key=_letter_rank):
+        if isinstance(letter, Power) or letter in symbolic:
+            continue
         if isinstance(letter, Apply) and letter.function == "exp":
             exponents.append(multiply(number(exponent), letter.argument))
         else:
             parts.append(power(letter, exponent))
+    table = dict(key)
+    for base, together in sorted(symbolic.items(), key=lambda item: repr(item[0])):
+        parts.append(power(base, tree_of(terms_of(add(*together, number(table.get(base, Fraction(0))))))))
     if exponents:
         parts.append(Apply("exp", add(*exponents)))
     return multiply(*parts)

@@ -29,6 +29,7 @@ from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration, Expression, walk
+from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution, Step
 from inverse_service.mechanics.document_names import Declared
 from inverse_service.mechanics.parameter_values import parameter_values, with_values
@@ -190,6 +191,7 @@ def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
         "lagrangian": None if lagrangian is None else _lagrangian(lagrangian),
         "other_lagrangians": [_lagrangian(other) for other in answer.other_lagrangians],
         "multiplier": None if lagrangian is None else _texts(lagrangian.multiplier),
+        "integrals": {} if lagrangian is None else integrals_of(lagrangian.expression).get("integrals", {}),
         "hamiltonian": None if answer.hamiltonian is None else _hamiltonian(answer.hamiltonian, system.coordinates),
         "solution_space": None
         if space is None

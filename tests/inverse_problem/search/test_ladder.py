@@ -39,8 +39,9 @@ def test_families_are_reported_one_by_one_until_one_holds_a_regular_lagrangian()
     assert outcome.tried[-1][0] == outcome.found.family
     assert reports[-1] in (f"ansatz: {outcome.found.family}", f"method: {outcome.found.family}")
     said = [line.split(": ", 1)[1] for line in reports]
-    assert said == [name for name, count in outcome.tried if count]
-    assert outcome.tried[0] == (FAMILIES[0].name, 0)  # no multiplier without velocities
+    without = [name for name, count in outcome.tried if not count]
+    assert [name for name in said if name not in without] == [name for name, count in outcome.tried if count]
+    assert (FAMILIES[0].name, 0) in outcome.tried  # no multiplier without velocities
 
 
 def test_no_time_means_nothing_tried() -> None:

@@ -1,0 +1,147 @@
+"""Terms A_i(t, q) v_i - V(t, q) with given Euler-Lagrange expressions, by exact linear algebra.
+
+What has to come out is affine in the velocities: a term T of E_i is answered by B with dB/dq_i = T, a term T v_j by
+B v_i with dB/dq_j = T. What the derivatives of these leave over is answered again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from fractions import Fraction
+
+from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, add, multiply, walk
+from inverse_service.inverse_problem.search.deadline import check, end
+from inverse_service.inverse_problem.search.exact_solution import solution
+from inverse_service.inverse_problem.search.material import antiderivatives
+from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.terms import (
+    Monomial,
+    Terms,
+    add_terms,
+    derivative_of_terms,
+    monomial,
+    monomial_tree,
+    multiply_terms,
+    rank,
+    times,
+    tree_of,
+)
+from inverse_service.mechanics.quotient_matrices import reduced_rows
+
+# Terms that are tried beside four for each term wanted, and how often what is left over is answered.
+_MOST_TERMS, _DEPTH = 60, 3
+# With coefficients that hold parameters: so many terms, in so much work (see `deadline`).
+_MOST_SYMBOLIC, _TERMS, _WORK = 40, 500, 50_000
+
+
+def expressions_without_acceleration(names: Sequence[str], terms: Terms) -> list[Terms]:
+    """v_j L_(v_i q_j) + L_(v_i t) - L_(q_i) for each i."""
+    found = []
+    for name in names:
+        check()
+        momentum = derivative_of_terms(terms, Velocity(name))
+        total = add_terms(derivative_of_terms(momentum, TIME), derivative_of_terms(terms, Symbol(name)), -1)
+        for other in names:
+            slope = derivative_of_terms(momentum, Symbol(other))
+            total = add_terms(total, multiply_terms(slope, {monomial(Velocity(other)): Fraction(1)}))
+        found.append(total)
+    return found
+
+
+def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:
+    """A_i v_i - V with the Euler-Lagrange expressions `wanted`, one for each coordinate; None where none is found.
+
+    The coefficients of its terms are rational where that is enough, else they hold parameters.
+    """
+    columns: dict[Monomial, list[Terms]] = {}
+    fresh = [(i, key) for i, terms in enumerate(wanted) for key in terms]
+    if any(not _is_affine(key) for _, key in fresh):
+        return None
+    right, most = _numbered(wanted), _MOST_TERMS + 4 * len(fresh)
+    for _ in range(_DEPTH):
+        raised = dict.fromkeys(m for i, key in fresh for m in _answers(names, i, key) if m not in columns)
+        fresh = []
+        for m in sorted(raised, key=rank)[: most - len(columns)]:
+            columns[m] = expressions_without_acceleration(names, {m: Fraction(1)})
+            fresh += [(i, key) for i, terms in enumerate(columns[m]) for key in terms if _is_affine(key)]
+        rational = solution([_numbered(expressions) for expressions in columns.values()], right)
+        if rational is not None:
+            return tree_of({m: a for m, a in zip(columns, rational, strict=True) if a})
+        found = _with_parameters(names, columns, wanted)
+        if found is not None:
+            return found
+    return None
+
+
+def _with_parameters(
+    names: Sequence[str], columns: Mapping[Monomial, Sequence[Terms]], wanted: Sequence[Terms]
+) -> Expression | None:
+    """The same with coefficients from the field of the constants."""
+    varying = dict.fromkeys(_varying(names, m) for m in columns)
+    if not varying or len(varying) > _MOST_SYMBOLIC:
+        return None
+    plain = {m: expressions_without_acceleration(names, {m: Fraction(1)}) for m in varying if m}
+    sides = [_by_varying(names, expressions) for expressions in (*plain.values(), wanted)]
+    keys = list(dict.fromkeys(key for side in sides for key in side))
+    trees = [[tree_of(side.get(key, {})) for side in sides] for key in keys]
+    try:
+        budget = Budget(_TERMS, end(), _WORK)
+        ring = exact_ring([tree for row in trees for tree in row], [], 0, budget, slopes=False)
+        found = reduced_rows([[ring.value(tree) for tree in row] for row in trees], range(len(sides)))
+    except (TooLarge, ZeroDivisionError):
+        return None
+    if len(plain) in found.pivots:
+        return None
+    parts = [
+        multiply(quotient_tree(ring, row[-1]), monomial_tree(m))
+        for pivot, row in zip(found.pivots, found.rows, strict=True)
+        for m in (list(plain)[pivot],)
+    ]
+    return add(*parts)
+
+
+def _varying(names: Sequence[str], key: Monomial) -> Monomial:
+    """The letters that hold coordinates, velocities or t."""
+    return frozenset(item for item in key if _varies(names, item[0]))
+
+
+def _varies(names: Sequence[str], letter: Expression) -> bool:
+    return any(
+        isinstance(node, Velocity) or (isinstance(node, Symbol) and (node == TIME or node.name in names))
+        for node in walk(letter)
+    )
+
+
+def _by_varying(names: Sequence[str], expressions: Iterable[Terms]) -> dict[tuple[int, Monomial], Terms]:
+    """For each equation and each product of varying letters its constant coefficient."""
+    table: dict[tuple[int, Monomial], Terms] = {}
+    for i, terms in enumerate(expressions):
+        for key, value in terms.items():
+            varying = _varying(names, key)
+            table.setdefault((i, varying), {})[key - varying] = value
+    return table
+
+
+def _numbered(expressions: Iterable[Terms]) -> dict[Hashable, Fraction]:
+    return {(i, key): value for i, terms in enumerate(expressions) for key, value in terms.items()}
+
+
+def _is_affine(key: Monomial) -> bool:
+    moving = list(split_velocities(key)[1])
+    return len(moving) <= 1 and all(isinstance(letter, Velocity) and e == 1 for letter, e in moving)
+
+
+def _answers(names: Sequence[str], i: int, key: Monomial) -> list[Monomial]:
+    """B with dB/dq_i = T for a term T of E_i; B v_i with dB/dq_j = T and B v_j with dB/dq_i = T for a term T v_j."""
+    position, moving = split_velocities(key)
+    q, v = Symbol(names[i]), Velocity(names[i])
+    if not moving:
+        return list(antiderivatives(position, q))
+    ((rate, _),) = moving
+    assert isinstance(rate, Velocity)
+    pairs: list[tuple[Monomial, Expression]] = [(m, v) for m in antiderivatives(position, Symbol(rate.coordinate))]
+    pairs += [(m, rate) for m in antiderivatives(position, q)]
+    return [times(m, monomial(w)) for m, w in pairs]

@@ -1,0 +1,141 @@
+"""Exponentials of integrals and potentials, with an integral sign where no elementary antiderivative is found.
+
+What is left under an integral sign is one function of one variable where that is possible, constant factors outside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+
+from flint import fmpq, fmpq_mpoly
+
+from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.rational_functions import Quotient
+from inverse_service.algebra.real_point import RealTable, real_sign
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Arbitrary,
+    Expression,
+    Integral,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    negate,
+    power,
+    walk,
+)
+from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.search.completion import completed
+from inverse_service.inverse_problem.search.one_coordinate.algebra import negated, shortest
+from inverse_service.inverse_problem.search.terms import Monomial, Terms, monomial_tree, tree_of
+from inverse_service.mechanics.nonholonomic.writing import readable
+from inverse_service.mechanics.potential import Potential, potential
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
+
+
+def exponential(ring: ExactRing, logarithm: Potential, table: RealTable | None) -> Expression:
+    """exp(phi) with bases that are positive at the real point; factors to the same power are one base."""
+    bases: dict[Expression, Quotient] = {}
+    for value, element in logarithm.logarithms:
+        exponent = readable(ring, value)
+        bases[exponent] = bases.get(exponent, ring.constant(1)) * element
+    factors = []
+    for exponent, element in bases.items():
+        tree = shortest(readable(ring, element), [])
+        factors.append(power(tree if table is None or real_sign(tree, table) > 0 else negated(tree), exponent))
+    rest = logarithm.rest
+    return multiply(*factors, *([] if rest.is_zero else [Apply("exp", readable(ring, rest))]))
+
+
+def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analysis: Analysis) -> Expression | None:
+    """exp of the integral of a closed form over t and the coordinates; None where the form is not closed."""
+    places = range(len(form))
+    if any(not (ring.partial(i)(form[j]) - ring.partial(j)(form[i])).is_zero for i in places for j in places if i < j):
+        return None
+    names = _fresh_names(analysis.system)
+    if any(not ring.partial(i)(form[j]).is_zero for i in places for j in places if i != j):
+        arguments = [ring.variables[k] for k in places if not form[k].is_zero]
+        slopes = tuple(readable(ring, slope) for slope in form if not slope.is_zero)
+        return Apply("exp", Integral(next(names), tuple(arguments), (0,) * len(arguments), slopes))
+    factors: list[Expression] = []
+    for place, slope in enumerate(form):
+        for part in _parts(ring, slope):
+            found = potential(ring, [place], [part])
+            if found is not None:
+                factors.append(exponential(ring, found, analysis.real_point))
+                continue
+            constant, inner = _without_constants(ring, part)
+            argument = ring.variables[place]
+            integral = Integral(next(names), (argument,), (0,), (readable(ring, inner),))
+            factors.append(Apply("exp", multiply(readable(ring, constant), integral)))
+    inside = [factor.argument for factor in factors if isinstance(factor, Apply) and factor.function == "exp"]
+    others = [factor for factor in factors if not (isinstance(factor, Apply) and factor.function == "exp")]
+    return multiply(*others, Apply("exp", add(*inside)))
+
+
+def _parts(ring: ExactRing, element: Quotient) -> list[Quotient]:
+    """The parts of a sum that hold different products of functions and roots: one that is rational comes apart."""
+    special = [index for index, tree in ring.trees.items() if not isinstance(tree, Symbol | Velocity)]
+    tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
+    for exponents, coefficient in element.numerator.terms():
+        key = tuple(int(exponents[index]) for index in special)
+        tables.setdefault(key, {})[tuple(int(e) for e in exponents)] = coefficient
+    owner = element.field
+    return [owner.quotient(owner.context.from_dict(table), element.exponents) for table in tables.values()]
+
+
+def _without_constants(ring: ExactRing, element: Quotient) -> tuple[Quotient, Quotient]:
+    """(c, rest) with element = c rest, c the greatest constant factor of the numerator."""
+    varying = sorted({index for table in ring.images for index in table})
+    coefficients: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
+    for exponents, coefficient in element.numerator.terms():
+        key = tuple(int(exponents[index]) for index in varying)
+        rest = tuple(0 if index in varying else int(e) for index, e in enumerate(exponents))
+        coefficients.setdefault(key, {})[rest] = coefficient
+    owner = element.field
+    common: fmpq_mpoly = owner.context.constant(0)
+    for table in coefficients.values():
+        common = common.gcd(owner.context.from_dict(table))
+    if len(coefficients) == 1:
+        common = owner.context.from_dict(next(iter(coefficients.values())))
+    constant = Quotient(owner, common, ())
+    return constant, element / constant
+
+
+def potential_with_integrals(system: SecondOrderSystem, phi: Expression, wanted: Terms) -> Expression | None:
+    """-V(t, x) with dV/dx = wanted for one coordinate x; None where that holds a velocity."""
+    names, x = system.coordinates, Symbol(system.coordinates[0])
+    if any(isinstance(node, Velocity) for key in wanted for letter, _ in key for node in walk(letter)):
+        return None
+    fresh = _fresh_names(system, phi)
+    groups: dict[Monomial, Terms] = {}
+    for key, value in wanted.items():
+        own: Monomial = frozenset(item for item in key if any(node == x for node in walk(item[0])))
+        groups.setdefault(own, {})[key - own] = value
+    total: list[Expression] = []
+    for own, outside in groups.items():
+        rest = completed(names, [{own: Fraction(1)}])
+        if rest is None:
+            rest = negate(_integral(monomial_tree(own), x, names, next(fresh)))
+        total.append(multiply(tree_of(outside), rest))
+    return add(*total)
+
+
+def _integral(slope: Expression, x: Symbol, names: Sequence[str], name: str) -> Integral:
+    """The integral over x of a formula that may also hold t, whose derivative by t is then left open."""
+    if any(node == TIME for node in walk(slope)):
+        return Integral(name, (TIME, x), (0, 0), (None, slope))
+    return Integral(name, (x,), (0,), (slope,))
+
+
+def _fresh_names(system: SecondOrderSystem, *trees: Expression) -> Iterator[str]:
+    """Names of functions that nothing else bears."""
+    used = {*system.coordinates, *system.parameters, *(function.name for function in system.functions)}
+    used |= {node.name for tree in trees for node in walk(tree) if isinstance(node, Arbitrary)}
+    yield from (name for name in _NAMES if name not in used)
+    yield from (f"F_{k}" for k in range(1, 1_000) if f"F_{k}" not in used)

@@ -1,0 +1,230 @@
+"""Multipliers phi(t, q) G with one function phi and a constant symmetric matrix G, found exactly.
+
+(H2) gives Gamma(log det g) = -div_v f, so n d(log phi) = -div_v f has to be alpha_0 + alpha_i v_i with alpha
+closed, the integral being n log phi. Then G solves linear equations whose coefficients hold parameters and any
+numbers. f is quadratic in v, and phi G_ij (q''_j - f_j) are the Euler-Lagrange expressions of
+phi G_ij v_i v_j / 2 + A_i v_i - V.
+
+For n = 1, y'' = a + b y' + c y'^2, this is phi = exp(-int b dt - 2 int c dy), where b_y = 2 c_t; with alpha_0(t) alone
+it is uniform damping (Bateman 1931); with alpha = 0 a constant multiplier.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+
+from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.algebra.real_point import RealTable
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.tree import HALF, ONE, TIME, Expression, Velocity, add, multiply, walk
+from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.search.completion import completed
+from inverse_service.inverse_problem.search.deadline import end
+from inverse_service.inverse_problem.search.definite import MOST_PARTS, definite_weights
+from inverse_service.inverse_problem.search.definite import Matrix as RealMatrix
+from inverse_service.inverse_problem.search.material import Material
+from inverse_service.inverse_problem.search.quadratures import (
+    exponential,
+    exponential_with_integrals,
+    potential_with_integrals,
+)
+from inverse_service.inverse_problem.search.terms import (
+    Terms,
+    TooManyTerms,
+    add_terms,
+    monomial,
+    multiply_terms,
+    terms_of,
+)
+from inverse_service.mechanics.conditions import ExactMotion, exact_motion
+from inverse_service.mechanics.constant_coefficients import common_multiple, null_vectors
+from inverse_service.mechanics.curvature import Tensor11, jacobi_endomorphism, velocity_slopes
+from inverse_service.mechanics.potential import potential
+from inverse_service.mechanics.quotient_matrices import determinant
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_TERMS, _WORK = 2_000, 150_000
+_MOST = 3
+Matrix = list[list[Quotient]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Setting:
+    """f over its ring, df/dv, Gamma(log phi), its part alpha_0 without velocities, and phi."""
+
+    exact: ExactMotion
+    slopes: Tensor11[Quotient]
+    rate: Quotient
+    drag: Quotient
+    phi: Expression
+
+    @property
+    def ring(self) -> ExactRing:
+        return self.exact.ring
+
+    @property
+    def places(self) -> range:
+        return range(self.exact.motion.size)
+
+    def at_rest(self, element: Quotient) -> Quotient:
+        """The element at v = 0."""
+        moving = [index for index, tree in self.ring.trees.items() if isinstance(tree, Velocity)]
+        return Quotient(self.ring.field, element.numerator.subs(dict.fromkeys(moving, 0)), element.exponents)
+
+
+def propose(material: Material, seed: int) -> list[Expression]:
+    """Lagrangians with such a multiplier, the simplest first; none where f has none."""
+    try:
+        exact = exact_motion(material.analysis.system, 2, Budget(_TERMS, end(), _WORK))
+        setting = _setting(exact, material.analysis)
+        if setting is None:
+            return []
+        if TIME in walk(setting.phi) and not material.motion.with_time:
+            return []
+        chosen = _regular(setting, material.analysis.real_point)
+        found = [_lagrangian(material.analysis.system, setting, matrix) for matrix in chosen]
+        return [tree for tree in found if tree is not None]
+    except (TooLarge, TooManyTerms, ZeroDivisionError):
+        return []
+
+
+def _setting(exact: ExactMotion, analysis: Analysis) -> _Setting | None:
+    """None where f is not quadratic in v, or -div_v f/n not Gamma of a function of t and q that is found."""
+    motion, ring = exact.motion, exact.ring
+    slopes = velocity_slopes(motion)
+    share = sum_of(motion.zero, [slopes[i][i] for i in range(motion.size)]).scaled(Fraction(-1, motion.size))
+    alpha = [by(share) for by in motion.by_velocity]
+    second = [by(entry) for row in slopes for entry in row for by in motion.by_velocity]
+    if any(not by(entry).is_zero for entry in (*alpha, *second) for by in motion.by_velocity):
+        return None
+    velocities = [ring.atoms[v] for v in ring.variables if isinstance(v, Velocity)]
+    drag = sum_of(motion.zero, [share, *(-(slope * v) for slope, v in zip(alpha, velocities, strict=True))])
+    found = potential(ring, range(1 + motion.size), [drag, *alpha])
+    phi = (
+        exponential(ring, found, analysis.real_point)
+        if found is not None
+        else exponential_with_integrals(ring, [drag, *alpha], analysis)
+    )
+    return None if phi is None else _Setting(exact, slopes, share, drag, phi)
+
+
+def _regular(setting: _Setting, table: RealTable | None) -> list[Matrix]:
+    """Regular constant matrices G, those that are positive definite at the real point first."""
+    basis = [_oriented(setting, _matrix(setting, vector), table) for vector in _constant_vectors(setting)]
+    if not basis:
+        return []
+    real = [_real(setting, matrix, table) for matrix in basis]
+    known = [matrix for matrix in real if matrix is not None]
+    weights = definite_weights(known) if len(known) == len(basis) <= MOST_PARTS else []
+    plain = [Fraction(int(_is_diagonal(matrix))) for matrix in basis]
+    alone = [[Fraction(int(j == k)) for j in range(len(basis))] for k in range(len(basis))]
+    choices = [plain, *weights, [Fraction(1)] * len(basis), *alone]
+    sums = [_combined(setting, basis, choice) for k, choice in enumerate(choices) if choice not in choices[:k]]
+    one = setting.ring.constant(1)
+    found = [matrix for matrix in sums if not determinant(matrix, one).is_zero]
+    return sorted(found, key=lambda matrix: not _is_definite(_real(setting, matrix, table)))[:_MOST]
+
+
+def _constant_vectors(setting: _Setting) -> list[list[Quotient]]:
+    """The entries G_ab, a <= b, that (H2) and (H3) allow: a basis over the constants, each without denominators."""
+    phi, zero = jacobi_endomorphism(setting.exact.motion), setting.ring.constant(0)
+    columns = [_conditions(setting, phi, a, b, zero) for a, b in _pairs(setting)]
+    return [_without_denominators(setting, vector) for vector in null_vectors(setting.ring, columns)]
+
+
+def _pairs(setting: _Setting) -> list[tuple[int, int]]:
+    return list(itertools.combinations_with_replacement(setting.places, 2))
+
+
+def _conditions(setting: _Setting, phi: Tensor11[Quotient], a: int, b: int, zero: Quotient) -> list[Quotient]:
+    """(H2) and (H3) for the matrix with ones at (a, b) and (b, a): rate G + (G f_v + (G f_v)^T)/2, and G Phi skewed."""
+
+    def lowered(tensor: Tensor11[Quotient], i: int, j: int) -> Quotient:
+        """(G T)_ij."""
+        return tensor[b][j] if i == a else tensor[a][j] if i == b else zero
+
+    rates = []
+    for i, j in _pairs(setting):
+        half = (lowered(setting.slopes, i, j) + lowered(setting.slopes, j, i)).scaled(Fraction(1, 2))
+        rates.append(half + setting.rate if (i, j) == (a, b) else half)
+    skew = [lowered(phi, i, j) - lowered(phi, j, i) for i, j in itertools.combinations(setting.places, 2)]
+    return [*rates, *skew]
+
+
+def _without_denominators(setting: _Setting, vector: Sequence[Quotient]) -> list[Quotient]:
+    common = common_multiple(setting.ring, vector)
+    return [entry * common for entry in vector]
+
+
+def _matrix(setting: _Setting, vector: Sequence[Quotient]) -> Matrix:
+    table = dict(zip(_pairs(setting), vector, strict=True))
+    return [[table[min(i, j), max(i, j)] for j in setting.places] for i in setting.places]
+
+
+def _combined(setting: _Setting, basis: Sequence[Matrix], weights: Sequence[Fraction]) -> Matrix:
+    zero = setting.ring.constant(0)
+    pairs = [(matrix, w) for matrix, w in zip(basis, weights, strict=True) if w]
+    return [[sum_of(zero, [m[i][j].scaled(w) for m, w in pairs]) for j in setting.places] for i in setting.places]
+
+
+def _is_diagonal(matrix: Matrix) -> bool:
+    return all(entry.is_zero for i, row in enumerate(matrix) for j, entry in enumerate(row) if i != j)
+
+
+def _oriented(setting: _Setting, matrix: Matrix, table: RealTable | None) -> Matrix:
+    """The matrix or its opposite, with a positive trace at the real point."""
+    values = _real(setting, matrix, table)
+    return matrix if values is None or values.trace() >= 0 else [[-entry for entry in row] for row in matrix]
+
+
+def _real(setting: _Setting, matrix: Matrix, table: RealTable | None) -> RealMatrix | None:
+    """The entries at the real point; None where there is none."""
+    if table is None:
+        return None
+    try:
+        with mpmath.workdps(20):
+            return np.array([[float(evaluate(quotient_tree(setting.ring, e), table)) for e in row] for row in matrix])
+    except (NoRealValue, ArithmeticError, TypeError):
+        return None
+
+
+def _is_definite(matrix: RealMatrix | None) -> bool:
+    return matrix is not None and bool(np.linalg.eigvalsh(matrix)[0] > 0)
+
+
+def _lagrangian(system: SecondOrderSystem, setting: _Setting, matrix: Matrix) -> Expression | None:
+    """phi G_ij v_i v_j / 2 + A_i v_i - V; None where the last terms have no closed form that is found."""
+    ring, names = setting.ring, system.coordinates
+    velocities = [Velocity(name) for name in names]
+    wanted = [_wanted(setting, velocities, row) for row in matrix]
+    rest = completed(names, wanted)
+    if rest is None and len(names) == 1:
+        rest = potential_with_integrals(system, setting.phi, wanted[0])
+    if rest is None:
+        return None
+    squares = [
+        multiply(HALF if i == j else ONE, quotient_tree(ring, matrix[i][j]), velocities[i], velocities[j])
+        for i, j in _pairs(setting)
+    ]
+    return add(multiply(setting.phi, add(*squares)), rest)
+
+
+def _wanted(setting: _Setting, velocities: Sequence[Velocity], row: Sequence[Quotient]) -> Terms:
+    """-phi ((G f)_i + ((G f_v)_ij + alpha_0 G_ij) v_j) at v = 0: what A_i v_i - V has to give."""
+    ring, zero, motion = setting.ring, setting.ring.constant(0), setting.exact.motion
+    force = sum_of(zero, [-(g * setting.at_rest(f)) for g, f in zip(row, motion.accelerations, strict=True)])
+    total = terms_of(multiply(setting.phi, quotient_tree(ring, force)))
+    for j, v in enumerate(velocities):
+        slopes = [-(g * setting.at_rest(setting.slopes[k][j])) for k, g in enumerate(row)]
+        tree = quotient_tree(ring, sum_of(zero, [*slopes, -(row[j] * setting.drag)]))
+        total = add_terms(total, multiply_terms(terms_of(multiply(setting.phi, tree)), {monomial(v): Fraction(1)}))
+    return total

@@ -1,0 +1,94 @@
+"""y'' = a + b y' + c y'^2 with b_y = 2 c_t: one quadrature, symbolic exponents and integral signs included."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.mechanics.reading import read_system
+from inverse_service.service.documents.solving import solve_document
+
+# Equations with symbolic exponents (Courant and Hilbert, Methods of Mathematical Physics I, chapter V; Abramowitz and
+# Stegun, chapters 15 and 22): L is M (y'^2 + …)/2 with the weight M of the Sturm-Liouville form.
+SYMBOLIC = [
+    ("((2*m + 1)*t*y' - n*(n + 2*m)*y)/(1 - t^2)", ["n", "m"]),
+    ("((a - b + (a + b + 2)*t)*y' - n*(n + a + b + 1)*y)/(1 - t^2)", ["n", "a", "b"]),
+    ("(a*b*y - (c - (a + b + 1)*t)*y')/(t*(1 - t))", ["a", "b", "c"]),
+    ("-k*t^a*y^b", ["k", "a", "b"]),
+    ("-2*y'/t - y^n", ["n"]),
+    ("-k*y^n - g", ["k", "n", "g"]),
+    ("sqrt(1 + y'^2)^2/y", []),
+]
+BY_AN_INTEGRAL = [
+    ("-f(t)*y' - g(t)*y - h(t)", {"f": ["t"], "g": ["t"], "h": ["t"]}, 1),
+    ("F(y)", {"F": ["y"]}, 1),
+    ("exp(-y^2)", {}, 1),
+    ("-h(y)*y'^2 - g(t)*y'", {"h": ["y"], "g": ["t"]}, 2),
+]
+
+
+@pytest.mark.parametrize(("equation", "parameters"), SYMBOLIC)
+def test_symbolic_exponents_are_integrated(equation: str, parameters: list[str]) -> None:
+    answer = solve(read_system(["y"], {"y": equation}, parameters), SolveOptions(time_limit=20.0)).with_time
+    assert answer is not None
+    assert answer.lagrangian is not None
+    assert answer.checked == "valid"
+
+
+@pytest.mark.parametrize(("equation", "functions", "count"), BY_AN_INTEGRAL)
+def test_where_no_antiderivative_is_elementary_there_is_an_integral_sign(
+    equation: str, functions: dict[str, list[str]], count: int
+) -> None:
+    result = solve_document({"equations": {"y": equation}, "functions": functions}, SolveOptions(time_limit=20.0))
+    answer = result if result["lagrangian"] is not None else result["with_time"]
+    assert answer["checked"] == "valid"
+    assert len(answer["integrals"]) == count
+    for name, known in answer["integrals"].items():
+        assert name not in functions
+        assert f"{name}({', '.join(known['arguments'])})" in answer["lagrangian"]["text"]
+        assert r"\int" in answer["lagrangian"]["latex"]
+
+
+def test_the_checker_refuses_a_wrong_derivative_of_an_integral() -> None:
+    result = solve_document({"equations": {"y": "-f(t)*y' - y"}, "functions": {"f": ["t"]}}, SolveOptions())
+    certificate = result["certificate"]
+    assert check_certificate(certificate).verdict == "valid"
+    ((name, known),) = certificate["integrals"].items()
+    for slope in ("2*f(t)", f"{name}(t)", "f(t) + y"):
+        forged = certificate | {"integrals": {name: known | {"derivatives": {"t": slope}}}}
+        assert check_certificate(forged).verdict == "invalid", slope
+
+
+@pytest.mark.parametrize(
+    ("equation", "factor"),
+    [
+        ("-x - x'", "exp(t)"),
+        ("-3*x - (3/10)*x'", "exp(3*t/10)"),
+        ("-x - 0.05*x'", "exp(t/20)"),
+        ("-w*x - c*x'", "exp(c*t)"),
+    ],
+)
+def test_a_damped_oscillator_has_its_textbook_lagrangian(equation: str, factor: str) -> None:
+    document = {"equations": {"x": equation}, "parameters": ["w", "c"], "time_dependent_lagrangian": True}
+    result = solve_document(document, SolveOptions(time_limit=20.0))
+    assert factor in result["lagrangian"]["text"]
+    assert "log" not in result["lagrangian"]["text"]
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [
+        {"x": "-x^a*y", "y": "-x^(a + 1)"},
+        {"x": "y' - sin(x)", "y": "-0.123456789*x' - 2*y"},
+        {"x": "-398600.4418*x/(x^2+y^2)^(3/2)", "y": "-398600.4418*y/(x^2+y^2)^(3/2)"},
+        {"x": "-6.674e-11*x/(x^2+y^2)^(3/2) - x'/7", "y": "-6.674e-11*y/(x^2+y^2)^(3/2) - y'/7"},
+        {"x": "-sqrt(577)*x + sqrt(3)*y", "y": "-y + x/7"},
+    ],
+)
+def test_a_constant_multiplier_has_any_numbers_and_parameters(equations: dict[str, str]) -> None:
+    answer = solve(read_system(list(equations), equations, ["a"]), SolveOptions(time_limit=20.0)).with_time
+    assert answer is not None
+    assert answer.lagrangian is not None
+    assert answer.checked == "valid"
