@@ -23,7 +23,9 @@ MAX_METHODS = 24
 MAX_EFFECTS = 32
 MAX_STEP_SIZES = 40
 
-MethodName = Literal["variational", "nonholonomic", "modified", "exact", "reference", "runge-kutta", "heyoka"]
+MethodName = Literal[
+    "variational", "nonholonomic", "modified", "exact", "reference", "runge-kutta", "adaptive", "stiff", "heyoka"
+]
 Observed = Literal[
     "trajectory", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "velocities", "cost"
 ]
@@ -118,7 +120,7 @@ class SceneMethod(Document):
 
     `alpha` in [0, 1], default 1/2; `order` 2, or 4, 6, 8 by composition (runge-kutta: 4, 5 or 8); `form` of the
     variational method; `start`: from momenta, or with q_1 on the discrete constraint; `guard`: false goes on where
-    the equations of a step may have other roots; `tolerance` of heyoka.
+    the equations of a step may have other roots; `tolerance` of adaptive, stiff and heyoka.
     """
 
     method: Annotated[MethodName, BeforeValidator(_method_name)]

@@ -40,6 +40,7 @@ ZERO, ONE = number(0), number(1)
 HALF = symengine.Rational(1, 2)
 _INFINITE = (symengine.zoo, symengine.oo, -symengine.oo, symengine.nan)
 STEP, ALPHA = symbol("h"), symbol("a")
+WHOLE_STEP = symbol("whole")  # from one point of the grid to the next, in kernels that choose their steps
 
 
 def names_of(coordinates: Sequence[str], parameters: Sequence[str]) -> dict[Expression, Formula]:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from inverse_service.codegen.adaptive import AdaptiveKernel
 from inverse_service.codegen.digests import digest_of
 from inverse_service.codegen.kernel import Kernel
 from inverse_service.codegen.layout import Layout, changing, layout_of
@@ -71,7 +72,8 @@ def forget_memory() -> None:
 
 def kernel_text(program: Program, lanes: int = 1) -> str:
     """The LLVM IR of the program, to be looked at."""
-    return Kernel(program, LlvmWriter(lanes)).write()
+    kind = Kernel if program.error is None else AdaptiveKernel
+    return kind(program, LlvmWriter(lanes)).write()
 
 
 def _from_disk(digest: str) -> Compiled | None:

@@ -31,6 +31,7 @@ class Blocks:
     def __init__(self, writer: LlvmWriter, emitter: Emitter) -> None:
         self.writer, self.emitter = writer, emitter
         self._solves = self._labels = self._iterated = 0
+        self.active: str | None = None  # where it does not hold, nothing stops a run and no sign is kept
 
     def write(self, block: Solve | Iterate) -> None:
         if isinstance(block, Iterate):
@@ -47,7 +48,8 @@ class Blocks:
         good, going = w.number(0.0), w.compare("==", status, w.number(0.0))
         new = w.select(condition, good, w.number(float(code)))
         status_now = w.select(going, new, status)
-        stops = w.both(going, w.compare("!=", new, good))
+        status_now = status_now if self.active is None else w.select(self.active, status_now, status)
+        stops = w.compare("!=", status_now, status)
         w.write(STATUS, status_now)
         w.write(STOPPED_AT, w.select(stops, w.read(CLOCK), w.read(STOPPED_AT)))
         w.write(STOPPED_VALUE, w.select(stops, value, w.read(STOPPED_VALUE)))
@@ -63,7 +65,7 @@ class Blocks:
         if smooth is not None:
             good = w.compare("==", w.select(good, w.number(1.0), w.select(smooth, w.number(1.0), zero)), w.number(1.0))
             sign = w.select(smooth, own, sign)
-        w.write(slot, sign)
+        w.write(slot, sign if self.active is None else w.select(self.active, sign, w.read(slot)))
         self.stop_unless(good, code, value)
 
     def _declare(self, names: Sequence[str]) -> None:
@@ -88,11 +90,17 @@ class Blocks:
         values = e.write([*(residual.subs(zero) for residual in block.residuals), *entries])
         matrix = [values[size * (k + 1) : size * (k + 2)] for k in range(size)]
         solution, determinant = solve_dense(w, matrix, [w.negate(value) for value in values[:size]])
+        for name, value in zip(block.unknowns, solution, strict=True):
+            e.bind(name, value)
+        if block.tested:
+            self._end_linear(block, solution, determinant)
+
+    def _end_linear(self, block: Solve, solution: Sequence[str], determinant: str) -> None:
+        w, e = self.writer, self.emitter
         self._count_iteration()
         self._test_determinant(determinant)
         going = w.compare("==", w.read(STATUS), w.number(0.0))
         for name, value in zip(block.unknowns, solution, strict=True):
-            e.bind(name, value)
             rate = w.binary("/", value, e.value(symbol("h")))
             w.write(f"{name}_rate", w.select(going, rate, w.read(f"{name}_rate")))
 

@@ -8,7 +8,7 @@ rows written, Newton iterations], `record` one row of `Layout.columns` for each 
 from __future__ import annotations
 
 from inverse_service.codegen.algebra import STEP
-from inverse_service.codegen.constants import NOT_FINITE, UNOBSERVABLE, WATCHED
+from inverse_service.codegen.constants import NOT_FINITE, UNOBSERVABLE, UNRESOLVED, WATCHED
 from inverse_service.codegen.emission import Emitter
 from inverse_service.codegen.implicit import Blocks
 from inverse_service.codegen.layout import CLOCK, STATUS, Layout, changing, layout_of
@@ -16,6 +16,11 @@ from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.program import Assign, Program
 
 CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iterations")
+
+
+# Four to five steps in a turn of what moves most are the least.
+LEAST_RESOLVED = 0.16
+NOISE_OF_PLACE = 1e-10
 
 
 class Kernel:
@@ -46,8 +51,8 @@ class Kernel:
             w.counter(name)
             w.write_counter(name, w.load_counter("control", place))
         w.counter("stage")
-        for place in range(len(self.program.displacement)):
-            w.slot(f"moved_{place}")
+        for name in self._sums():
+            w.slot(name)
         for place in range(len(self.program.observed)):
             w.slot(f"seen_{place}")
 
@@ -58,8 +63,8 @@ class Kernel:
         w.branch(left, "begin_step", "finish")
         w.open("begin_step")
         w.write_counter("stage", "0")
-        for place in range(len(self.program.displacement)):
-            w.write(f"moved_{place}", w.number(0.0))
+        for name in self._sums():
+            w.write(name, w.number(0.0))
         w.label("next_stage")
         stage = w.read_counter("stage")
         with self.emitter.inner():
@@ -75,16 +80,19 @@ class Kernel:
         w, e = self.writer, self.emitter
         e.bind("h", w.binary("*", self._whole_step, w.load_shared("weights", stage)))
         self._bind_state()
-        for statement in self.program.statements:
-            if isinstance(statement, Assign):
-                e.bind(statement.name, e.value(statement.formula))
-            else:
-                self.blocks.write(statement)
+        self._statements()
         self._watch()
         seen = self._seen()
         self._leave_if_stopped("stopped_early", "go_on")
         self._observe(seen)
         self._update()
+
+    def _statements(self) -> None:
+        for statement in self.program.statements:
+            if isinstance(statement, Assign):
+                self.emitter.bind(statement.name, self.emitter.value(statement.formula))
+            else:
+                self.blocks.write(statement)
 
     def _bind_state(self) -> None:
         for name in self.program.state:
@@ -103,7 +111,7 @@ class Kernel:
                 continue
             if watch.kind == "positive":
                 good = w.compare(">", value, zero)
-            elif watch.kind == "bound":
+            elif watch.kind in ("bound", "resolution"):
                 good = w.compare("<", w.absolute(value), limit)
             else:
                 beyond = w.compare(">", w.absolute(value), limit)
@@ -142,12 +150,17 @@ class Kernel:
     def _update(self) -> None:
         w, e = self.writer, self.emitter
         names = changing(self.program)
-        moves = list(self.program.displacement)
+        moves = [*self.program.displacement, *self.program.way]
         values = e.write([*(update for update in self.program.updates if update is not None), *moves])
         for name, value in zip(names, values, strict=False):
             self._add_compensated(name, self._alive(value))
-        for place, value in enumerate(values[len(names) :]):
-            w.write(f"moved_{place}", w.binary("+", w.read(f"moved_{place}"), value))
+        for name, value in zip(self._sums(), values[len(names) :], strict=True):
+            w.write(name, w.binary("+", w.read(name), value))
+
+    def _sums(self) -> list[str]:
+        """What is added up over the substeps of a composition."""
+        moved = [f"moved_{k}" for k in range(len(self.program.displacement))]
+        return [*moved, *(f"way_{k}" for k in range(len(self.program.way)))]
 
     def _add_compensated(self, name: str, increment: str) -> None:
         """Kahan (1965): the low part is what the sum lost."""
@@ -161,6 +174,8 @@ class Kernel:
     def _end_step(self) -> None:
         w = self.writer
         self._test_finite()
+        if self.program.way:
+            self._test_resolution()
         w.write(CLOCK, w.binary("+", w.read(CLOCK), w.number(1.0)))
         self._leave_if_stopped("stopped_early", "step_is_good")
         w.write_counter("done", w.add_counters(w.read_counter("done"), "1"))
@@ -180,6 +195,30 @@ class Kernel:
         for name in names:
             total = w.binary("+", total, w.binary("*", w.read(name), w.number(0.0)))
         self.blocks.stop_unless(w.compare("==", total, w.number(0.0)), NOT_FINITE, total)
+
+    def _test_resolution(self) -> None:
+        """Sum of (a - 2 b + c)^2 below LEAST_RESOLVED times that of (|a| + 2 |b| + |c|)^2, for three steps in a row.
+
+        For an oscillation the quotient is (1 - cos(h omega))^2/4. Round-off of the position counts nothing.
+        """
+        w = self.writer
+        bent, size = w.number(0.0), w.number(0.0)
+        for place in range(len(self.program.way)):
+            now, last, before = (w.read(f"{name}_{place}") for name in ("way", "later", "before"))
+            difference = w.binary("+", w.binary("-", now, w.binary("+", last, last)), before)
+            twice = w.absolute(w.binary("+", last, last))
+            total = w.binary("+", w.binary("+", w.absolute(now), twice), w.absolute(before))
+            noise = w.binary("*", w.number(NOISE_OF_PLACE), w.absolute(w.read(self.program.state[place])))
+            total = w.binary("+", total, noise)
+            bent = w.binary("+", bent, w.binary("*", difference, difference))
+            size = w.binary("+", size, w.binary("*", total, total))
+            w.write(f"before_{place}", last)
+            w.write(f"later_{place}", now)
+        early = w.compare("<", w.read(CLOCK), w.number(2.0))
+        good = w.compare("<=", bent, w.binary("*", w.number(LEAST_RESOLVED), size))
+        one = w.number(1.0)
+        good = w.compare("==", w.select(early, one, w.select(good, one, w.number(0.0))), one)
+        self.blocks.stop_unless(good, UNRESOLVED, w.binary("/", bent, size))
 
     def _record(self) -> None:
         w = self.writer

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from inverse_service.codegen.program import Program, Solve
 
 STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "stopped_value"
+TRIAL = "trial"  # the length of the next step where a kernel chooses it
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +39,14 @@ def layout_of(program: Program) -> Layout:
     solves = [block for block in program.blocks if isinstance(block, Solve)]
     persistent = [
         *(STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE),
+        *((TRIAL,) if program.error is not None else ()),
         *program.state,
         *(f"{name}_low" for name in changing(program)),
         *(f"{name}_rate" for name in program.unknowns),
         *program.sizes,
         *(f"{which}_{k}" for k in range(len(solves)) for which in ("first", "last")),
         *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind == "sign"),
+        *(f"{which}_{k}" for k in range(len(program.way)) for which in ("later", "before")),
         *(f"maximum_{k}" for k in range(len(program.observed))),
     ]
     columns = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from inverse_service.codegen.algebra import Formula
 
@@ -21,7 +21,8 @@ class Solve:
 
     `scales` names the state variable of which each unknown is the increment ("" where there is none): convergence
     is judged against its round-off. `limit` is the determinant as h -> 0: where the actual one differs from it by
-    its own size, there may be other solutions, and the run stops.
+    its own size, there may be other solutions, and the run stops. Where `tested` is False the determinant may be
+    anything: an estimate of the error judges the step.
     """
 
     unknowns: tuple[str, ...]
@@ -30,6 +31,7 @@ class Solve:
     affine: bool
     scales: tuple[str, ...]
     limit: Formula | None = None
+    tested: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +47,8 @@ class Iterate:
 class Watch:
     """A quantity tested after each step.
 
-    "sign" must keep its sign, "positive" must be above 0, "bound" must stay below `limit` in size and have a value,
-    "map" must stay below it where it has one. A sign may turn where `unless` is below `limit`.
+    "sign" must keep its sign, "positive" must be above 0, "bound" and "resolution" must stay below `limit` in size and
+    have a value, "map" must stay below it where it has one. A sign may turn where `unless` is below `limit`.
     """
 
     kind: str
@@ -74,7 +76,9 @@ class Program:
     """`statements` compute the increments, `updates[k]` is the increment of `state[k]` (None: it never changes).
 
     `arguments` are read-only and given at run time; "h" is the (sub)step. `displacement` are the position
-    increments where discrete velocities are recorded, `observed` formulas of old state and increments.
+    increments where discrete velocities are recorded, `observed` formulas of old state and increments. `way` are
+    position increments whose third differences are watched: steps must resolve the motion. `error` is the
+    squared norm of the error of a step that chooses its own length, which falls with its power `order`.
     """
 
     state: tuple[str, ...]
@@ -84,8 +88,10 @@ class Program:
     watches: tuple[Watch, ...] = ()
     displacement: tuple[Formula, ...] = ()
     observed: tuple[tuple[str, Formula], ...] = ()
+    way: tuple[Formula, ...] = ()
     forces: int = 0
-    extra: dict[str, str] = field(default_factory=dict)
+    error: Formula | None = None
+    order: int = 0
 
     @property
     def blocks(self) -> tuple[Solve | Iterate, ...]:

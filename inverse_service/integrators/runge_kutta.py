@@ -65,3 +65,14 @@ _DOP853 = Tableau(
     ),
 )  # fmt: skip
 TABLEAUX = {4: _KUTTA, 5: _DORMAND_PRINCE, 8: _DOP853}
+
+_OF_ORDER_5 = (
+    0.01312004499419488, 0.0, 0.0, 0.0, 0.0, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
+    -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
+)  # fmt: skip
+_OF_ORDER_3 = tuple(
+    weight - {0: 0.2440944881889764, 8: 0.7338466882816118, 11: 0.022058823529411766}.get(place, 0.0)
+    for place, weight in enumerate(_DOP853.weights)
+)
+# Weights of the two estimates of the error of DOP853; the one of order 5 is damped by that of order 3.
+DOP853_ERRORS = (_OF_ORDER_5, _OF_ORDER_3)

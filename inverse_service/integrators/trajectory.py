@@ -15,11 +15,11 @@ FloatArray = NDArray[np.float64]
 class Outcome:
     """How a run ended.
 
-    `kind` is "completed", "singular" (a quantity of the method vanished), "guard" (the implicit equations of a
-    step are not safely solvable), "no_convergence" (Newton), "not_finite", "off_domain" (the start lies where a
-    formula has no value) or "cancelled". Where a run stopped, `step` and `time` say at which step (its result is
-    not recorded), `quantity` and `value` what vanished or passed its limit, `remedy` what to do about it. `note` says
-    what was not checked, or why a guard did not count.
+    `kind` is "completed", "singular" (a quantity of the method vanished), "guard" (the implicit equations of a step are
+    not safely solvable), "unresolved" (the motion turns too much in a step), "no_convergence" (Newton), "not_finite",
+    "off_domain" (a formula has no value there), "failed" (a fault of ours) or "cancelled". Where a run stopped, `step`
+    and `time` say at which step (its result is not recorded), `quantity` and `value` what vanished or passed its limit,
+    `remedy` what to do about it. `note` says what was not checked, or why a guard did not count.
     """
 
     kind: str

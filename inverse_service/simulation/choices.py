@@ -7,18 +7,21 @@ from dataclasses import dataclass, field
 
 from inverse_service.expressions.tree import Expression
 
-TOLERANCE = 1e-15
+TOLERANCES = {"heyoka": 1e-15, "adaptive": 1e-12, "stiff": 1e-8}
+OWN_STEPS = frozenset(TOLERANCES)
+POINT_METHODS = frozenset({"runge_kutta", "reference", "adaptive", "stiff"})  # kernels on positions and velocities
 
 
 @dataclass(frozen=True, slots=True)
 class MethodChoice:
     """A method and its settings.
 
-    `method`: "variational", "nonholonomic", "modified", "runge_kutta", "reference" (Gauss-Legendre of order 12) or
-    "heyoka". `alpha` in [0, 1] is the place of the discrete Lagrangian, `symmetrised` takes the mean of its alpha
-    and 1 - alpha forms. `order`: 2 (the plain step) or 4, 6, 8 by composition; for "runge_kutta" 4, 5 or 8.
+    `method`: "variational", "nonholonomic", "modified", "runge_kutta", "reference" (Gauss-Legendre of order 12),
+    "adaptive" (DOP853 with steps of its own), "stiff" (RODAS likewise) or "heyoka". `alpha` in [0, 1] is the place of
+    the discrete Lagrangian, `symmetrised` takes the mean of its alpha and 1 - alpha forms. `order`: 2 (the plain step)
+    or 4, 6, 8 by composition; for "runge_kutta" 4, 5 or 8.
     `form` of "variational": "hamiltonian" or "raw". `guard`: stop where the implicit equations may have other roots.
-    `tolerance` of "heyoka", for each of its steps, which it chooses itself.
+    `tolerance` of "adaptive", "stiff" and "heyoka", for each of their steps, which they choose themselves.
     """
 
     method: str
@@ -27,7 +30,7 @@ class MethodChoice:
     order: int = 2
     form: str = "hamiltonian"
     guard: bool = True
-    tolerance: float = TOLERANCE
+    tolerance: float = 1e-15
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +49,12 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """`steps` steps of size `step`; the start and every `record_every`-th point are recorded."""
+    """`steps` steps of size `step` from t = `begin`; the start and every `record_every`-th point are recorded."""
 
     step: float
     steps: int
     record_every: int = 1
+    begin: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

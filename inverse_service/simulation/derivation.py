@@ -11,13 +11,14 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+from inverse_service.simulation.choices import POINT_METHODS
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, exact_motion
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.regular_motion import regular_accelerations
 from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
 
 USES_FREE = frozenset({"variational", "modified"})
-USES_ACCELERATIONS = frozenset({"reference", "runge_kutta", "heyoka"})
+USES_ACCELERATIONS = POINT_METHODS | {"heyoka"}
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
 

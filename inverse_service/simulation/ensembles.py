@@ -13,7 +13,7 @@ from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.machine_code.processor import processor_features
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.execution import execute, memory_of
-from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.guard import refusal
 from inverse_service.simulation.outcomes import failed_start, trajectory_of
 from inverse_service.simulation.preparation import check, kernel_of, lane_of, parameter_values, weights_of
@@ -85,7 +85,15 @@ def _members(
     for choice, start, grid, given in zip(choices, starts, grids, values, strict=True):
         check(formulas.problem, choice, [])
         numbers = parameter_values(formulas.problem, given)
-        members.append(Member(choice, start, grid, numbers, initial(formulas, choice, start, grid.step, numbers)))
+        members.append(
+            Member(
+                choice,
+                start,
+                grid,
+                numbers,
+                initial(formulas, choice, start, grid.step, numbers | {str(MOMENT): grid.begin}),
+            )
+        )
     return members
 
 

@@ -11,17 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.codegen.compiled import Card, Compiled
-from inverse_service.codegen.constants import GUARDED, NO_CONVERGENCE, NOT_FINITE, SINGULAR, UNOBSERVABLE, WATCHED
+from inverse_service.codegen.constants import (
+    GUARDED,
+    NO_CONVERGENCE,
+    NOT_FINITE,
+    SINGULAR,
+    TOO_SHORT,
+    UNOBSERVABLE,
+    UNRESOLVED,
+    WATCHED,
+)
 from inverse_service.codegen.kernel import CONTROL
-from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE, TRIAL
 from inverse_service.simulation.choices import Grid
 
 FloatArray = NDArray[np.float64]
 _FIRST_PIECE = 4096
+_FIRST_OWN = 8  # of a method that takes any number of steps between two points
 _SECONDS_PER_PIECE = 0.1
 _REMEDY = "take a smaller step"
 _UNDEFINED = "a formula of the scene ends there: begin elsewhere, stop before, or leave the quantity out of observe"
-_KINDS = {"bound": "guard", "map": "off_domain"}
+_ENDS = "the motion has a singular point there: stop before it; or take a larger tolerance, or the method stiff"
+_BENT = "the third difference of the path beside its steps, squared: fewer than five steps in a turn"
+_KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
 NEARLY_SINGULAR = 0.25
 
@@ -63,7 +75,9 @@ def execute(
     pieces: list[FloatArray] = []
     steps_at: list[int] = []
     done = iterations = 0
-    seconds, piece, cancelled = 0.0, _FIRST_PIECE, False
+    seconds, cancelled = 0.0, False
+    least = _FIRST_OWN if TRIAL in kernel.card.layout.persistent else _FIRST_PIECE
+    piece = least
     until = every
     while done < grid.steps and not cancelled:
         todo, until = _portion(piece, grid.steps - done, until)
@@ -80,7 +94,7 @@ def execute(
         seconds += passed
         if state["done"] < todo or last:
             break
-        piece = max(_FIRST_PIECE, min(4 * piece, int(piece * _SECONDS_PER_PIECE / max(passed, 1e-6))))
+        piece = max(least, min(4 * piece, int(piece * _SECONDS_PER_PIECE / max(passed, 1e-6))))
         cancelled = bool(stop and stop())
     rows = np.concatenate(pieces) if pieces else np.empty((0, columns, memory.shape[1]))
     return Run(rows, np.array(steps_at, dtype=np.int64), memory, iterations, seconds, cancelled, done)
@@ -136,6 +150,10 @@ def stopped(card: Card, memory: FloatArray, lane: int, unknown_names: Mapping[st
             if abs(last) < NEARLY_SINGULAR * abs(first):
                 return Stopped("singular", step, quantity, last, _REMEDY, place)
         return Stopped("no_convergence", step, quantity, value, _REMEDY)
+    if code == UNRESOLVED:
+        return Stopped("unresolved", step, _BENT, value, f"{_REMEDY}, or go on with guard = false, unchecked")
+    if code == TOO_SHORT:
+        return Stopped("singular", step, "the step that the tolerance asks for", value, _ENDS)
     assert code == NOT_FINITE
     return Stopped("not_finite", step, "a coordinate or momentum", math.nan, _REMEDY)
 

@@ -26,7 +26,7 @@ def keeps_motion(
 ) -> bool | None:
     """True or False where enough points have finite values, None where not."""
     positions, velocities = _points(scene)
-    times = np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions))
+    times = np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions)) + scene.grid.begin
     table = table_of(scene.coordinates, positions, velocities, values, times)
     residuals = euler_lagrange_residual(lagrangian, scene.coordinates, accelerations)
     worst = np.zeros(len(positions))

@@ -14,8 +14,8 @@ import numpy as np
 from inverse_service.integrators.trajectory import Outcome
 from inverse_service.simulation.choices import Grid, MethodChoice
 from inverse_service.simulation.formulas import Formulas
-from inverse_service.simulation.schemes import GUARD_REMEDY
 from inverse_service.simulation.starting import Initial
+from inverse_service.simulation.watches import GUARD_REMEDY
 
 LIMIT = 1.0
 _SAMPLES, _NEAR = 256, 20.0

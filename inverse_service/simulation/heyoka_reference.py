@@ -59,13 +59,13 @@ def run_heyoka(
     if start.velocities is None:
         raise InputError("heyoka starts from velocities: give velocities instead of momenta.")
     steps = np.unique([*range(0, grid.steps + 1, grid.record_every), grid.steps])
-    times = steps * grid.step
+    times = grid.begin + steps * grid.step
     with _ONE_AT_A_TIME:
         begin = time.perf_counter()
         integrator = taylor_integrator(problem, tolerance)
         integrator.state[:] = [*start.positions, *start.velocities]
         integrator.pars[:] = [float(values[name]) for name in used_parameters(problem)]
-        integrator.time = 0.0
+        integrator.time = grid.begin
         compiled = time.perf_counter()
         limits: dict[str, Any] = {"max_steps": MOST_STEPS}
         if stop is not None:

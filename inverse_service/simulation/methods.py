@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from inverse_service.integrators.trajectory import Trajectory
-from inverse_service.simulation.choices import Grid, MethodChoice, Observable, Observation, Start
+import numpy as np
+
+from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.simulation.choices import OWN_STEPS, Grid, MethodChoice, Observable, Observation, Start
 from inverse_service.simulation.execution import execute, memory_of
-from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.guard import refusal
 from inverse_service.simulation.heyoka_reference import run_heyoka
 from inverse_service.simulation.monotone import has_unique_roots
@@ -17,6 +19,7 @@ from inverse_service.simulation.preparation import check, kernel_of, lane_of, pa
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.schemes import program_of
 from inverse_service.simulation.starting import Initial, initial
+from inverse_service.simulation.watches import RESOLVE
 
 __all__ = [
     "Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "available", "run",
@@ -24,6 +27,7 @@ __all__ = [
 
 MONOTONE = "The step is far beyond what the guard allows, but its equation is monotone: the root found is the only one."
 NO_GUARD = "The guard was off: that each step took the root that belongs to small steps was not checked."
+FEW, MANY, HALF = 4, 4096, 0.5
 Stop = Callable[[], bool]
 
 
@@ -34,9 +38,8 @@ def available(problem: Problem) -> tuple[str, ...]:
         "nonholonomic": problem.lagrangian is not None,
         "modified": bool(problem.free_lagrangian and problem.constraints),
         "runge_kutta": problem.accelerations is not None,
-        "reference": problem.accelerations is not None,
-        "heyoka": problem.accelerations is not None,
     }
+    known |= dict.fromkeys(("reference", "adaptive", "stiff", "heyoka"), problem.accelerations is not None)
     return tuple(name for name, has in known.items() if has)
 
 
@@ -60,10 +63,14 @@ def run(
         return run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
     formulas = Formulas(problem)
     parameters = parameter_values(problem, values)
-    begin = initial(formulas, choice, start, grid.step, parameters)
+    begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
     refused = begin.missing or refusal(formulas, choice, begin, grid, parameters)
     if refused:
-        return failed_start(start, refused)
+        return failed_start(start, refused, grid.begin)
+    if choice.guard and choice.method not in OWN_STEPS and grid.steps >= FEW:
+        unresolved = _first_steps(formulas, choice, begin, grid, parameters)
+        if unresolved is not None:
+            return failed_start(start, unresolved, grid.begin)
     found = _run(formulas, choice, begin, grid, parameters, observation, stop)
     if found.outcome.kind == "guard" and _is_monotone(formulas, choice, grid, parameters):
         found = _run(formulas, replace(choice, guard=False), begin, grid, parameters, observation, stop)
@@ -79,6 +86,25 @@ def _run(
     memory = memory_of(kernel.card, [lane_of(choice, begin, grid, parameters)])
     done = execute(kernel, memory, weights_of(choice), grid, stop)
     return trajectory_of(formulas, choice, kernel, done, 0, begin, grid, observation)
+
+
+def _first_steps(
+    formulas: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
+) -> Outcome | None:
+    """The outcome where FEW steps lead elsewhere than MANY over the same time: what is watched later sees only what
+    steps have met. None where both agree, or where one of them fails, which the run will say itself."""
+    bare = Observation(momenta=False, velocities=False)
+    ends = []
+    for count in (FEW, MANY):
+        short = replace(grid, step=FEW * grid.step / count, steps=count, record_every=count)
+        found = _run(formulas, choice, begin, short, parameters, bare, None)
+        if not found.outcome.completed:
+            return None
+        ends.append(found.positions[-1] - found.positions[0])
+    apart, moved = (float(np.linalg.norm(difference)) for difference in (ends[0] - ends[1], ends[1]))
+    if not apart > HALF * moved:
+        return None
+    return Outcome("unresolved", 0, grid.begin, f"the first {FEW} steps beside {MANY} shorter ones", apart, RESOLVE)
 
 
 def _is_monotone(formulas: Formulas, choice: MethodChoice, grid: Grid, parameters: Mapping[str, float]) -> bool:

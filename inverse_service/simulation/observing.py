@@ -46,6 +46,7 @@ from inverse_service.simulation.matching_circle import (
 )
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.scene import Scene
+from inverse_service.simulation.truth import Truth
 
 Array = NDArray[np.float64]
 ENERGY_START = "energy_of_the_start"
@@ -67,7 +68,8 @@ def start_energy(scene: Scene) -> float | None:
     """E_0 of the initial data; None for a system without a Lagrangian."""
     if scene.lagrangian is None:
         return None
-    table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
+    at = np.array([scene.grid.begin])
+    table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values, at)
     return float(array_value(energy(scene.lagrangian, scene.coordinates), table)[0])
 
 
@@ -191,14 +193,26 @@ def phase_numbers(points: Array, exact: Array) -> tuple[dict[str, Any], Array]:
     return {"max_phase_error": greatest(error), "final_phase_error": float(error[-1])}, error
 
 
-def error_numbers(scene: Scene, positions: Array, true: Array, against: str) -> tuple[dict[str, Any], Array]:
-    """The greatest and the last distance from the true positions, and the distance at each point."""
+def error_numbers(scene: Scene, positions: Array, true: Array, truth: Truth) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The greatest and the last distance from the true positions, with a bound of how far these are off themselves.
+
+    Where the truth is lost before the run ends there is no greatest error of the run, and `error_until` holds that of
+    the part before.
+    """
     differences = np.abs(positions - true)
     distances: Array = differences.max(axis=1)
+    known = int(np.isfinite(distances).sum())
+    bound = float(truth.bounds[max(known - 1, 0)])
     numbers = {
         "max_error": greatest(distances),
         "final_error": float(distances[-1]),
         "error_each": {name: greatest(differences[:, k]) for k, name in enumerate(scene.coordinates)},
-        "error_against": against,
+        "error_against": truth.against,
+        "error_uncertainty": bound,
     }
-    return numbers, distances
+    if known and (greatest(distances[:known]) or 0.0) <= bound:
+        numbers["error_note"] = f"Within the uncertainty of the true motion: at most {bound:.2g}."
+    if known < len(distances):
+        until = {"time": float(truth.times[known - 1]), "max_error": greatest(distances[:known])}
+        numbers |= {"error_note": truth.reason, "error_until": until, "error_uncertainty": None}
+    return numbers, {"error": distances}

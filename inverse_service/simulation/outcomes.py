@@ -9,7 +9,7 @@ import numpy as np
 from inverse_service.codegen.algebra import real_value
 from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.integrators.trajectory import FloatArray, Outcome, Trajectory
-from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.choices import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.execution import CLOCK, Run, Stopped, at_last, stopped
 from inverse_service.simulation.formulas import Formulas
 from inverse_service.simulation.poles import pole_ahead
@@ -18,13 +18,12 @@ from inverse_service.simulation.schemes import parts_of, program_of
 from inverse_service.simulation.starting import Initial
 
 OTHER_LAGRANGIAN = "give another free_lagrangian, one that is regular there, or use the method reference or runge-kutta"
-_POINT_METHODS = ("runge_kutta", "reference")
 
 
-def failed_start(start: Start, outcome: Outcome) -> Trajectory:
+def failed_start(start: Start, outcome: Outcome, time: float = 0.0) -> Trajectory:
     """A run that cannot begin: the start alone."""
     begin = np.array([list(start.positions)], dtype=np.float64)
-    return Trajectory(np.zeros(1), begin, None, None, outcome, 0, 0, 0.0, 0.0)
+    return Trajectory(np.array([time]), begin, None, None, outcome, 0, 0, 0.0, 0.0)
 
 
 def trajectory_of(
@@ -38,7 +37,7 @@ def trajectory_of(
     steps = run.steps_at[kept]
     columns = {name: run.rows[kept, place, lane] for place, name in enumerate(card.layout.columns)}
     size = f.size
-    letter = "v" if choice.method in _POINT_METHODS else "p"
+    letter = "v" if choice.method in POINT_METHODS else "p"
     positions = _with_start(columns, begin, [f"q{k}" for k in range(size)])
     carried = _with_start(columns, begin, [f"{letter}{k}" for k in range(size)])
     velocities = carried if letter == "v" else _velocities(columns, begin, card, size)
@@ -46,18 +45,25 @@ def trajectory_of(
     maxima = {name: float(run.memory[card.layout.place(f"maximum_{k}"), lane]) for k, name in enumerate(card.observed)}
     taken = int(run.memory[card.layout.place("clock"), lane]) if halt is None else halt.step
     return Trajectory(
-        times=np.concatenate([[0.0], steps * grid.step]),
+        times=grid.begin + np.concatenate([[0.0], steps * grid.step]),
         positions=positions,
         momenta=carried if letter == "p" and observation.momenta and not np.isnan(carried).any() else None,
         velocities=velocities if observation.velocities or letter == "v" else None,
         outcome=_outcome(f, choice, card, run, lane, halt, grid, begin),
-        force_evaluations=card.forces * taken + run.iterations * (6 if choice.method == "reference" else 1),
-        newton_iterations=run.iterations,
+        force_evaluations=_evaluations(choice, card, taken, run.iterations),
+        newton_iterations=0 if choice.method in OWN_STEPS else run.iterations,
         compile_seconds=sum(kernel.seconds.values()),
         run_seconds=run.seconds,
         series=series,
         maxima=maxima,
     )
+
+
+def _evaluations(choice: MethodChoice, card: Card, taken: int, iterations: int) -> int:
+    """Of forces: in every trial step where the method chooses its own, else in every step and iteration."""
+    if choice.method in OWN_STEPS:
+        return card.forces * iterations
+    return card.forces * taken + iterations * (6 if choice.method == "reference" else 1)
 
 
 def _with_start(columns: dict[str, FloatArray], begin: Initial, names: list[str]) -> FloatArray:
@@ -101,9 +107,9 @@ def _outcome(
 ) -> Outcome:  # fmt: skip
     if halt is None:
         if run.cancelled and run.done < grid.steps:
-            return Outcome("cancelled", run.done, run.done * grid.step)
-        return Outcome("completed", run.done, run.done * grid.step)
-    when = halt.step * grid.step
+            return Outcome("cancelled", run.done, grid.begin + run.done * grid.step)
+        return Outcome("completed", run.done, grid.begin + run.done * grid.step)
+    when = grid.begin + halt.step * grid.step
     if choice.method == "modified" and halt.kind == "singular" and len(parts_of(choice)) == 1:
         # Its own singular set: smooth through the zeros of A_alpha, whatever passes 0 nearby.
         return Outcome(halt.kind, halt.step, when, *_own_singular_set(f, choice, halt), _remedy(f, choice))

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from inverse_service.codegen.compiled import Compiled, compiled
 from inverse_service.errors import InputError
 from inverse_service.integrators.compositions import ORDERS, composition
-from inverse_service.simulation.choices import Grid, MethodChoice, Observation
-from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.choices import OWN_STEPS, Grid, MethodChoice, Observation
+from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.schemes import alpha_of, parts_of, program_of
 from inverse_service.simulation.starting import Initial
 
-METHODS = ("variational", "nonholonomic", "modified", "runge_kutta", "reference", "heyoka")
+METHODS = ("variational", "nonholonomic", "modified", "runge_kutta", "reference", "adaptive", "stiff", "heyoka")
 
 
 def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None:
@@ -62,7 +62,8 @@ def lane_of(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """(state and rates, arguments) of one trajectory."""
     rates = {f"{name}_rate": value for name, value in begin.rates.items()}
-    return {**begin.state, **rates}, {"h": grid.step, "a": choice.alpha, **parameters}
+    setting = choice.tolerance if choice.method in OWN_STEPS else choice.alpha
+    return {**begin.state, **rates, str(MOMENT): grid.begin}, {"h": grid.step, "a": setting, **parameters}
 
 
 def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation, lanes: int = 1) -> Compiled:

@@ -28,7 +28,7 @@ from inverse_service.simulation.observing import (
 from inverse_service.simulation.point_velocities import mean_velocities, point_velocities
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.scene import Requested, Scene, Unavailable
-from inverse_service.simulation.truth import Truth, true_rows
+from inverse_service.simulation.truth import Truth, places_of
 
 Array = NDArray[np.float64]
 NO_CONSTANT = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
@@ -54,7 +54,7 @@ def observed_quantities(run: Observed, seconds: dict[str, float]) -> tuple[dict[
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
     scene, truth = run.scene, run.truth
-    true = true_rows(truth, scene.grid, run.trajectory.times) if isinstance(truth, Truth) else None
+    true = truth.positions[places_of(truth, run.trajectory.times)] if isinstance(truth, Truth) else None
     for name in scene.observe:
         with _timed(seconds, name):
             found, columns = _quantity(name, run, true)
@@ -146,8 +146,7 @@ def _compared(
         reason = truth.reason if isinstance(truth, Unavailable) else "nothing to compare with"
         return {f"max_{name}" if name == "error" else "max_phase_error": None, f"{name}_note": reason}, {}
     if name == "error":
-        numbers, distances = error_numbers(scene, positions, true, truth.against)
-        return numbers | {"error_uncertainty": truth.uncertainty}, {"error": distances}
+        return error_numbers(scene, positions, true, truth)
     if scene.circle is None:
         return {"max_phase_error": None}, {}
     pair = list(scene.circle)

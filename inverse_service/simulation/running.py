@@ -69,7 +69,7 @@ def run_scene(
     truth = None
     if USES_EXACT & set(scene.observe):
         tell("true motion")
-        truth = _truth(scene, derived)
+        truth = _truth(scene, derived, stop)
     runs = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
@@ -184,8 +184,8 @@ def with_series(scene: Scene, trajectory: Trajectory) -> Trajectory:
     return replace(trajectory, series=series, maxima=maxima)
 
 
-def _truth(scene: Scene, derived: Derived) -> Truth | Unavailable:
+def _truth(scene: Scene, derived: Derived, stop: Stop | None) -> Truth | Unavailable:
     """The true motion; circles are compared with the exact solution only, so they cost no reference run."""
     if COMPARED & set(scene.observe) or isinstance(derived.exact, ExactMotion):
-        return true_motion(scene, derived)
+        return true_motion(scene, derived, stop)
     return Unavailable("No exact solution is known here.")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from inverse_service.codegen.algebra import ZERO, Formula, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome
-from inverse_service.simulation.choices import MethodChoice, Start
+from inverse_service.simulation.choices import POINT_METHODS, MethodChoice, Start
 from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.schemes import parts_of
 
@@ -31,10 +31,10 @@ class Initial:
 
 def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]) -> Initial:
     """State of the kernel at t = 0."""
-    parameters = {**parameters, str(MOMENT): 0.0}
+    parameters = {str(MOMENT): 0.0, **parameters}
     _require(start, f.size)
     q = _named("q", start.positions)
-    if choice.method in ("runge_kutta", "reference"):
+    if choice.method in POINT_METHODS:
         if start.velocities is None:
             raise InputError("Runge-Kutta methods start from velocities: give velocities instead of momenta.")
         table = {**parameters, **q, **_named("v", start.velocities)}

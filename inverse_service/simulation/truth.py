@@ -1,64 +1,94 @@
-"""The true motion that methods are compared with: exact where it is known, else two references that agree."""
+"""The true motion that methods are compared with: exact where it is known, else the references that agree.
+
+Three kinds that share no step: heyoka's Taylor series, DOP853 with steps of its own, Gauss-Legendre of order 12. Of the
+two that agree longest and best the first is taken; four times their distance bounds its error.
+"""
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.derivation import Derived, with_accelerations
 from inverse_service.simulation.exact_motion import ExactMotion, positions_of
 from inverse_service.simulation.methods import run
+from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.scene import Scene, Unavailable
 
 Array = NDArray[np.float64]
-AGREEMENT = 1e-11
-MOST_STEPS = 4_000_000
-SECOND_REFINEMENT = 4
+Stop = Callable[[], bool]
+ENOUGH = 1e-12  # two references that are this near, over the size of the motion, need no third
+USELESS = 1e-3  # where references part by more than this share of the motion, there is no truth any more
+SAFETY = 4.0  # times the distance of the two references that agree best: a bound of the error of the better one
+ROUND_OFF = 1e-15
+MOST_STEPS = 1_000_000
+TOLERANCES = {"heyoka": 1e-15, "adaptive": 1e-14}
+NONE_FOUND = "No reference solution was found: the reference integrators did not get through."
+PARTED = "The true motion is known until t = {:.6g} only: {}."
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Positions (m, n) at the recorded times; `uncertainty` is how far the two references are apart (0: exact)."""
+    """Positions and velocities (m, n) at the recorded times, nan from where they are not known; `reason` says why.
 
+    `against` is "exact" or "reference"; `bounds` (m,) bound the error of the positions up to each time, in the unit of
+    the errors; `references` are the distances of the reference solutions from the one taken.
+    """
+
+    times: Array
     positions: Array
+    velocities: Array
     against: str
-    uncertainty: float
+    bounds: Array
     seconds: float
+    reason: str = ""
+    references: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def uncertainty(self) -> float:
+        """The bound at the last time that is known."""
+        known = self.bounds[np.isfinite(self.bounds)]
+        return float(known[-1]) if len(known) else np.inf
 
 
 def recorded_times(grid: Grid) -> Array:
-    """t = k h at the recorded steps, the start first; the last step is always recorded."""
+    """t = t_0 + k h at the recorded steps, the start first; the last step is always recorded."""
     steps = list(range(0, grid.steps + 1, grid.record_every))
     if steps[-1] != grid.steps:
         steps.append(grid.steps)
-    found: Array = grid.step * np.array(steps, dtype=float)
+    found: Array = grid.begin + grid.step * np.array(steps, dtype=float)
     return found
 
 
-def true_rows(truth: Truth, grid: Grid, times: Array) -> Array:
-    """The true positions at the times of a trajectory, (len(times), n); nan at a time that is none of the grid's."""
-    known = recorded_times(grid)
-    places = np.clip(np.searchsorted(known, times - 0.5 * grid.step), 0, len(known) - 1)
-    found = truth.positions[places].copy()
-    found[np.abs(known[places] - times) > 1e-6 * grid.step] = np.nan
-    return found
+def places_of(truth: Truth, times: Array) -> NDArray[np.int64]:
+    """The places of the times of a trajectory among those of the truth, which are the same or more."""
+    gap = 0.5 * float(np.diff(truth.times).min(initial=np.inf))
+    return np.clip(np.searchsorted(truth.times, times - gap), 0, len(truth.times) - 1)
 
 
-def true_motion(scene: Scene, derived: Derived) -> Truth | Unavailable:
-    """The true positions at the recorded times of the scene, or why they are not known."""
+def true_motion(scene: Scene, derived: Derived, stop: Stop | None = None) -> Truth | Unavailable:
+    """The true motion at the recorded times of the scene, or why it is not known."""
     begun = time.perf_counter()
+    times = recorded_times(scene.grid)
     if isinstance(derived.exact, ExactMotion):
         try:
-            positions, _ = positions_of(derived.exact, scene.positions, scene.velocities, recorded_times(scene.grid))
+            positions, velocities = _exact(scene, derived.exact, times)
         except ValueError as error:
             return Unavailable(f"The exact solution ends: {error}.")
-        return Truth(positions, "exact", 0.0, time.perf_counter() - begun)
-    return _references(scene, derived, begun)
+        bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(positions).max(axis=1)))
+        return Truth(times, positions, velocities, "exact", bounds, time.perf_counter() - begun)
+    return _references(scene, derived, times, begun, stop)
+
+
+def _exact(scene: Scene, exact: ExactMotion, times: Array) -> tuple[Array, Array]:
+    return positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
 
 
 def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable:
@@ -69,7 +99,7 @@ def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable
     begun = time.perf_counter()
     times = recorded_times(scene.grid)
     try:
-        positions, velocities = positions_of(derived.exact, scene.positions, scene.velocities, times)
+        positions, velocities = _exact(scene, derived.exact, times)
     except ValueError as error:
         return Unavailable(f"The exact solution ends: {error}.")
     return Trajectory(
@@ -85,42 +115,114 @@ def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable
     )
 
 
-def _references(scene: Scene, derived: Derived, begun: float) -> Truth | Unavailable:
-    """Gauss-Legendre of order 12 and explicit Runge-Kutta of order 8, both refined until they agree."""
-    refinement, nearest = 1, np.inf
-    found: Array | None = None
-    while refinement * SECOND_REFINEMENT * scene.grid.steps <= MOST_STEPS:
-        first = reference_run(scene, derived, MethodChoice("reference"), refinement)
-        second = reference_run(scene, derived, MethodChoice("runge_kutta", order=8), SECOND_REFINEMENT * refinement)
-        for one in (first, second):
-            if isinstance(one, Unavailable):
-                return one
-        assert isinstance(first, Trajectory)
-        assert isinstance(second, Trajectory)
-        if first.outcome.completed and second.outcome.completed:
-            apart = float((np.abs(first.positions - second.positions) / (1 + np.abs(first.positions))).max())
-            gained = apart < 0.5 * nearest
-            if apart < nearest:
-                nearest, found = apart, first.positions
-            if apart <= AGREEMENT or not gained:
-                break
-        refinement *= 2
-    if found is None:
-        return Unavailable("No reference solution was found: the two reference integrators did not get through.")
-    return Truth(found, "reference", nearest, time.perf_counter() - begun)
-
-
-def reference_run(
-    scene: Scene, derived: Derived, choice: MethodChoice, refinement: int, observation: Observation | None = None
-) -> Trajectory | Unavailable:
-    """One reference with steps `refinement` times smaller, recorded at the times of the scene."""
+def _references(scene: Scene, derived: Derived, times: Array, begun: float, stop: Stop | None) -> Truth | Unavailable:
+    """heyoka where it is installed, DOP853 with steps of its own, and Gauss-Legendre where these do not agree."""
     problem = with_accelerations(scene, derived)
     if isinstance(problem, Unavailable):
         return problem
-    grid = scene.grid
-    finer = replace(
-        grid, step=grid.step / refinement, steps=grid.steps * refinement, record_every=grid.record_every * refinement
-    )
+    found: dict[str, Array] = {}
+    for name, tolerance in TOLERANCES.items():
+        try:
+            found[name] = _rows(scene, problem, MethodChoice(name, tolerance=tolerance), 1, times, stop)
+        except InputError:  # heyoka is not installed, or knows a function not
+            continue
+    size = _size(found)
+    if len(found) < 2 or not _apart(*found.values()) <= ENOUGH * size:
+        _add_collocation(scene, problem, times, found, stop)
+    return _judged(times, found, begun)
+
+
+def _add_collocation(scene: Scene, problem: Problem, times: Array, found: dict[str, Array], stop: Stop | None) -> None:
+    """Gauss-Legendre of order 12, refined until it agrees with one of the others or no longer comes nearer."""
+    nearest, refinement = np.inf, 1
+    while refinement * scene.grid.steps <= MOST_STEPS and not (stop and stop()):
+        rows = _rows(scene, problem, MethodChoice("reference"), refinement, times, stop)
+        apart = min((_apart(rows, other) for name, other in found.items() if name != "reference"), default=np.inf)
+        if apart < nearest or "reference" not in found:
+            found["reference"] = rows
+        if apart <= ENOUGH * _size(found) or (np.isfinite(nearest) and apart > 0.5 * nearest):
+            return
+        nearest, refinement = min(apart, nearest), 2 * refinement
+
+
+def _rows(
+    scene: Scene, problem: Problem, choice: MethodChoice, refinement: int, times: Array, stop: Stop | None
+) -> Array:
+    """Positions and velocities of a reference at the recorded times, (m, 2 n); nan where it did not arrive."""
+    grid, plain = scene.grid, Observation(momenta=False)
     start = Start(tuple(scene.positions), velocities=tuple(scene.velocities))
-    plain = observation or Observation(momenta=False, velocities=False)
-    return run(problem, choice, start, finer, dict(scene.values), plain)
+    rows = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
+    rows[0] = [*scene.positions, *scene.velocities]
+    whole, rest = divmod(grid.steps, grid.record_every)
+    pieces = [(grid.record_every, whole)] + ([(rest, 1)] if rest else [])
+    done = 0
+    for every, count in pieces:
+        begin = float(times[done])
+        if choice.method == "reference":
+            part = Grid(grid.step / refinement, every * count * refinement, every * refinement, begin)
+        else:
+            part = Grid(grid.step * every, count, 1, begin)
+        ran = run(problem, choice, start, part, dict(scene.values), plain, stop)
+        if ran.velocities is None:
+            break
+        table = np.column_stack([ran.positions, ran.velocities])[1:]
+        rows[done + 1 : done + 1 + len(table)] = table
+        done += len(table)
+        if not ran.outcome.completed:
+            break
+        start = Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1]))
+    return rows
+
+
+def _size(found: Mapping[str, Array]) -> float:
+    """The size of the motion: the greatest change of a coordinate."""
+    rows = next((rows for rows in found.values() if np.isfinite(rows[-1]).all()), None)
+    if rows is None:
+        rows = next(iter(found.values()), np.zeros((1, 2)))
+    half = rows[:, : rows.shape[1] // 2]
+    change = np.abs(half - half[0])
+    return float(change[np.isfinite(change)].max(initial=0.0)) or 1.0
+
+
+def _apart(first: Array, second: Array) -> float:
+    """The greatest distance of positions; infinite where one ends before the other."""
+    return float(np.nan_to_num(_distances(first, second), nan=np.inf)[-1])
+
+
+def _distances(first: Array, second: Array) -> Array:
+    """The greatest distance of a coordinate up to each time, (m,); nan where one has ended."""
+    n = first.shape[1] // 2
+    found: Array = np.maximum.accumulate(np.abs(first[:, :n] - second[:, :n]).max(axis=1))
+    return found
+
+
+def _judged(times: Array, found: Mapping[str, Array], begun: float) -> Truth | Unavailable:
+    """The first of the two references that agree longest and best; what bounds its error; where it is lost."""
+    size, names = _size(found), list(found)
+    pairs = [(_known(found[a], found[b], size), a, b) for k, a in enumerate(names) for b in names[k + 1 :]]
+    if not pairs:
+        return Unavailable(NONE_FOUND)
+    (until, _), first, second = max(pairs, key=lambda pair: (pair[0][0], -pair[0][1]))
+    if until < 2:
+        return Unavailable(NONE_FOUND)
+    rows = found[first].copy()
+    rows[until:] = np.nan
+    n = rows.shape[1] // 2
+    largest = np.maximum.accumulate(np.abs(rows[:, :n]).max(axis=1))
+    bounds = SAFETY * _distances(rows, found[second]) + ROUND_OFF * largest
+    reason = ""
+    if until < len(times):
+        ended = bool(np.isnan(found[first][until]).any() or np.isnan(found[second][until]).any())
+        why = "the reference solutions end there" if ended else "from there on reference solutions part"
+        reason = PARTED.format(times[until - 1], why)
+    apart = {name: float(_distances(rows, other)[until - 1]) for name, other in found.items() if name != first}
+    seconds = time.perf_counter() - begun
+    return Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, {first: 0.0} | apart)
+
+
+def _known(first: Array, second: Array, size: float) -> tuple[int, float]:
+    """(how many of the times two references agree at, their distance up to there)."""
+    distances = _distances(first, second)
+    good = np.isfinite(distances) & (SAFETY * distances <= USELESS * size)
+    until = len(good) if good.all() else int(np.argmin(good))
+    return until, float(distances[until - 1]) if until else np.inf

@@ -188,7 +188,7 @@ def test_a_run_can_be_stopped() -> None:
 
 
 def test_what_a_problem_lacks_is_said() -> None:
-    assert available(CONTACT) == ("nonholonomic", "runge_kutta", "reference", "heyoka")
+    assert available(CONTACT) == ("nonholonomic", "runge_kutta", "reference", "adaptive", "stiff", "heyoka")
     assert "variational" in available(DISK)
     with pytest.raises(InputError, match="needs a free Lagrangian"):
         run(CONTACT, MethodChoice("variational"), contact_start(), Grid(0.1, 10), {"k": 1.0})

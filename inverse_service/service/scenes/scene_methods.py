@@ -12,11 +12,11 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Number
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.scenes.scene_numbers import number_of
-from inverse_service.simulation.choices import TOLERANCE, MethodChoice
+from inverse_service.simulation.choices import OWN_STEPS, TOLERANCES, MethodChoice
 from inverse_service.simulation.scene import Requested
 
 METHODS = {"runge-kutta": "runge_kutta"}
-ORDERS: dict[str, tuple[int, ...]] = {"runge_kutta": (4, 5, 8), "exact": (), "reference": (), "heyoka": ()}
+ORDERS: dict[str, tuple[int, ...]] = dict.fromkeys(("exact", "reference", *OWN_STEPS), ()) | {"runge_kutta": (4, 5, 8)}
 USES_ALPHA = frozenset({"variational", "nonholonomic", "modified"})
 
 
@@ -58,10 +58,10 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Reque
 
 
 def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
-    """The relative error a step of heyoka may make."""
+    """The relative error that a step may make, of methods that choose their steps."""
     if given.tolerance is None:
-        return TOLERANCE
-    if method != "heyoka":
+        return TOLERANCES.get(method, 0.0)
+    if method not in OWN_STEPS:
         raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
     tolerance = number_of(given.tolerance, f"{pointer}/tolerance")
     if not 1e-18 <= tolerance <= 0.1:

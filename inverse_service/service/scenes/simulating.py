@@ -182,7 +182,9 @@ def _truth(truth: Truth | Unavailable | None) -> dict[str, Any] | None:
         return None
     if isinstance(truth, Unavailable):
         return {"against": None, "reason": truth.reason}
-    return {"against": truth.against, "uncertainty": truth.uncertainty, "seconds": truth.seconds}
+    found = {"against": truth.against, "uncertainty": truth.uncertainty, "seconds": truth.seconds}
+    found |= {"references": dict(truth.references)} if truth.references else {}
+    return found | ({"reason": truth.reason} if truth.reason else {})
 
 
 def as_plain(value: Any) -> Any:

@@ -1,0 +1,56 @@
+"""Methods that choose their own steps: their tolerance is kept, stiff equations are solved, poles are ends."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service.service.scenes.simulating import simulate
+
+DRIVEN = {"coordinates": ["x"], "equations": ["x'' = -x + cos(2*t)"]}
+VAN_DER_POL = {"coordinates": ["x"], "equations": ["x'' = mu*(1 - x^2)*x' - x"], "parameters": ["mu"]}
+
+
+def run(system: dict[str, Any], methods: list[Any], start: tuple[float, float], time: float, **more: Any) -> list[Any]:
+    initial = {"positions": {"x": start[0]}, "velocities": {"x": start[1]}}
+    scene = {"system": system, "initial": initial, "step": time / 20, "time": time, "methods": methods}
+    found: list[Any] = simulate(scene | {"observe": ["error", "trajectory"]} | more)["methods"]
+    return found
+
+
+@pytest.mark.parametrize(("method", "order"), [("adaptive", 8), ("stiff", 4)])
+def test_errors_fall_with_the_tolerance_as_the_order_says(method: str, order: int) -> None:
+    """t enters the equation, and at the start x' and x'' are both 0."""
+    found = run(DRIVEN, [{"method": method, "tolerance": 10.0**-k} for k in (4, 6, 8, 10)], (1, 0), 40)
+    errors = [one["max_error"] for one in found]
+    work = [one["force_evaluations"] for one in found]
+    assert all(one["outcome"] == "completed" for one in found)
+    assert all(error < 300 * 10.0**-k for error, k in zip(errors, (4, 6, 8, 10), strict=True))
+    assert work == sorted(work)
+    assert work[3] / work[1] == pytest.approx(1e4 ** (1 / order), rel=0.35)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
+def test_no_unit_enters_the_choice_of_steps(scale: float) -> None:
+    oscillator = {"coordinates": ["x"], "equations": ["x'' = -x"]}
+    for one in run(oscillator, ["adaptive", {"method": "stiff", "tolerance": 1e-6}], (scale, 0), 20):
+        assert one["max_error"] < 1e-4 * scale
+
+
+def test_van_der_pol_with_a_stiffness_of_a_thousand() -> None:
+    """Against the same motion by an explicit method, which needs 300 times the evaluations."""
+    found = run(
+        VAN_DER_POL, ["stiff", {"method": "adaptive", "tolerance": 1e-11}], (2, 0), 2000, parameters={"mu": 1000}
+    )
+    ends = [one["points"]["columns"]["x"][-1] for one in found]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-6)
+    assert found[0]["force_evaluations"] < 100_000 < found[1]["force_evaluations"] / 50
+
+
+@pytest.mark.parametrize("method", ["adaptive", "stiff"])
+def test_a_pole_ends_the_run(method: str) -> None:
+    (found,) = run({"coordinates": ["x"], "equations": ["x'' = -1/x^2"]}, [method], (1, 0), 4)
+    assert found["outcome"] == "singular"
+    assert "tolerance asks for" in found["stopped"]["quantity"]
+    assert found["stopped"]["time"] == pytest.approx(1.0, abs=0.21)  # the fall takes pi/(2 sqrt 2) = 1.11
