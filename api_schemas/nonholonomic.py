@@ -31,7 +31,7 @@ from api_schemas.system import (
 from api_schemas.system import Formula as FormulaText
 
 MAX_FAMILIES = 20
-Kind = Literal["first", "second", "third", "search"]
+Kind = Literal["first", "second", "third", "search", "any"]
 Constraints = Annotated[
     Annotated[list[Text], Field(min_length=1, max_length=MAX_EQUATIONS), Tag("<list>")]
     | Annotated[Text, Tag("<text>")],
@@ -48,14 +48,13 @@ Families = Annotated[
 class NonholonomicDocument(Document):
     """A Lagrangian with constraints linear in the velocities.
 
-       `constraints`: formulas that are zero, or equations; a list, or one text with semicolons.
-       `associated`: which associated system is decided; left out: first, second and third.
-       `multiples`: what is added to the accelerations of the associated system (the first, if none is
-       `search`: with "associated": "search", which families and how many members of each.
-       The other keys are those of a System document.
-    coordinate a formula that vanishes on the constraints; a list of such objects is a
-       list of systems, each decided.
-       The other keys are those of a System document.
+    `constraints`: formulas that are zero, or equations; a list, or one text with semicolons.
+    `associated`: which associated system is decided; left out: first, second and third, and whether any is
+    variational; "any" asks that alone.
+    `multiples`: what is added to the accelerations of the associated system (the first, if none is named), for each
+    coordinate a formula that vanishes on the constraints; a list of such objects is a list of systems, each decided.
+    `search`: with "associated": "search", which families and how many members of each.
+    The other keys are those of a System document.
     """
 
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
@@ -206,8 +205,45 @@ class NonholonomicPart(Document):
     hamiltonisation: list[HamiltonisationPart]
 
 
+class MotionLagrangianPart(LagrangianPart):
+    """L on the tangent bundle; along the constraints it is l, its transverse momenta are lambda_a, one a constraint."""
+
+    on_constraints: Formula
+    transverse_momenta: list[Formula]
+
+
+class BelongsTo(Document):
+    """The associated system that a Lagrangian belongs to; `equations` is empty where it is too long to be solved."""
+
+    kind: str
+    equations: dict[str, str] = Field(default_factory=dict)
+
+
+class AnyAssociatedPart(Document):
+    """Whether any associated system whatsoever has a regular Lagrangian, and so whether the motion has one.
+
+    `certificate` proves `verdict`, and `verdict_with_time` too unless there is `certificate_with_time`; `image` are the
+    constraints in phase space, `freedom` says on how many functions L depends along the constraints.
+    """
+
+    statement: str
+    verdict: Verdict
+    verdict_with_time: Verdict
+    reason: str = ""
+    checked: Checked | None = None
+    lagrangian: MotionLagrangianPart | None = None
+    associated: BelongsTo | None = None
+    hamiltonian: HamiltonianPart | None = None
+    image: list[Formula] = Field(default_factory=list)
+    freedom: str = ""
+    certificate: dict[str, Any] | None = None
+    certificate_with_time: dict[str, Any] | None = None
+    explanation: list[ExplanationStep] = Field(default_factory=list)
+
+
 class NonholonomicResult(ResultDocument):
     """The result of a Nonholonomic document: its main fields answer the associated system `nonholonomic.main`."""
 
     nonholonomic: NonholonomicPart
+    any_associated: AnyAssociatedPart | None = None
     search: SearchPart | None = None

@@ -16,6 +16,7 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
     """The whole document, ending with a newline."""
     lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb}", r"\begin{document}"]
     if result.get("nonholonomic") is not None:
+        lines += [escaped(result["any_associated"]["statement"])] if result.get("any_associated") else []
         lines += nonholonomic_latex(result["nonholonomic"])
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]

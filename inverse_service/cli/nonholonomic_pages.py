@@ -17,6 +17,30 @@ VERDICTS = {
 }
 
 
+def any_associated_lines(part: dict[str, Any] | None, explain: bool) -> list[str]:
+    """The answer about the motion itself, line by line; nothing where there is none."""
+    if part is None:
+        return []
+    lines = [part["statement"]]
+    lines += [f"  {part['reason']}"] if part["reason"] else []
+    lines += [f"  independent check: {part['checked']}"] if part["checked"] else []
+    found = part["lagrangian"]
+    if found is not None:
+        lines += [
+            f"  L = {_short(found['text'])}",
+            f"  on the constraints l = {_short(found['on_constraints']['text'])}",
+        ]
+        lines += [f"  lambda_{k} = {_short(one['text'])}" for k, one in enumerate(found["transverse_momenta"], 1)]
+    if part["hamiltonian"] is not None:
+        lines.append(f"  H = {_short(part['hamiltonian']['text'])}")
+    lines += [f"  image {_short(one['text'])} = 0" for one in part["image"]]
+    if part["freedom"]:
+        lines.append(f"  up to total derivatives, L along the constraints depends on {part['freedom']}")
+    if explain:
+        lines += [f"  {k}. {step['text']}" for k, step in enumerate(part["explanation"], 1)]
+    return [*lines, ""]
+
+
 def nonholonomic_lines(part: dict[str, Any]) -> Iterator[str]:
     """The motion, what it keeps, the associated systems and the Hamiltonisations, line by line."""
     motion = part["equations_of_motion"]

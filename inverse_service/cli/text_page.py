@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from inverse_service.cli.family_search_pages import family_search_lines
-from inverse_service.cli.nonholonomic_pages import nonholonomic_lines
+from inverse_service.cli.nonholonomic_pages import any_associated_lines, nonholonomic_lines
 from inverse_service.cli.special_cases_pages import special_cases_lines
 
 LONG = 300
@@ -21,7 +21,9 @@ SENTENCES = {
 def text_page(result: dict[str, Any], explain: bool) -> str:
     """The whole page, ending with a newline."""
     part = result.get("nonholonomic")
-    lines = [] if part is None else [*nonholonomic_lines(part), ""]
+    lines = any_associated_lines(result.get("any_associated"), explain) + (
+        [] if part is None else [*nonholonomic_lines(part), ""]
+    )
     if result.get("guessed"):
         lines.append(f"  not declared, taken as constants: {', '.join(result['guessed'])}")
     lines += [*_system(result["system"]), *_answer(result, asks_for_time(result), explain)]

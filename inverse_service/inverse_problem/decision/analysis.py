@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -21,13 +22,15 @@ if TYPE_CHECKING:
 class Analysis:
     """f in kernels and the tower of its atoms; made once, used for both questions.
 
-    `towers` keeps those that ansätze needed, with their random points.
+    `towers` keeps those that ansätze needed, with their random points; these lie on the constraints where
+    velocities are `constrained` to be functions of the others.
     """
 
     system: SecondOrderSystem
     accelerations: tuple[Expression, ...]
     tower: Tower
     real_point: RealTable | None
+    constrained: Mapping[Velocity, Expression] = field(default_factory=dict)
     towers: list[KnownTower] = field(default_factory=list, compare=False, repr=False)
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute
+from inverse_service.inverse_problem.constrained.answering import KnownLagrangian, MotionAnswer, answer_motion
 from inverse_service.inverse_problem.explanation.printed_conditions import with_conditions
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.inverse_problem.hamiltonisation.identities import vanish
@@ -25,6 +26,7 @@ from inverse_service.mechanics.nonholonomic.associated_systems import (
     associated,
     with_multiples,
 )
+from inverse_service.mechanics.nonholonomic.constrained_motion import constrained_motion
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, frames, geometry, too_large
 from inverse_service.mechanics.nonholonomic.integrability import Integrability, integrability
 from inverse_service.mechanics.nonholonomic.integrals import (
@@ -189,6 +191,33 @@ def study(
     if solution is not None and options.conditions:
         answers[main] = replace(answers[main], solution=with_conditions(solution))
     return Study(report, tuple(answers), main)
+
+
+def answer_about(found: Study, options: SolveOptions, deadline: float, progress: Progress | None) -> MotionAnswer:
+    """Whether any associated system has a Lagrangian; those found for the known ones are answers."""
+    motion = found.report.motion
+    return answer_motion(
+        constrained_motion(motion),
+        motion,
+        tuple(_known_lagrangians(found)),
+        options.time_dependent,
+        options.seed,
+        deadline,
+        progress or (lambda _: None),
+    )
+
+
+def _known_lagrangians(found: Study) -> Iterator[KnownLagrangian]:
+    for one in found.answers:
+        system, solution = one.associated.system, one.solution
+        if system is None or solution is None:
+            continue
+        for answer, with_time in ((solution.autonomous, False), (solution.with_time, True)):
+            if answer is None or answer.lagrangian is None or answer.checked != "valid":
+                continue
+            tree = answer.lagrangian.expression
+            report = next((each.found for each in one.reports if each.found.lagrangian == tree), None)
+            yield KnownLagrangian(one.associated.kind, system, answer.lagrangian, with_time, report)
 
 
 def _main(answers: Sequence[AssociatedAnswer]) -> int:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
 from operator import xor
+from types import MappingProxyType
 
 from flint import nmod_mat
 
@@ -39,6 +40,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 Form = dict[Symbol | str, Fraction]
 # (exponent under a random scaling, signs under reflections as bits).
 Factor = tuple[int, int]
+# A coordinate, the order of its derivative by t, and that derivative.
+Rate = tuple[Symbol, int, Expression]
 _ONE = Fraction(1)
 _PRIME = 2**61 - 1
 # Below that many terms there is nothing to be gained.
@@ -107,11 +110,16 @@ def _sum(parts: Iterable[tuple[Form, Fraction]]) -> Form:
     return total
 
 
-def graded(system: SecondOrderSystem, candidates: Sequence[Monomial]) -> list[list[int]]:
-    """The numbers of the candidates in groups of equal factors; each group is an ansatz of its own."""
+def graded(
+    system: SecondOrderSystem, candidates: Sequence[Monomial], constrained: Mapping[Velocity, Expression] | None = None
+) -> list[list[int]]:
+    """The numbers of the candidates in groups of equal factors; each group is an ansatz of its own.
+
+    What keeps the motion has to keep the constraints too, if any.
+    """
     if len(candidates) < _FEW:
         return [list(range(len(candidates)))] if candidates else []
-    return grouped(factors(system, candidates))
+    return grouped(factors(system, candidates, constrained or {}))
 
 
 def grouped(keys: Iterable[Factor]) -> list[list[int]]:
@@ -122,14 +130,21 @@ def grouped(keys: Iterable[Factor]) -> list[list[int]]:
     return list(groups.values())
 
 
-def factors(system: SecondOrderSystem, candidates: Sequence[Monomial]) -> list[Factor]:
+def factors(
+    system: SecondOrderSystem,
+    candidates: Sequence[Monomial],
+    constrained: Mapping[Velocity, Expression] = MappingProxyType({}),
+) -> list[Factor]:
     """What tells the factors of candidates apart; 1/t in their place stands for Gamma."""
-    return list(zip(_scaled(system, candidates), _reflected(system, candidates), strict=True))
+    pairs = zip(system.coordinates, system.accelerations, strict=True)
+    equations: list[Rate] = [(Symbol(name), 2, f) for name, f in pairs]
+    equations += [(Symbol(v.coordinate), 1, w) for v, w in constrained.items()]
+    return list(zip(_scaled(equations, candidates), _reflected(equations, candidates), strict=True))
 
 
-def _scaled(system: SecondOrderSystem, candidates: Sequence[Monomial]) -> list[int]:
+def _scaled(equations: Sequence[Rate], candidates: Sequence[Monomial]) -> list[int]:
     """The exponents with which the candidates scale, for a random scaling, modulo a prime."""
-    forms, names, basis = _kept(system, candidates, reflections=False)
+    forms, names, basis = _kept(equations, candidates, reflections=False)
     generator = random.Random(f"gradings {len(names)}")
     weights = [generator.randrange(_PRIME) for _ in basis]
     exponents = [sum(w * row[k] for w, row in zip(weights, basis, strict=True)) for k in range(len(names))]
@@ -137,9 +152,9 @@ def _scaled(system: SecondOrderSystem, candidates: Sequence[Monomial]) -> list[i
     return [sum(values[p] * _residue(e, _PRIME) for p, e in key) % _PRIME for key in candidates]
 
 
-def _reflected(system: SecondOrderSystem, candidates: Sequence[Monomial]) -> list[int]:
+def _reflected(equations: Sequence[Rate], candidates: Sequence[Monomial]) -> list[int]:
     """The signs that the candidates get by independent reflections, as bits."""
-    forms, names, basis = _kept(system, candidates, reflections=True)
+    forms, names, basis = _kept(equations, candidates, reflections=True)
     signs = [sum(row[k] << place for place, row in enumerate(basis)) for k in range(len(names))]
     values = {p: _exclusive(signs[names[name]] for name, a in f.items() if a % 2) for p, f in forms.items()}
     return [_exclusive(values[p] for p, e in key if e.numerator % 2) for key in candidates]
@@ -154,11 +169,11 @@ def _residue(value: Fraction, prime: int) -> int:
 
 
 def _kept(
-    system: SecondOrderSystem, candidates: Sequence[Monomial], reflections: bool
+    equations: Sequence[Rate], candidates: Sequence[Monomial], reflections: bool
 ) -> tuple[dict[Expression, Form], dict[Symbol | str, int], list[list[int]]]:
     """(forms of the letters, places of the names, a basis of what keeps f and makes all letters homogeneous)."""
     measure = _Measure(reflections)
-    _keep_motion(measure, system)
+    _keep_motion(measure, equations)
     forms = {letter: measure.tree(letter) for letter in dict.fromkeys(p for key in candidates for p, _ in key)}
     if reflections:
         measure.zero += [forms[p] for p in {p for key in candidates for p, e in key if e.denominator > 1}]
@@ -166,10 +181,10 @@ def _kept(
     return forms, names, _null_vectors(measure.zero, names, 2 if reflections else _PRIME)
 
 
-def _keep_motion(measure: _Measure, system: SecondOrderSystem) -> None:
-    """Each f^i has to scale as q_i/t^2."""
-    for name, f in zip(system.coordinates, system.accelerations, strict=True):
-        rate = _sum([({Symbol(name): _ONE}, _ONE), ({TIME: _ONE}, Fraction(-2))])
+def _keep_motion(measure: _Measure, equations: Sequence[Rate]) -> None:
+    """Each f has to scale as q/t^order."""
+    for name, order, f in equations:
+        rate = _sum([({name: _ONE}, _ONE), ({TIME: _ONE}, Fraction(-order))])
         try:
             measure.common([rate, *map(measure.monomial, terms_of(f))])
         except TooManyTerms:

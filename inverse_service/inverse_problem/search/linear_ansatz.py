@@ -131,7 +131,7 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
         return euler_lagrange_matrix(table, letters, candidates)
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
-    groups = graded(sampler.analysis.system, candidates)
+    groups = graded(sampler.analysis.system, candidates, sampler.analysis.constrained)
     found = vectors_of_groups(groups, SampledRows(equations, n), sampler.prime(seed), _SPARE_EQUATIONS)
     kept = _that_hold(sampler, candidates, found, seed + 77_777)
     return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))

@@ -5,7 +5,7 @@ The ansätze of a ladder ask for the same letters at the same points, each for s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, variables_in
@@ -34,13 +34,14 @@ class _AtPoint:
 
 @dataclass(slots=True)
 class SamplePoints:
-    """The points of a tower that follow from a seed; `variables` are t, q, v."""
+    """The points of a tower that follow from a seed, on the constraints if any; `variables` are t, q, v."""
 
     forces: Sequence[Expression]
     variables: Sequence[Symbol | Velocity]
     tower: Tower
     seed: int
     prime: int
+    constrained: Mapping[Velocity, Expression] = field(default_factory=dict)
     places: list[_AtPoint] = field(default_factory=list)
 
     def point(self, k: int) -> Point:
@@ -56,6 +57,7 @@ class SamplePoints:
     def _drift(self, point: Point) -> list[int]:
         known: dict[Expression, int] = {}
         try:
+            point.variables.update((v, evaluate(w, point, known)) for v, w in self.constrained.items())
             f = [evaluate(force, point, known) for force in self.forces]
         except (SingularPoint, ValueError):
             return []

@@ -49,7 +49,9 @@ class Sampler:
         """The points that follow from a seed; what is known of them is kept."""
         if seed not in self.known:
             prime = draw_point(self.tower, seed).prime
-            self.known[seed] = SamplePoints(self.analysis.accelerations, self.variables, self.tower, seed, prime)
+            self.known[seed] = SamplePoints(
+                self.analysis.accelerations, self.variables, self.tower, seed, prime, self.analysis.constrained
+            )
         return self.known[seed]
 
     def prime(self, seed: int) -> int:

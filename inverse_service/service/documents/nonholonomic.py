@@ -12,6 +12,9 @@ from api_schemas.result import ResultDocument
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     AssociatedAnswer,
+    MotionReport,
+    Study,
+    answer_about,
     associated_systems,
     motion_report,
     study,
@@ -24,6 +27,7 @@ from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service.documents import solving, translate
 from inverse_service.service.documents.nonholonomic_search import searched
 from inverse_service.service.documents.translate_nonholonomic import (
+    to_any_associated,
     to_families,
     to_nonholonomic,
     to_nonholonomic_parse_answer,
@@ -35,6 +39,8 @@ from inverse_service.service.documents.translate_nonholonomic import (
 SHARE_OF_SEARCH = 0.6
 # And what finding the motion and what it keeps may take.
 SHARE_OF_MOTION = 0.3
+# And what the question about any associated system may take, after the others.
+SHARE_OF_ANY = 1 / 3
 
 
 def solve_nonholonomic(
@@ -51,6 +57,8 @@ def solve_nonholonomic(
     families = to_families(schema, system)
     report = motion_report(system, min(TIME_LIMIT, SHARE_OF_MOTION * options.time_limit))
     kind, part = schema.associated, None
+    if kind == "any":
+        return _about_the_motion(report, schema, options, end, progress)
     if kind == "search":
         _refuse_multiples(schema)
         limit = SHARE_OF_SEARCH * (end - time.monotonic())
@@ -67,6 +75,9 @@ def solve_nonholonomic(
         series_order=schema.series_order,
     )
     found = study(report, systems, asked, progress)
+    any_associated = answer_about(
+        found, asked, min(end, time.monotonic() + SHARE_OF_ANY * options.time_limit), progress
+    )
     main = found.answers[found.main]
     if main.solution is None:
         raise InputError(main.associated.explanation, "/associated")
@@ -75,8 +86,39 @@ def solve_nonholonomic(
         assert main.associated.system is not None
         result = solving.with_special_cases(result, main.associated.system, asked, (end, progress))
     fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
-    whole = NonholonomicResult(**fields, nonholonomic=to_nonholonomic_part(found), search=part)
+    whole = NonholonomicResult(
+        **fields,
+        nonholonomic=to_nonholonomic_part(found),
+        any_associated=to_any_associated(any_associated),
+        search=part,
+    )
     return solving.ordered(solving.checked(whole, end - time.monotonic()))
+
+
+def _about_the_motion(
+    report: MotionReport,
+    schema: NonholonomicDocument,
+    options: SolveOptions,
+    end: float,
+    progress: Callable[[str], None] | None,
+) -> dict[str, Any]:
+    """The result where only the motion was asked about: the main fields leave open what was not asked."""
+    one = associated_systems(report, "first")[0]
+    if one.system is None:
+        raise InputError(one.explanation, "/associated")
+    open_answer = Answer("undetermined", reason="Only the motion was asked about: see any_associated.")
+    solution = Solution(one.system, open_answer, None, None)
+    found = Study(report, (AssociatedAnswer(one, solution),), 0)
+    asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
+    answer = answer_about(found, asked, end, progress)
+    result = translate.to_result(solution, schema)
+    fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
+    whole = NonholonomicResult(
+        **fields,
+        nonholonomic=to_nonholonomic_part(found),
+        any_associated=to_any_associated(answer),
+    )
+    return solving.ordered(whole.model_dump(mode="json"))
 
 
 def _share(schema: NonholonomicDocument) -> float:

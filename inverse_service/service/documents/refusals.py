@@ -26,7 +26,7 @@ EXPECTED = {
     "": "an object with coordinates and equations",
     "lagrangian": "a formula written as text",
     "constraints": """a list of constraints such as ["x' - R*cos(phi)*theta'"], or one text""",
-    "associated": '"first", "second", "third" or "search"',
+    "associated": '"first", "second", "third", "search" or "any"',
     "multiples": """an object such as {"x": "mu*(x' - R*theta')"}, or a list of such objects""",
     "name": "a text",
     "coordinates": 'a list of names such as ["x", "y"]',

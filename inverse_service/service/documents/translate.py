@@ -147,7 +147,7 @@ def to_result(solution: Solution, schema: AnyDocument) -> ResultDocument:
         conditions=_conditions(solution.conditions),
         with_time=None if other is None else OtherAnswer(**answer_fields(other, solution.system)),
         guessed=guessed_names(schema, solution.system),
-        provenance={"program": "inverse-service", "version": __version__, **_plain(solution.provenance)},
+        provenance={"program": "inverse-service", "version": __version__, **plain(solution.provenance)},
     )
 
 
@@ -180,7 +180,7 @@ def _certificate(main: Answer, time: Answer | None) -> dict[str, Any] | None:
     """
     covers = time is not None and time.verdict == main.verdict == "not_variational" and time.certificate is not None
     certificate = time.certificate if covers and time is not None else main.certificate
-    return None if certificate is None else _plain(certificate)
+    return None if certificate is None else plain(certificate)
 
 
 def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
@@ -188,8 +188,8 @@ def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
     lagrangian, space = answer.lagrangian, answer.space
     return {
         "verdict": answer.verdict,
-        "lagrangian": None if lagrangian is None else _lagrangian(lagrangian),
-        "other_lagrangians": [_lagrangian(other) for other in answer.other_lagrangians],
+        "lagrangian": None if lagrangian is None else lagrangian_part(lagrangian),
+        "other_lagrangians": [lagrangian_part(other) for other in answer.other_lagrangians],
         "multiplier": None if lagrangian is None else _texts(lagrangian.multiplier),
         "integrals": {} if lagrangian is None else integrals_of(lagrangian.expression).get("integrals", {}),
         "hamiltonian": None if answer.hamiltonian is None else _hamiltonian(answer.hamiltonian, system.coordinates),
@@ -202,21 +202,21 @@ def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
             involutive=space.involutive,
             statement=space.statement,
         ),
-        "certificate": None if answer.certificate is None else _plain(answer.certificate),
-        "explanation": [_step(step) for step in answer.explanation],
+        "certificate": None if answer.certificate is None else plain(answer.certificate),
+        "explanation": [step_part(step) for step in answer.explanation],
         "checked": answer.checked,
         "reason": answer.reason,
     }
 
 
-def _step(step: Step) -> ExplanationStep:
+def step_part(step: Step) -> ExplanationStep:
     parts = [
         ExplanationPart(kind=p.kind, text=p.text, latex=p.latex, mathml=p.mathml, uses=list(p.uses)) for p in step.parts
     ]
     return ExplanationStep(text=step.text, latex=step.latex, parts=parts)
 
 
-def _lagrangian(lagrangian: Lagrangian) -> LagrangianPart:
+def lagrangian_part(lagrangian: Lagrangian) -> LagrangianPart:
     domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + [f"{to_text(e)} > 0" for e in lagrangian.positive]
     written = _formula(lagrangian.expression)
     return LagrangianPart(text=written.text, latex=written.latex, domain=domain, family=lagrangian.family)
@@ -251,10 +251,10 @@ def _texts(matrix: Matrix) -> list[list[str]]:
     return [[to_text(entry) for entry in row] for row in matrix]
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Mappings and sequences as dict and list, so that JSON can hold them."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(part) for key, part in value.items()}
+        return {str(key): plain(part) for key, part in value.items()}
     if isinstance(value, tuple | list):
-        return [_plain(part) for part in value]
+        return [plain(part) for part in value]
     return value

@@ -9,12 +9,15 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from api_schemas.nonholonomic import (
+    AnyAssociatedPart,
     AssociatedPart,
+    BelongsTo,
     ClassPart,
     FirstIntegralPart,
     HamiltonisationPart,
     IntegrabilityPart,
     MeasurePart,
+    MotionLagrangianPart,
     MotionPart,
     NonholonomicDocument,
     NonholonomicParseAnswer,
@@ -29,6 +32,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import TIME, Acceleration, Expression, power, walk
+from inverse_service.inverse_problem.constrained.answering import MotionAnswer, MotionLagrangian
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     AssociatedAnswer,
@@ -168,6 +172,55 @@ def _integrability(report: MotionReport) -> IntegrabilityPart:
         integrals=[_formula(tree) for tree in found.integrals],
         statement=text,
     )
+
+
+def to_any_associated(answer: MotionAnswer) -> AnyAssociatedPart:
+    """The key `any_associated` of a result."""
+    found, certificates = answer.lagrangian, [translate.plain(each) for each in answer.certificates]
+    report = None if found is None else found.report
+    return AnyAssociatedPart(
+        statement=_statement(answer),
+        verdict=answer.verdict,
+        verdict_with_time=answer.verdict_with_time,
+        reason=answer.reason,
+        checked="valid" if certificates else None,
+        lagrangian=None if found is None else _motion_lagrangian(found),
+        associated=None if found is None else _belongs_to(found),
+        hamiltonian=None if report is None else _hamiltonian(report),
+        image=[] if report is None else [_formula(tree) for tree in report.images],
+        freedom=answer.freedom,
+        certificate=certificates[0] if certificates else None,
+        certificate_with_time=certificates[1] if len(certificates) > 1 else None,
+        explanation=[translate.step_part(step) for step in answer.explanation],
+    )
+
+
+def _statement(answer: MotionAnswer) -> str:
+    """The answer about the motion in one sentence."""
+    if "variational" in (answer.verdict, answer.verdict_with_time):
+        kind = "" if answer.lagrangian is None else answer.lagrangian.kind
+        by = "" if not kind else " of its own Lagrangian" if kind == "own" else f" that is the {kind} one"
+        time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
+        return f"This motion can be hamiltonised, by an associated system{by}{time}."
+    if answer.verdict == answer.verdict_with_time == "not_variational":
+        return "This motion cannot be hamiltonised, by any associated system."
+    if answer.verdict == "not_variational":
+        return "This motion cannot be hamiltonised by any L(q, q'); with a Lagrangian that depends on time it is open."
+    return "Whether this motion can be hamiltonised by any associated system is open."
+
+
+def _motion_lagrangian(found: MotionLagrangian) -> MotionLagrangianPart:
+    return MotionLagrangianPart(
+        **dict(translate.lagrangian_part(found.lagrangian)),
+        on_constraints=_formula(found.jet.on_constraints),
+        transverse_momenta=[_formula(tree) for tree in found.jet.transverse_momenta],
+    )
+
+
+def _belongs_to(found: MotionLagrangian) -> BelongsTo:
+    system = found.system
+    pairs = () if system is None else zip(system.coordinates, system.accelerations, strict=True)
+    return BelongsTo(kind=found.kind, equations={name: to_text(f) for name, f in pairs})
 
 
 _MEASURE = {

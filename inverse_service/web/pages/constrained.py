@@ -39,6 +39,7 @@ class Confirmed:
 class Constrained:
     """Everything about the constrained system itself."""
 
+    statement: str
     lagrangian: Markup
     constraints: list[Markup]
     motion: list[Markup]
@@ -74,6 +75,7 @@ def constrained_of(result: Mapping[str, Any]) -> Constrained | None:
         part["measure_density"]["statement"],
     ]
     return Constrained(
+        (result.get("any_associated") or {"statement": ""})["statement"],
         typesetting.equation("L", part["lagrangian"]["text"], names),
         constraints,
         lines,

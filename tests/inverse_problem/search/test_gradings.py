@@ -43,7 +43,7 @@ def test_groups_find_what_all_candidates_together_find(
     assert len(graded(material(equations).analysis.system, keys)) >= least
     in_groups = found(equations, candidates)
     for module in (linear_ansatz, multiplier_ansatz):
-        monkeypatch.setattr(module, "graded", lambda _, terms: [list(range(len(terms)))])
+        monkeypatch.setattr(module, "graded", lambda _, terms, *__: [list(range(len(terms)))])
     assert found(equations, candidates) == in_groups
     assert any(in_groups)
 

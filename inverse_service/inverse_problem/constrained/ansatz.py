@@ -1,0 +1,161 @@
+"""Lagrangians whose motion on the constraints is the given one, in closed form, by linear algebra.
+
+The Euler-Lagrange expressions of a term at a point of D, with the accelerations of the motion, are linear in its
+coefficient. The terms are T and T s', with T a Laurent monomial in the free velocities times a product of functions of
+position: l less lambda_a w^a, and lambda_a. Products of two constraints may be added at will: they change the
+associated system, not the motion.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Expression,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    subtract,
+    walk,
+)
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.outcome import Lagrangian
+from inverse_service.inverse_problem.search.deadline import until
+from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.inverse_problem.search.factors import position_monomials, products
+from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
+from inverse_service.inverse_problem.search.material import Material, distinct, gather
+from inverse_service.inverse_problem.search.members import best_members
+from inverse_service.inverse_problem.search.sampling import make_sampler
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    TooManyTerms,
+    monomial,
+    terms_of,
+    times,
+    tree_of,
+)
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_MOST_TERMS = 6_000
+# The widest ansatz last: degree in the free velocities that change, lowest and highest power of those that do not,
+# letters of position in a product, degree in the coordinates.
+_WIDTHS = ((2, -1, 2, 2, 0), (2, -1, 2, 2, 1), (2, -2, 2, 2, 1), (2, -3, 2, 3, 1), (2, -3, 2, 2, 2), (2, -3, 3, 4, 2))
+
+
+def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
+    """The accelerations of all coordinates, by the free velocities."""
+    rates = motion.on_constraints
+    table = dict(zip(motion.free, motion.free_accelerations, strict=True))
+    for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True):
+        terms = [differentiate(w, TIME)]
+        terms += [multiply(differentiate(w, Velocity(u)), table[u]) for u in motion.free]
+        for q in motion.coordinates:
+            terms.append(multiply(differentiate(w, Symbol(q)), rates.get(Velocity(q), Velocity(q))))
+        table[name] = add(*terms)
+    accelerations = tuple(table[name] for name in motion.coordinates)
+    return SecondOrderSystem(motion.coordinates, accelerations, motion.parameters, motion.functions)
+
+
+def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, deadline: float) -> list[Lagrangian]:
+    """Lagrangians on the whole tangent bundle, simplest first, of the first ansatz that has any."""
+    try:
+        with until(deadline):
+            constrained = {v: to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, Velocity)}
+            analysis = replace(analyse(first_system(motion)), constrained=constrained)
+            return _first_found(motion, gather(analysis, with_time), analysis, seed)
+    except (IrreducibleAtoms, TooManyTerms):
+        return []
+
+
+def _first_found(motion: ConstrainedMotion, material: Material, analysis: Analysis, seed: int) -> list[Lagrangian]:
+    squares = _squares(motion)
+    for candidates in _families(motion, material):
+        sampler = make_sampler(analysis, [item for key in candidates for item in key])
+        space = solve_ansatz(sampler, candidates, seed)
+        members = best_members(replace(space, combinations=(*space.combinations, *squares)), seed)
+        if members:
+            return [describe(analysis, tree_of(member.terms), "along the constraints") for member in members]
+    return []
+
+
+def _squares(motion: ConstrainedMotion) -> list[dict[Monomial, Fraction]]:
+    """Half the square of each constraint: a Lagrangian of nothing on the constraints."""
+    found = []
+    for v, w in motion.on_constraints.items():
+        constraint = subtract(v, w)
+        try:
+            found.append({key: value / 2 for key, value in terms_of(multiply(constraint, constraint)).items()})
+        except TooManyTerms:
+            continue
+    return found
+
+
+def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Monomial]]:
+    transverse = [EMPTY, *(monomial(Velocity(name)) for name in motion.dependent)]
+    before = 0
+    for degree, low, high, letters, coordinates in _WIDTHS:
+        shapes = _shapes(motion, degree, low, high)
+        factors = _functions(motion, material, letters, coordinates)
+        candidates = [key for key in distinct(products(transverse, products(shapes, factors))) if _is_reduced(key)]
+        if before < len(candidates) <= _MOST_TERMS:
+            before = len(candidates)
+            yield candidates
+
+
+def _is_reduced(key: Monomial) -> bool:
+    """Whether neither sin^2 + cos^2 = 1 nor (u^a)^(1/a) = u makes it a sum of others that are there too."""
+    return not any(
+        (isinstance(letter, Sum) and e >= 1) or (isinstance(letter, Apply) and letter.function == "sin" and e > 1)
+        for letter, e in key
+    )
+
+
+def _shapes(motion: ConstrainedMotion, degree: int, low: int, high: int) -> list[Monomial]:
+    """Powers low … high of the free velocities that move by themselves, products of the others to a degree."""
+    pairs = zip(motion.free, motion.free_accelerations, strict=True)
+    alone = [Velocity(name) for name, f in pairs if _is_alone(motion, name, f)]
+    constant = alone if len(alone) < len(motion.free) else []
+    moving = [Velocity(name) for name in motion.free if Velocity(name) not in constant]
+    found = [EMPTY]
+    for v in constant:
+        found = [times(key, monomial(v), e) for key in found for e in range(low, high + 1)]
+    upper = [
+        monomial(*chosen)
+        for count in range(degree + 1)
+        for chosen in itertools.combinations_with_replacement(moving, count)
+    ]
+    return products(found, upper)
+
+
+def _is_alone(motion: ConstrainedMotion, name: str, f: Expression) -> bool:
+    """Whether the motion of a coordinate depends on no other."""
+    others = {*map(Symbol, motion.coordinates), *map(Velocity, motion.free)} - {Symbol(name), Velocity(name)}
+    return not any(node in others for node in walk(f))
+
+
+def _functions(motion: ConstrainedMotion, material: Material, letters: int, coordinates: int) -> list[Monomial]:
+    """Products of letters of the motion, times polynomials in the coordinates, times parameters as f holds them."""
+    names = [monomial(Symbol(name)) for name in motion.coordinates]
+    powers: list[Monomial] = [EMPTY]
+    for count in range(1, coordinates + 1):
+        for chosen in itertools.combinations_with_replacement(names, count):
+            product = EMPTY
+            for factor in chosen:
+                product = times(product, factor)
+            powers.append(product)
+    constants = [EMPTY, *(key for key in material.parameter_monomials if key and all(e > 0 for _, e in key))][:3]
+    squares = [times(a, b) for a, b in itertools.combinations_with_replacement(constants, 2)]
+    return distinct(products(distinct(squares), products(position_monomials(material, letters), powers)))

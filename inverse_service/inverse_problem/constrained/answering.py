@@ -1,0 +1,182 @@
+"""The answer about a motion: whether any Lagrangian has it, which one, its Hamiltonian, the proof, checked.
+
+First the decision, for L(q, q') and where that has none for L(t, q, q'); then a Lagrangian in closed form, of
+an associated system that is known to have one, or by an ansatz. No verdict leaves unconfirmed by the checker.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.tree import Expression, Number, Power, Velocity, walk
+from inverse_service.inverse_problem.constrained import certify
+from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
+from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.lagrangian import JetOnConstraints, jet_of, own_system
+from inverse_service.inverse_problem.constrained.wording import finding_steps, freedom, lagrangian_steps, open_reason
+from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
+from inverse_service.inverse_problem.outcome import Lagrangian, Step, Verdict
+from inverse_service.linear_pde.deciding import Finding
+from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+# Of the time, what the decisions may take; the rest is for a closed form, H and the checks.
+_SHARE_OF_DECISION, _SHARE_OF_ANSATZ = 0.4, 0.5
+_STEEP = -3
+_NOT_CONFIRMED = "the independent check could not confirm it"
+
+
+@dataclass(frozen=True, slots=True)
+class KnownLagrangian:
+    """A Lagrangian of an associated system, with its report."""
+
+    kind: str
+    system: SecondOrderSystem
+    lagrangian: Lagrangian
+    with_time: bool
+    report: Hamiltonisation | None
+
+
+@dataclass(frozen=True, slots=True)
+class MotionLagrangian:
+    """L on the tangent bundle, its 1-jet along the constraints, the associated system it belongs to, its report."""
+
+    lagrangian: Lagrangian
+    jet: JetOnConstraints
+    kind: str
+    system: SecondOrderSystem | None
+    report: Hamiltonisation | None
+
+
+@dataclass(frozen=True, slots=True)
+class MotionAnswer:
+    """`certificates` prove the verdicts, that of L(q, q') first; one may prove both."""
+
+    verdict: Verdict
+    verdict_with_time: Verdict
+    reason: str = ""
+    certificates: tuple[Mapping[str, Any], ...] = ()
+    lagrangian: MotionLagrangian | None = None
+    freedom: str = ""
+    explanation: tuple[Step, ...] = ()
+
+
+@dataclass(slots=True)
+class _Work:
+    motion: ConstrainedMotion
+    equations: EquationsOfMotion | None
+    known: Sequence[KnownLagrangian]
+    seed: int
+    deadline: float
+    progress: Callable[[str], None]
+
+    def left(self) -> float:
+        return self.deadline - time.monotonic()
+
+
+def answer_motion(
+    motion: ConstrainedMotion,
+    equations: EquationsOfMotion | None,
+    known: Sequence[KnownLagrangian] = (),
+    time_dependent: bool | None = None,
+    seed: int = 1,
+    deadline: float = float("inf"),
+    progress: Callable[[str], None] = lambda _: None,
+) -> MotionAnswer:
+    """Both questions; `known` are Lagrangians of associated systems, `equations` serve for the report on H."""
+    work = _Work(motion, equations, known, seed, deadline, progress)
+    try:
+        analysed = analyse_motion(motion)
+    except IrreducibleAtoms as problem:
+        return MotionAnswer("undetermined", "undetermined", problem.detail)
+    both = time_dependent is None and not motion.depends_on_time
+    first = _answer(work, analysed, with_time=not both and (time_dependent is not False or motion.depends_on_time))
+    if not both or first.verdict == "variational":
+        return first
+    other = _answer(work, analysed, with_time=True)
+    if other.verdict == "not_variational":
+        return other  # no L(t, q, q'), so no L(q, q')
+    return MotionAnswer(
+        first.verdict,
+        other.verdict,
+        first.reason or other.reason,
+        (*first.certificates, *other.certificates),
+        other.lagrangian,
+        first.freedom or other.freedom,
+        (*first.explanation, *(other.explanation if other.verdict == "variational" else ())),
+    )
+
+
+def _answer(work: _Work, analysed: AnalysedMotion, with_time: bool) -> MotionAnswer:
+    limit = time.monotonic() + _SHARE_OF_DECISION * work.left()
+    found = decide_motion(analysed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
+    if found.exists is False:
+        return _proven(work, analysed, found, with_time, "not_variational")
+    for lagrangian in _lagrangians(work, with_time, bool(found.exists)):
+        certificate = certify.of_lagrangian(analysed, lagrangian.lagrangian.expression, with_time)
+        if _is_valid(certificate, work.left()):
+            steps = (
+                *finding_steps(analysed, found, with_time),
+                *lagrangian_steps(lagrangian.lagrangian.expression, lagrangian.jet),
+            )
+            size = freedom(found, len(work.motion.coordinates), with_time)
+            return MotionAnswer("variational", "variational", "", (certificate,), lagrangian, size, steps)
+    if found.exists is None:
+        return MotionAnswer("undetermined", "undetermined", open_reason(found))
+    return _proven(work, analysed, found, with_time, "variational")
+
+
+def _proven(work: _Work, analysed: AnalysedMotion, found: Finding, with_time: bool, verdict: Verdict) -> MotionAnswer:
+    certificate = certify.of_finding(analysed, found, with_time)
+    size = freedom(found, len(work.motion.coordinates), with_time)
+    if not _is_valid(certificate, work.left()):
+        reason = f"the solver found {verdict.replace('_', ' ')} at order {found.order}, but {_NOT_CONFIRMED}"
+        return MotionAnswer("undetermined", "undetermined", reason, (), None, size)
+    return MotionAnswer(verdict, verdict, "", (certificate,), None, size, finding_steps(analysed, found, with_time))
+
+
+def _is_valid(certificate: Mapping[str, Any], time_limit: float) -> bool:
+    return check_certificate(certificate, time_limit=max(1.0, time_limit)).verdict == "valid"
+
+
+def _lagrangians(work: _Work, with_time: bool, exists: bool) -> Sequence[MotionLagrangian]:
+    """Those of associated systems, else what an ansatz finds where there is any to be found."""
+    fitting = [one for one in work.known if with_time or not one.with_time]
+    if fitting:
+        return [
+            MotionLagrangian(
+                one.lagrangian, jet_of(one.lagrangian.expression, work.motion), one.kind, one.system, one.report
+            )
+            for one in fitting
+        ]
+    if not exists:
+        return []
+    work.progress("any: ansatz along the constraints")
+    limit = time.monotonic() + _SHARE_OF_ANSATZ * work.left()
+    return [_carried_on(work, tree) for tree in find_lagrangians(work.motion, with_time, work.seed, limit)[:1]]
+
+
+def _is_steep(lagrangian: Expression) -> bool:
+    """Whether velocities stand under large powers: no closed form of H is attempted then."""
+    return any(
+        isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value <= _STEEP
+        for node in walk(lagrangian)
+        if isinstance(node, Power) and isinstance(node.base, Velocity)
+    )
+
+
+def _carried_on(work: _Work, lagrangian: Lagrangian) -> MotionLagrangian:
+    """To its own equations, H, and the constraints in phase space."""
+    tree, report = lagrangian.expression, None
+    system = own_system(tree, work.motion, time.monotonic() + _SHARE_OF_ANSATZ * work.left())
+    if system is not None and work.equations is not None and work.left() > 0:
+        known = legendre(tree, system.coordinates, 0.0) if _is_steep(tree) else None
+        report = hamiltonise(work.equations, system, tree, work.seed, known)
+    return MotionLagrangian(lagrangian, jet_of(tree, work.motion), "own", system, report)

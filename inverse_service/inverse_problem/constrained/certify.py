@@ -1,0 +1,75 @@
+"""Certificates about a motion on constraints (see certificate/FORMAT.md); nothing is judged here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mpmath
+
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion
+from inverse_service.inverse_problem.decision.certify import FORMAT
+from inverse_service.linear_pde.deciding import Finding
+
+_DIGITS = 20
+
+
+def of_lagrangian(analysed: AnalysedMotion, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
+    """L itself is the proof."""
+    return _head(analysed, with_time, "variational", "lagrangian") | {"lagrangian": to_text(lagrangian)}
+
+
+def of_finding(analysed: AnalysedMotion, found: Finding, with_time: bool) -> dict[str, Any]:
+    """The rows used for a no, the involution data of a yes."""
+    if found.exists is None:
+        raise ValueError("only what was settled has a certificate")
+    if found.symbol is None:
+        rows = [[*row[:-1], list(row[-1])] for row in found.rows if isinstance(row[-1], tuple)]
+        head = _head(analysed, with_time, "not_variational", "nonexistence")
+        return head | {"order": found.order, "rows": rows}
+    # The dimension stopped falling between order - 1 and order.
+    order, symbol = found.order - 1, found.symbol
+    return _head(analysed, with_time, "variational", "existence") | {
+        "order": order,
+        "degree": found.degree,
+        "dimensions": list(found.history[order][: found.degree + 1]),
+        "symbol": {
+            "dimension": symbol.dimension,
+            "prolonged": symbol.prolonged,
+            "characters": list(symbol.characters),
+        },
+    }
+
+
+def _head(analysed: AnalysedMotion, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+    head = {
+        "format": FORMAT,
+        "system": _system(analysed),
+        "question": "time_dependent" if with_time else "autonomous",
+        "claim": claim,
+        "kind": kind,
+    }
+    near = _near(analysed)
+    return head | {"near": near} if near else head
+
+
+def _system(analysed: AnalysedMotion) -> dict[str, Any]:
+    """As of a second-order system, with the velocities of the dependent coordinates beside the accelerations."""
+    motion = analysed.motion
+    return {
+        "coordinates": list(analysed.names),
+        "equations": {name: to_text(f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)},
+        "velocities": {name: to_text(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)},
+        "parameters": list(motion.parameters),
+        "functions": {function.name: list(function.arguments) for function in motion.functions},
+    }
+
+
+def _near(analysed: AnalysedMotion) -> dict[str, str]:
+    """A real point of the constraints that the verdict speaks of."""
+    table = analysed.real_point or {}
+    names: list[tuple[str, Symbol | Velocity]] = [(name, Symbol(name)) for name in analysed.names]
+    names += [("t", TIME), *((name, Symbol(name)) for name in analysed.motion.parameters)]
+    names += [(f"{name}'", Velocity(name)) for name in analysed.motion.free]
+    return {name: mpmath.nstr(table[key], _DIGITS) for name, key in names if key in table}

@@ -1,0 +1,67 @@
+"""A Lagrangian whose flow on the constraints is a nonholonomic motion: its 1-jet there, its own equations, H."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, negate, substitute
+from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
+from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.quotient_matrices import solve_square
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_TERMS = 4_000
+
+
+@dataclass(frozen=True, slots=True)
+class JetOnConstraints:
+    """L = l + lambda_a (s^a' - w^a) + …: l and the lambda_a along the constraints."""
+
+    on_constraints: Expression
+    transverse_momenta: tuple[Expression, ...]
+
+
+def jet_of(lagrangian: Expression, motion: ConstrainedMotion) -> JetOnConstraints:
+    """Of any L on the tangent bundle."""
+    rates = motion.on_constraints
+    momenta = [differentiate(lagrangian, Velocity(name)) for name in motion.dependent]
+    on, *transverse = (_short(substitute(tree, rates)) for tree in (lagrangian, *momenta))
+    return JetOnConstraints(on, tuple(transverse))
+
+
+def _short(tree: Expression) -> Expression:
+    try:
+        return tree_of(terms_of(tree))
+    except TooManyTerms:
+        return collect(tree)
+
+
+def own_system(lagrangian: Expression, motion: ConstrainedMotion, deadline: float) -> SecondOrderSystem | None:
+    """The Euler-Lagrange equations of a regular L, solved for the accelerations; None where that is too large."""
+    names = motion.coordinates
+    matrix = hessian(lagrangian, names)
+    right = [negate(tree) for tree in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names))]
+    trees = [*right, *(entry for row in matrix for entry in row)]
+    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    try:
+        ring = exact_ring(trees, variables, 0, Budget(_TERMS, deadline), slopes=False)
+        values = [[ring.value(entry) for entry in row] for row in matrix]
+        solved = solve_square(values, [ring.value(tree) for tree in right])
+        if solved is None:
+            return None
+        found = tuple(quotient_tree(ring, entry) for entry in solved)
+    except (TooLarge, ZeroDivisionError):
+        return None
+    return SecondOrderSystem(names, found, motion.parameters, motion.functions)
+
+
+def time_left(deadline: float) -> float:
+    """Seconds, at least one."""
+    return max(1.0, deadline - time.monotonic())

@@ -1,0 +1,111 @@
+"""What was found about a motion on constraints, in words."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import comb
+
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.expressions.notation import row
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.constrained.bivectors import obstruction
+from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion
+from inverse_service.inverse_problem.constrained.lagrangian import JetOnConstraints
+from inverse_service.inverse_problem.explanation.steps import said, separated
+from inverse_service.inverse_problem.outcome import Step
+from inverse_service.linear_pde.deciding import Finding
+
+_QUESTION = {False: "L(q, q')", True: "L(t, q, q')"}
+
+
+def finding_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
+    """What is asked, and why the answer is what it is."""
+    k = len(analysed.motion.free)
+    steps = [
+        said(
+            f"A regular {_QUESTION[with_time]} has this motion on the constraints exactly if l and `lambda_a`, in "
+            "L = l + `lambda_a mu^a` + ... along the constraints, make its Euler-Lagrange expressions vanish there, a "
+            f"linear system. The second derivatives of l by the free velocities and the first of `lambda_a` must have "
+            f"rank {k} together."
+        )
+    ]
+    if found.exists is False:
+        steps += _obstruction_steps(analysed, k)
+        steps.append(
+            said(
+                f"Prolonged to order {found.order}, {len(found.rows)} of its equations leave a rank below {k} in every "
+                "solution: no associated system is variational."
+            )
+        )
+    elif found.symbol is not None:
+        steps.append(
+            said(
+                f"Prolonged to order {found.order} the system is involutive at degree {found.degree}, with solutions "
+                f"of rank {found.ranks[0]}; the derivatives of l alone have rank {found.ranks[1]}. "
+                "So there is such a Lagrangian near the generic point."
+            )
+        )
+    return tuple(steps)
+
+
+def _obstruction_steps(analysed: AnalysedMotion, k: int) -> list[Step]:
+    """The bivectors, where they are reason enough."""
+    try:
+        found = obstruction(analysed, 1) if k > 1 else None
+    except SingularPoint:
+        found = None
+    if found is None:
+        return []
+    return [
+        said(
+            f"The Lie derivatives along the motion of the bivectors of the free velocities, to order {found.last}, "
+            f"span {found.rank} of {found.size} dimensions. The 2-form of a Lagrangian annihilates them all, but each "
+            "2-form that does has a vertical vector in its kernel."
+        )
+    ]
+
+
+def lagrangian_steps(lagrangian: Expression, jet: JetOnConstraints) -> tuple[Step, ...]:
+    """L and its 1-jet along the constraints."""
+    momenta = [row(f"lambda_{k} = ", tree) for k, tree in enumerate(jet.transverse_momenta, 1)]
+    return (
+        said("A Lagrangian, found by an ansatz or known for an associated system: ", shown=[row("L = ", lagrangian)]),
+        said("Along the constraints it is ", row("l = ", jet.on_constraints), *separated(["", *momenta]), "."),
+    )
+
+
+def open_reason(found: Finding) -> str:
+    """How far the decision came."""
+    if not found.history:
+        return found.reason
+    dimensions = ", ".join(map(str, found.history[-1][:3]))
+    return (
+        f"{found.reason}: at order {found.order} rank {found.ranks[0] if found.ranks else 'unknown'} is possible, "
+        f"dimensions {dimensions} in degrees 0, 1, 2"
+    )
+
+
+def freedom(found: Finding, n: int, with_time: bool) -> str:
+    """On how many functions of how many variables L along the constraints depends, total derivatives not counted.
+
+    The dimension of the symbol in degree d + j is sum alpha_k C(k - 1 + j, k - 1); total derivatives of F(q) or
+    F(t, q) take away C(v + d + 1 + j, v) with v = n - 1 or n.
+    """
+    if found.symbol is None:
+        return ""
+    highest, gauge = len(found.symbol.characters), n - 1 + with_time
+
+    def size(j: int) -> int:
+        total = sum(a * comb(k - 1 + j, k - 1) for k, a in enumerate(found.symbol.characters, 1)) if found.symbol else 0
+        return total - comb(gauge + found.degree + 1 + j, gauge)
+
+    values = [size(j) for j in range(highest + 1)]
+    degree, leading = -1, 0
+    while any(values):
+        degree, leading = degree + 1, values[0]
+        values = [b - a for a, b in pairwise(values)]
+    if degree < 0:
+        variables = n + with_time
+        constants = found.history[found.order][found.degree] - comb(variables + found.degree + 1, variables) + 1
+        return f"{constants} constant{'s' * (constants != 1)}"
+    return f"{leading} function{'s' * (leading != 1)} of {degree + 1} variable{'s' * (degree > 0)}"
