@@ -4,6 +4,7 @@ WORKDIR /source
 COPY pyproject.toml constraints.txt README.md LICENSE ./
 COPY inverse_service inverse_service
 COPY api_schemas api_schemas
+COPY docs/*.md docs/
 # docker build --build-arg EXTRAS=dask,postgres
 ARG EXTRAS=""
 RUN python -m venv /opt/inverse-service \

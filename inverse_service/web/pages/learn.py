@@ -11,6 +11,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.manual import PAGES
 from inverse_service.web.pages.rendering import can_simulate, page
 
 router = APIRouter()
@@ -127,7 +128,7 @@ class Shown:
 @router.get("/learn")
 async def learn() -> HTMLResponse:
     """The six screens."""
-    return page("learn.html", active="/learn", screens=_shown(), can_simulate=can_simulate())
+    return page("learn.html", active="/learn", screens=_shown(), manual=PAGES, can_simulate=can_simulate())
 
 
 def _typeset(formula: str | Written) -> Markup:

@@ -11,6 +11,7 @@ from inverse_service.web.pages import (
     calls_page,
     gallery,
     learn,
+    manual,
     paper_figures,
     results,
     simulate,
@@ -21,7 +22,7 @@ from inverse_service.web.pages.visitor import note_visitor, require_visitor
 
 router = APIRouter()
 router.include_router(assets.router)
-for part in (account, calls_page):
+for part in (account, calls_page, manual):
     router.include_router(part.router, dependencies=[Depends(note_visitor)])
 for part in (solve, results, simulate, paper_figures, thumbnails, gallery, batches, learn):
     router.include_router(part.router, dependencies=[Depends(require_visitor)])
