@@ -17,7 +17,7 @@ from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import Expression
 
 _TOKEN = re.compile(
-    r"(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>.)"
+    r"(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>.)"
 )
 # Signs between trees that the reader of formulas knows.
 _READS_BACK = re.compile(r" = (?:-?\d+(?:/\d+)?)?| [-+] |-?\d*\*?|\d+")
@@ -114,6 +114,9 @@ def theory(text: str) -> Formula:
             mathml.append(_with_marks_mathml(name, marks, primes))
             if name in _USES:
                 uses.append("nabla_Phi" if name == "Phi" and _is_after_nabla(text, match.start()) else _USES[name])
+        elif match["above"]:
+            latex.append(f"){_mark_latex(match['above'])}")
+            mathml.append(f"<msup><mo>)</mo><mrow>{_mark(match['above'])}</mrow></msup>")
         elif match["digits"]:
             latex.append(match["digits"])
             mathml.append(f"<mn>{match['digits']}</mn>")
@@ -146,10 +149,7 @@ def _with_marks_latex(name: str, marks: Sequence[str], primes: str) -> str:
     body = _body(name)[0]
     command = body.startswith("\\") and not body.endswith(("}", " "))
     found = body + "'" * len(primes)
-    for mark in marks:
-        inner = mark[1:].strip("()")
-        inner = r"\mathsf T" if inner == "T" and mark[0] == "^" else inner
-        found += f"{mark[0]}{{{inner}}}"
+    found += "".join(map(_mark_latex, marks))
     return found + (" " if command and not marks else "")
 
 
@@ -163,6 +163,12 @@ def _with_marks_mathml(name: str, marks: Sequence[str], primes: str) -> str:
     if sub:
         return f"{head}<msub>{base}<mrow>{sub}</mrow></msub>"
     return f"{head}<msup>{base}<mrow>{sup}</mrow></msup>" if sup else f"{head}{base}"
+
+
+def _mark_latex(mark: str) -> str:
+    inner = mark[1:].strip("()")
+    shown = r"\mathsf T" if mark == "^T" else inner
+    return f"{mark[0]}{{{shown}}}"
 
 
 def _mark(mark: str) -> str:

@@ -122,7 +122,9 @@ def title_of(result: Mapping[str, Any]) -> str:
     system = result["system"] or {}
     lines = list((system.get("equations") or {}).items())
     first = f"{lines[0][0]}'' = {lines[0][1]}" if lines else "A system"
-    named = system.get("name") or (first if len(lines) < 2 else f"{first}, \u2026")
+    given = (system.get("given") or {}).get("lagrangian")
+    constrained = f"L = {given} with constraints" if given else ""
+    named = constrained or system.get("name") or (first if len(lines) < 2 else f"{first}, \u2026")
     return f"{named[:60]}: {VERDICTS[result['verdict']]}"
 
 

@@ -31,13 +31,16 @@ ASSOCIATED = (
 )
 # Entries of the catalogue with the words of the palette.
 EXAMPLES = (
+    ("damped-pendulum", "Damped pendulum", "friction, and still a Lagrangian"),
+    ("kepler-polar", "Kepler problem", "in polar coordinates"),
+    ("double-pendulum", "Double pendulum", "the L of every textbook"),
+    ("magnetic-field-b-x", "Charge in a magnetic field", "B depends on x"),
+    ("wind-drag-position-dependent", "Drag in the wind", "no Lagrangian"),
     ("vertically-rolling-disk-first", "Rolling disk, first system", "no Lagrangian: a proof"),
     ("vertically-rolling-disk-second", "Rolling disk, second system", "a Lagrangian with ẋ²/φ̇"),
-    ("sho", "Harmonic oscillator", "one coordinate"),
-    ("knife-edge-second", "Knife edge", "second associated system"),
-    ("nonholonomic-particle-second", "Nonholonomic particle", "second associated system"),
     ("generic-class-one-second", "Arbitrary function A(r₁)", "a whole class at once"),
     ("modified-emden", "Modified Emden", "an unusual Lagrangian"),
+    ("sho", "Harmonic oscillator", "one coordinate"),
 )
 NONHOLONOMIC_EXAMPLES = (
     ("vertically-rolling-disk", "Rolling disk", "rolls without slipping"),

@@ -27,7 +27,7 @@ def text_of(mathml: str) -> str:
     ("text", "shown"),
     [
         ("g_ij R^j_kl", "gijRklj"),
-        ("Gamma(g) = g N + (g N)^T", "Γ(g)=gN+(gN)^T"),
+        ("Gamma(g) = g N + (g N)^T", "Γ(g)=gN+(gN)T"),
         ("nabla Phi", "∇Φ"),
         ("dg_ij/dv^k = dg_ik/dv^j", "∂gij/∂vk=∂gik/∂vj"),
         ("det g = 0", "detg=0"),
