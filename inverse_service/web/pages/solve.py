@@ -35,7 +35,7 @@ EXAMPLES = (
     ("kepler-polar", "Kepler problem", "in polar coordinates"),
     ("double-pendulum", "Double pendulum", "the L of every textbook"),
     ("magnetic-field-b-x", "Charge in a magnetic field", "B depends on x"),
-    ("wind-drag-position-dependent", "Drag in the wind", "no Lagrangian"),
+    ("wind-drag-position-dependent", "Drag that grows with y", "a Lagrangian with a logarithm"),
     ("vertically-rolling-disk-first", "Rolling disk, first system", "no Lagrangian: a proof"),
     ("vertically-rolling-disk-second", "Rolling disk, second system", "a Lagrangian with ẋ²/φ̇"),
     ("generic-class-one-second", "Arbitrary function A(r₁)", "a whole class at once"),
