@@ -9,11 +9,11 @@ from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, T
 
 from api_schemas.base import Document
 from api_schemas.sizes import (
-    MAX_COORDINATES,
     MAX_FORMULA_CHARACTERS,
     MAX_FUNCTIONS,
     MAX_NAME_CHARACTERS,
     MAX_PARAMETERS,
+    MAX_SIMULATED,
     MAX_TITLE_CHARACTERS,
 )
 from api_schemas.system import Formula, Name, Value
@@ -91,9 +91,9 @@ class LagrangianDocument(Document):
     """A system by its Lagrangian, with or without constraints on the velocities."""
 
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)]
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_SIMULATED)]
     lagrangian: Formula
-    constraints: Annotated[list[Formula], Field(max_length=MAX_COORDINATES)] | Formula = Field(default_factory=list)
+    constraints: Annotated[list[Formula], Field(max_length=MAX_SIMULATED)] | Formula = Field(default_factory=list)
     parameters: (
         Annotated[dict[Name, Value | None], Field(max_length=MAX_PARAMETERS)]
         | Annotated[list[Name], Field(max_length=MAX_PARAMETERS)]
@@ -109,9 +109,9 @@ class SceneInitial(Document):
     `project`: put velocities that violate the constraints on them (orthogonally in the kinetic energy).
     """
 
-    positions: Annotated[dict[Name, Value], Field(max_length=MAX_COORDINATES)]
-    velocities: Annotated[dict[Name, Value], Field(max_length=MAX_COORDINATES)] | None = None
-    momenta: Annotated[dict[Name, Value], Field(max_length=MAX_COORDINATES)] | None = None
+    positions: Annotated[dict[Name, Value], Field(max_length=MAX_SIMULATED)]
+    velocities: Annotated[dict[Name, Value], Field(max_length=MAX_SIMULATED)] | None = None
+    momenta: Annotated[dict[Name, Value], Field(max_length=MAX_SIMULATED)] | None = None
     project: bool = False
 
 
@@ -145,10 +145,11 @@ class SceneDocument(Document):
     """What to simulate. What a scene does not name is neither derived, compiled nor computed.
 
     `effects`: the parts of the Lagrangian that act, of "constraints", "potential", "magnetic" and the names of
-    `terms`; left out, all of them. `terms`: further terms of L by name. `functions`: formulas for the arbitrary
-    functions of the system. `step` and `steps`, or `step` and `time` (the length of time). `free_lagrangian`: L~ as a
-    formula, or "first", "second" or "third" for that associated system; `constants`: its free constants.
-    `circle`: the two coordinates whose path is matched by circles. `step_sizes`: those of `work-precision`.
+    `terms`; left out, all of them. `terms`: further terms of L by name; `as_lagrangian`: one of them may be called
+    friction or drag. `functions`: formulas for the arbitrary functions of the system. `step` and `steps`, or `step` and
+    `time` (the length of time). `free_lagrangian`: L~ as a formula, or "first", "second" or "third" for that associated
+    system; `constants`: its free constants. `circle`: the two coordinates whose path is matched by circles.
+    `step_sizes`: those of `work-precision`.
     """
 
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
@@ -157,6 +158,7 @@ class SceneDocument(Document):
     functions: Annotated[dict[Name, Formula], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
     effects: Annotated[list[Word], Field(max_length=MAX_EFFECTS)] | None = None
     terms: Annotated[dict[Name, Formula], Field(max_length=MAX_EFFECTS)] = Field(default_factory=dict)
+    as_lagrangian: bool = False
     initial: SceneInitial
     step: Value
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS), BeforeValidator(_whole)] | None = None

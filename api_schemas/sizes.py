@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 MAX_COORDINATES = 8
+MAX_SIMULATED = 32  # coordinates of a scene
 MAX_PARAMETERS = 32
 MAX_FUNCTIONS = 16
 MAX_FUNCTION_ARGUMENTS = 6

@@ -153,7 +153,7 @@ def _sympy_equations(case: SpeedCase, sympy: Any) -> tuple[list[Any], list[Any],
         m = [symengine.Symbol(f"m{k}") for k in range(len(f.forms))]
         by_q, by_v = (f.gradient(f.lagrangian, letter) for letter in "qv")
         parts = parts_of(case.choice)
-        equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts, by_q, by_v, f.forms_at)
+        equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts, by_q, by_v, f.forms_at, f.drifts_at)
         unknowns = [*d, *m]
     groups = (equations, unknowns, [*q, *p], [*d, *pushes])
     return tuple([sympy.sympify(item) for item in group] for group in groups)  # type: ignore[return-value]

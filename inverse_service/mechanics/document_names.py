@@ -25,11 +25,15 @@ NO_ACCELERATION = (
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """What a document says of its names. `parameters` may be "guess", or have the entry "..." for: guess the rest."""
+    """What a document says of its names. `parameters` may be "guess", or have the entry "..." for: guess the rest.
+
+    At most `most` coordinates are accepted.
+    """
 
     coordinates: Sequence[str] | None = None
     parameters: Parameters = ()
     functions: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    most: int = LIMITS.coordinates
 
     @property
     def guesses(self) -> bool:
@@ -134,7 +138,7 @@ def _coordinates(
             raise InputError(NO_ACCELERATION if order == 2 else _NO_VELOCITY, pointer)
     if not found:
         raise InputError("there are no coordinates: name at least one, or write equations that contain x''.", pointer)
-    return tuple(bounded(list(found), pointer, "coordinates", LIMITS.coordinates))
+    return tuple(bounded(list(found), pointer, "coordinates", declared.most))
 
 
 _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."

@@ -13,8 +13,9 @@ from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.simulation.choices import POINT_METHODS
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, exact_motion
+from inverse_service.simulation.initial import is_degenerate
 from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.regular_motion import regular_accelerations
+from inverse_service.simulation.regular_motion import DEGENERATE, regular_accelerations
 from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
 
 USES_FREE = frozenset({"variational", "modified"})
@@ -65,6 +66,8 @@ def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem 
         return Unavailable(f"The method {method} needs the Lagrangian of the system; the scene gives only equations.")
     if method == "modified" and not scene.constraints:
         return Unavailable("The modified method needs constraints; this scene has none.")
+    if method == "nonholonomic" and is_degenerate(scene):
+        return Unavailable(DEGENERATE[:1].upper() + DEGENERATE[1:])
     if method == "nonholonomic":
         names, values = scene.coordinates, tuple(scene.values)
         return Problem(names, values, lagrangian=scene.lagrangian, constraints=scene.constraints)

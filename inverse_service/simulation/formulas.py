@@ -89,11 +89,16 @@ class Formulas:
         for tree in self.problem.constraints:
             formula = translate(tree, self.table)
             row = [formula.diff(v) for v in self.symbols("v")]
-            rest = formula.subs(dict.fromkeys(self.symbols("v"), ZERO))
-            if rest != ZERO or any(entry.free_symbols & set(self.symbols("v")) for entry in row):
+            if any(entry.free_symbols & set(self.symbols("v")) for entry in row):
                 raise InputError(f"The constraint {to_text(tree)} is not linear in the velocities.")
             rows.append(row)
         return rows
+
+    @cached_property
+    def drifts(self) -> list[Formula]:
+        """The parts c^a(q) of the constraints omega^a v + c^a = 0 that hold no velocity."""
+        rest = dict.fromkeys(self.symbols("v"), ZERO)
+        return [translate(tree, self.table).subs(rest) for tree in self.problem.constraints]
 
     @cached_property
     def moving_alone(self) -> int | None:
@@ -150,6 +155,10 @@ class Formulas:
         table = dict(zip(self.symbols("q"), place, strict=True))
         return [[entry.subs(table) for entry in row] for row in self.forms]
 
+    def drifts_at(self, place: Sequence[Formula]) -> list[Formula]:
+        table = dict(zip(self.symbols("q"), place, strict=True))
+        return [drift.subs(table) for drift in self.drifts]
+
     @cached_property
     def dependent(self) -> dict[int, Formula]:
         """Velocities that the constraints give, over q and the other velocities: {place: formula}.
@@ -158,8 +167,8 @@ class Formulas:
         """
         solved: dict[int, Formula] = {}
         velocities = self.symbols("v")
-        for row in self.forms:
-            formula = _linear(row, velocities).subs({velocities[k]: value for k, value in solved.items()})
+        for row, drift in zip(self.forms, self.drifts, strict=True):
+            formula = (_linear(row, velocities) + drift).subs({velocities[k]: value for k, value in solved.items()})
             entries = [formula.diff(v) for v in velocities]
             place = _pivot(entries)
             rest = formula.subs({velocities[place]: ZERO})

@@ -36,6 +36,7 @@ _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"),
 
 
 MOST_STEPS = 2_000_000
+SMALL = 1e-3
 LARGE = 8  # coordinates beyond which its code is written in loops, as its documentation advises
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -62,8 +63,11 @@ def run_heyoka(
     times = grid.begin + steps * grid.step
     with _ONE_AT_A_TIME:
         begin = time.perf_counter()
-        integrator = taylor_integrator(problem, tolerance)
-        integrator.state[:] = [*start.positions, *start.velocities]
+        state = np.array([*start.positions, *start.velocities], dtype=float)
+        # Its tolerance is absolute below 1: small motions are measured in a unit of their own, a power of 2.
+        unit = 2.0 ** np.floor(np.log2(np.abs(state).max(initial=0.0) or 1.0)) if np.abs(state).max() < SMALL else 1.0
+        integrator = taylor_integrator(problem, tolerance, float(unit))
+        integrator.state[:] = state / unit
         integrator.pars[:] = [float(values[name]) for name in used_parameters(problem)]
         integrator.time = grid.begin
         compiled = time.perf_counter()
@@ -73,7 +77,7 @@ def run_heyoka(
         code, *_, rows = integrator.propagate_grid(times, **limits)
         passed = time.perf_counter() - compiled
     size = len(problem.coordinates)
-    rows = np.asarray(rows)
+    rows = np.asarray(rows) * unit
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
     if not good:
         return _not_begun(start, _outcome(str(code), 0, steps, times), compiled - begin)
@@ -121,7 +125,7 @@ def used_parameters(problem: Problem) -> list[str]:
 
 
 @lru_cache(maxsize=64)
-def taylor_integrator(problem: Problem, tolerance: float = 1e-15) -> Any:
+def taylor_integrator(problem: Problem, tolerance: float = 1e-15, unit: float = 1.0) -> Any:
     """heyoka's integrator for q' = v, v' = accelerations, with parameters that get their values later; made once."""
     heyoka = load_heyoka()
     names = [f"q{k}" for k in range(len(problem.coordinates))] + [f"v{k}" for k in range(len(problem.coordinates))]
@@ -130,9 +134,10 @@ def taylor_integrator(problem: Problem, tolerance: float = 1e-15) -> Any:
     table: dict[Expression, Any] = {PI: heyoka.expression(np.pi), TIME: heyoka.time}
     parameters = used_parameters(problem)
     table |= {Symbol(name): heyoka.par[k] for k, name in enumerate(parameters)}
-    table |= {Symbol(name): variables[k] for k, name in enumerate(problem.coordinates)}
-    table |= {Velocity(name): variables[size + k] for k, name in enumerate(problem.coordinates)}
-    forces = [_translated(tree, table, heyoka) for tree in problem.accelerations or ()]
+    scaled = [unit * variable for variable in variables] if unit != 1 else variables
+    table |= {Symbol(name): scaled[k] for k, name in enumerate(problem.coordinates)}
+    table |= {Velocity(name): scaled[size + k] for k, name in enumerate(problem.coordinates)}
+    forces = [_translated(tree, table, heyoka) / unit for tree in problem.accelerations or ()]
     system = [*zip(variables[:size], variables[size:], strict=True), *zip(variables[size:], forces, strict=True)]
     pars = [0.0] * len(parameters)
     return heyoka.taylor_adaptive(system, [0.0] * 2 * size, tol=tolerance, pars=pars, compact_mode=size > LARGE)

@@ -13,15 +13,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import Expression, Velocity
+from inverse_service.expressions.tree import Expression, Velocity, walk
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.scene import Scene
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-9
 RANK = 1e-10
+NEARBY = 6
 MOST_ITERATIONS = 60
+
+
+def check_constraints(
+    coordinates: Sequence[str], constraints: Sequence[Expression], values: Mapping[str, float], positions: Array
+) -> None:
+    """InputError for constraints that are not linear in the velocities, depend on one another, or leave no motion."""
+    names = tuple(coordinates)
+    rates = [Velocity(name) for name in names]
+    for place, constraint in enumerate(constraints, 1):
+        slopes = (differentiate(constraint, rate) for rate in rates)
+        if any(isinstance(node, Velocity) for slope in slopes for node in walk(collect(slope))):
+            raise InputError(
+                f"constraint {place} is not linear in the velocities: only such constraints are simulated.", "/system"
+            )
+    if not constraints:
+        return
+    rank = max(np.linalg.matrix_rank(rows) for rows in _rows_nearby(names, constraints, values, positions))
+    if rank < len(constraints):
+        raise InputError(f"only {rank} of the {len(constraints)} constraints are independent: leave the others out.",
+                         "/system")  # fmt: skip
+    if rank >= len(names):
+        raise InputError(f"{rank} constraints on {len(names)} coordinates leave no motion: leave some out.", "/system")
+
+
+def _rows_nearby(
+    names: tuple[str, ...], constraints: Sequence[Expression], values: Mapping[str, float], positions: Array
+) -> list[Array]:
+    """The coefficients of the velocities at the start and at points about it, where they have values."""
+    random = np.random.default_rng(3)
+    places = [positions, *(positions + random.normal(0, 1, len(names)) for _ in range(NEARBY))]
+    found = [_linear(names, constraints, values, place)[0] for place in places[:1]]
+    for place in places[1:]:
+        try:
+            found.append(_linear(names, constraints, values, place)[0])
+        except InputError:
+            continue
+    return found
+
+
+def is_degenerate(scene: Scene) -> bool:
+    """Whether L_vv, on the velocities that the constraints leave, is singular at the start and about it."""
+    assert scene.lagrangian is not None
+    random = np.random.default_rng(4)
+    matrix = hessian(scene.lagrangian, scene.coordinates)
+    for attempt in range(NEARBY):
+        shift = random.normal(0, 0.1, (2, len(scene.coordinates))) * bool(attempt)
+        place, rate = scene.positions + shift[0], scene.velocities + shift[1]
+        table = table_of(scene.coordinates, place[None], rate[None], scene.values)
+        mass = np.array([[array_value(entry, table)[0] for entry in row] for row in matrix])
+        rows = np.array([[array_value(differentiate(w, Velocity(name)), table)[0] for name in scene.coordinates]
+                         for w in scene.constraints]).reshape(-1, len(mass))  # fmt: skip
+        whole = np.block([[mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+        size = np.abs(whole).max(axis=1)
+        if not np.isfinite(whole).all() or (
+            (size > 0).all() and np.linalg.matrix_rank(whole / size[:, None]) == len(whole)
+        ):
+            return False
+    return True
 
 
 def initial_velocities(

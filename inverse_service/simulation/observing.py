@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     TIME,
@@ -28,6 +29,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
+    substitute,
     subtract,
     walk,
 )
@@ -49,6 +51,11 @@ from inverse_service.simulation.scene import Scene
 from inverse_service.simulation.truth import Truth
 
 Array = NDArray[np.float64]
+WITH_TIME = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
+MOVING_CONSTRAINTS = (
+    "A constraint has a part without velocities and may do work, so the energy is no constant of the motion: there is "
+    "no error to tell."
+)
 ENERGY_START = "energy_of_the_start"
 
 
@@ -104,9 +111,14 @@ def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:
     }
 
 
-def depends_on_time(scene: Scene) -> bool:
-    """Whether the Lagrangian of the scene contains t, so that its energy is no constant."""
-    return scene.lagrangian is not None and any(node == TIME for node in walk(scene.lagrangian))
+def why_energy_varies(scene: Scene) -> str | None:
+    """A sentence where the energy of the scene is no constant of the motion."""
+    if scene.lagrangian is not None and any(node == TIME for node in walk(scene.lagrangian)):
+        return WITH_TIME
+    rest: dict[Expression, Expression] = {Velocity(name): ZERO for name in scene.coordinates}
+    if any(collect(substitute(w, rest)) != ZERO for w in scene.constraints):
+        return MOVING_CONSTRAINTS
+    return None
 
 
 def point_energy(scene: Scene, positions: Array, velocities: Array, times: Array | None = None) -> Array:

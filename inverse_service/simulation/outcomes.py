@@ -16,8 +16,7 @@ from inverse_service.simulation.poles import pole_ahead
 from inverse_service.simulation.quantity_text import limit_text
 from inverse_service.simulation.schemes import parts_of, program_of
 from inverse_service.simulation.starting import Initial
-
-OTHER_LAGRANGIAN = "give another free_lagrangian, one that is regular there, or use the method reference or runge-kutta"
+from inverse_service.simulation.watches import OTHER_LAGRANGIAN
 
 
 def failed_start(start: Start, outcome: Outcome, time: float = 0.0) -> Trajectory:
@@ -195,4 +194,4 @@ def _remedy(f: Formulas, choice: MethodChoice) -> str:
         names = ", ".join(f.problem.free_constants)
         constants = f"free constants {names}" if names else "free constants of L~"
         return f"choose smaller {constants}, another alpha, or the variational method in Hamiltonian form"
-    return "use an associated system that is regular there, or a smaller step"
+    return OTHER_LAGRANGIAN

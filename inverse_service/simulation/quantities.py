@@ -16,7 +16,6 @@ from inverse_service.simulation.observing import (
     circle_numbers,
     conserved_momenta,
     constraint_numbers,
-    depends_on_time,
     error_numbers,
     greatest,
     momentum_numbers,
@@ -24,6 +23,7 @@ from inverse_service.simulation.observing import (
     point_constraints,
     point_energy,
     start_energy,
+    why_energy_varies,
 )
 from inverse_service.simulation.point_velocities import mean_velocities, point_velocities
 from inverse_service.simulation.problem import Problem
@@ -31,7 +31,6 @@ from inverse_service.simulation.scene import Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, places_of
 
 Array = NDArray[np.float64]
-NO_CONSTANT = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
 
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
 _NO_ENERGY = "The system is given by its equations and not by a Lagrangian, so there is no energy."
@@ -97,12 +96,13 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     numbers, series = _discrete_energy(run, start)
     velocities = _point_velocities(run)
     if velocities is None:
-        note = {} if depends_on_time(run.scene) else {"energy_note": _NO_VELOCITIES}
-        return {"energy_start": start, "max_energy_error": None} | note | numbers, series
+        note = why_energy_varies(run.scene) or _NO_VELOCITIES
+        return {"energy_start": start, "max_energy_error": None, "energy_note": note} | numbers, series
     points = point_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
     series = {"energy": points} | series
-    if depends_on_time(run.scene):
-        return {"energy_start": start, "max_energy_error": None, "energy_note": NO_CONSTANT}, series
+    varies = why_energy_varies(run.scene)
+    if varies:
+        return {"energy_start": start, "max_energy_error": None, "energy_note": varies}, series
     errors = np.abs(points - start) / (abs(start) or 1.0)
     found: dict[str, Any] = {
         "energy_start": start,
@@ -119,7 +119,7 @@ def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[
     if choice is None or run.requested.alpha is None or choice.order > 2:
         return {}, {}
     series = {"discrete_energy": run.trajectory.series["energy_error"] + start}
-    if depends_on_time(run.scene):
+    if why_energy_varies(run.scene):
         return {}, series
     return {"max_discrete_energy_error": run.trajectory.maxima["energy_error"] / (abs(start) or 1.0)}, series
 

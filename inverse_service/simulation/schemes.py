@@ -101,7 +101,9 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
     m = [symbol(f"m{a}") for a in range(len(f.forms))]
     slope_q, slope_v = (f.gradient(f.lagrangian, letter, moment=moment_at(parts_of(choice)[0])) for letter in "qv")
-    equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts_of(choice), slope_q, slope_v, f.forms_at)
+    equations, pushes = lagrange_dalembert_step(
+        q, p, d, m, STEP, parts_of(choice), slope_q, slope_v, f.forms_at, f.drifts_at
+    )
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
     statements = plan(equations, [str(name) for name in (*d, *m)], scales, guarded=choice.guard)
     return _program(f, choice, observation, statements, [*d, *pushes], [])
@@ -111,6 +113,8 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Pro
     """L~ for the base coordinates with the discrete constraints put in, so that factors A_alpha cancel."""
     if not f.forms:
         raise InputError("The modified method needs constraints.")
+    if any(drift != number(0) for drift in f.drifts):
+        raise InputError("The modified method is for constraints without a part that is free of velocities.")
     q, d, alpha = f.symbols("q"), f.symbols("d"), alpha_of(choice)
     base = [k for k in range(f.size) if k not in f.dependent]
     if len(parts_of(choice)) == 2 or any(contains(value, q[k]) for value in f.dependent.values() for k in f.dependent):

@@ -100,7 +100,9 @@ def _momenta(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> l
 def _holds(f: Formulas, table: Mapping[str, float]) -> bool:
     """Whether velocities are those that the constraints give, to round-off."""
     size = max((abs(table[f"v{k}"]) for k in range(f.size)), default=0.0)
-    values = f.evaluator("constraints", lambda: [_along(row, f.symbols("v")) for row in f.forms])(table)
+    values = f.evaluator(
+        "constraints", lambda: [_along(row, f.symbols("v")) + c for row, c in zip(f.forms, f.drifts, strict=True)]
+    )(table)
     return all(abs(value) <= OFF_CONSTRAINTS * size for value in values)
 
 

@@ -51,7 +51,7 @@ def velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: For
     """Velocities that L~ divides by must not pass 0; where L~ divides by positions only, H~ is smooth."""
     table = discrete_point(f, q, d, alpha)
     return [
-        Watch("sign", denominator.formula.subs(table), denominator.text, SMALLER_STEP)
+        Watch("sign", denominator.formula.subs(table), denominator.text, OTHER_LAGRANGIAN)
         for denominator in f.denominators
         if denominator.moves
     ]

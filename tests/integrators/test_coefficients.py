@@ -71,7 +71,16 @@ def test_a_constraint_force_keeps_the_constraint() -> None:
     """A particle held to the line v1 = v2: momentum (1, 0) becomes (1/2, 1/2)."""
     d, m = [0.05, 0.05], [0.05]
     residuals, changes = lagrange_dalembert_step(
-        [0.0, 0.0], [1.0, 0.0], d, m, 0.1, (0.5,), lambda x, v: [0.0, 0.0], lambda x, v: v, lambda x: [[1.0, -1.0]]
+        [0.0, 0.0],
+        [1.0, 0.0],
+        d,
+        m,
+        0.1,
+        (0.5,),
+        lambda x, v: [0.0, 0.0],
+        lambda x, v: v,
+        lambda x: [[1.0, -1.0]],
+        lambda x: [0.0],
     )
     assert np.abs(residuals).max() < 1e-16
     assert changes == pytest.approx([-0.5, 0.5])

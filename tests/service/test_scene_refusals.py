@@ -68,7 +68,7 @@ CASES = [
     ("/initial/project", "yes", "/initial/project", "true or false"),
     ("/initial/momenta", {"phi": 1}, "/initial", "either"),
     ("/step", 0, "/step", "positive"),
-    ("/step", -0.1, "/step", "reverse the velocities"),
+    ("/step", -0.1, "/step", "to run backwards"),
     ("/step", "h", "/step", "not declared"),
     ("/steps", 0, "/steps", "1 to"),
     ("/steps", 2_000_000_000, "/steps", "1 to 100000000"),

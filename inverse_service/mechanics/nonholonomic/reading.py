@@ -23,16 +23,17 @@ def read_nonholonomic(
     parameters: Parameters = (),
     functions: Mapping[str, Sequence[str]] | None = None,
     name: str = "",
+    most: int = LIMITS.coordinates,
 ) -> NonholonomicSystem:
     """The system of a document; a constraint is a formula that is zero, or an equation.
 
     `constraints` is a list, or one text with the constraints separated by semicolons. InputError with
     JSON pointer and column for anything that is wrong, LimitError for too many coordinates.
     """
-    declared = Declared(coordinates, parameters, functions or {})
+    declared = Declared(coordinates, parameters, functions or {}, most)
     names = document_names(declared, {"/lagrangian": lagrangian, **_by_pointer(constraints)}, order=1)
     values = parameter_values(declared.named_parameters())
-    found = [with_values(tree, values) for tree in _constraints(constraints, names)]
+    found = [with_values(tree, values) for tree in _constraints(constraints, names, most)]
     return NonholonomicSystem(
         coordinates=names.coordinates,
         lagrangian=with_values(_lagrangian(lagrangian, names), values),
@@ -55,7 +56,7 @@ def _lagrangian(text: str, names: Names) -> Expression:
     return tree
 
 
-def _constraints(constraints: Sequence[str] | str, names: Names) -> list[Expression]:
+def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> list[Expression]:
     found = []
     for pointer, text in _by_pointer(constraints).items():
         try:
@@ -69,10 +70,8 @@ def _constraints(constraints: Sequence[str] | str, names: Names) -> list[Express
         raise InputError(
             "there are no constraints: give at least one, or send the equations of motion as a system.", "/constraints"
         )
-    if len(found) > LIMITS.coordinates:
-        raise LimitError(
-            f"there are {len(found)} constraints: the limit is {LIMITS.coordinates}; write fewer.", "/constraints"
-        )
+    if len(found) > most:
+        raise LimitError(f"there are {len(found)} constraints: the limit is {most}; write fewer.", "/constraints")
     return found
 
 

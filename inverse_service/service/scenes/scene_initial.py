@@ -13,7 +13,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import Expression
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.scenes.scene_numbers import number_of
-from inverse_service.simulation.initial import initial_velocities, velocities_from_momenta
+from inverse_service.simulation.initial import check_constraints, initial_velocities, velocities_from_momenta
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,7 @@ def read_initial(
         speeds = _from_momenta(given.momenta, names, lagrangian, values, start)
     else:
         speeds = _by_coordinate(given.velocities or {}, names, "/initial/velocities")
+    check_constraints(names.coordinates, constraints, values, start)
     velocities = initial_velocities(names.coordinates, constraints, lagrangian, values, start, speeds, given.project)
     return start, velocities
 

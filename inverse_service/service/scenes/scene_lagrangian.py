@@ -145,7 +145,7 @@ def _of_associated(
     question = _question(scene, which)
     if isinstance(question, Unavailable):
         return question
-    text, reason = _solved(question)
+    text, reason = _solved(question, system.names)
     what = f"the {which} associated system" if scene.lagrangian is not None else "the system"
     if text is None:
         return Unavailable(f"No free Lagrangian was found for {what}: {reason} Use the other methods.")
@@ -197,15 +197,17 @@ def _catalogued(catalogue_name: str | None, which: str) -> str | None:
     return found[0] if found else None
 
 
-def _solved(question: dict[str, Any]) -> tuple[str | None, str]:
+def _solved(question: dict[str, Any], names: Names) -> tuple[str | None, str]:
     try:
         result = solve_document(question, SolveOptions(time_limit=SOLVE_SECONDS))
     except InverseServiceError as error:
         return None, error.detail
-    text = lagrangian_of(result)
+    text = lagrangian_of(result, names)
     if text is not None:
         return text, ""
     verdict = str(result.get("verdict", "undetermined")).replace("_", " ")
+    if verdict == "variational":
+        return None, "the solver proves that there is one, but finds no closed form in its time."
     return None, f"the solver says {verdict}."
 
 

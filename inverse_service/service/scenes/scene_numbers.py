@@ -32,18 +32,26 @@ def read_grid(schema: SceneDocument) -> tuple[Grid, tuple[str, ...]]:
     """Step, number of steps and which are recorded, with a note where that is not every one asked for."""
     step = number_of(schema.step, "/step")
     if step <= 0:
-        raise InputError("the step must be a positive number: to run backwards, reverse the velocities.", "/step")
+        raise InputError(
+            "the step must be a positive number: to run backwards, write -t for t in the system, which turns the signs "
+            "of the velocities and of all terms that are odd in them.",
+            "/step",
+        )
     if (schema.steps is None) == (schema.time is None):
         raise InputError("give either 'steps' or 'time' beside 'step'.", "")
     steps = schema.steps or _steps_of(schema, step)
+    notes: tuple[str, ...] = ()
+    length = None if schema.time is None else number_of(schema.time, "/time")
+    if length is not None and abs(steps * step - length) > 1e-9 * length:
+        notes = (f"The run ends at t = {steps * step:.10g}, the first point of the grid beyond {length:.10g}.",)
     if steps > MAX_STEPS:
         raise LimitError(f"the scene has {steps} steps: the limit is {MAX_STEPS}; take a larger step.", "/time")
     every = schema.record_every or 1
     if steps // every <= MOST_RECORDED:
-        return Grid(step, steps, min(every, steps)), ()
+        return Grid(step, steps, min(every, steps)), notes
     every = math.ceil(steps / MOST_RECORDED)
     note = f"Every {every}th step is recorded, so that at most {MOST_RECORDED} points are kept."
-    return Grid(step, steps, every), (note,)
+    return Grid(step, steps, every), (*notes, note)
 
 
 def _steps_of(schema: SceneDocument, step: float) -> int:

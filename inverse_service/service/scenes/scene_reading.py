@@ -84,11 +84,26 @@ def _values(schema: SceneDocument, system: MechanicalSystem) -> dict[str, float]
     return {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
 
 
+DISSIPATION = frozenset({"friction", "drag", "damping", "dissipation"})
+
+
+def _refuse_dissipation(schema: SceneDocument) -> None:
+    """A term of L dissipates nothing: one called friction would change masses instead."""
+    for name in schema.terms:
+        if name.casefold() in DISSIPATION and not schema.as_lagrangian:
+            detail = (
+                f"a term of L called '{name}' dissipates no energy, it changes the masses: write the force in "
+                """"forces", as in {"x": "-c*x'"}, or "rayleigh": "c*x'^2/2"; or set "as_lagrangian": true."""
+            )
+            raise InputError(detail, f"/terms/{escape(name)}")
+
+
 def _with_effects(
     schema: SceneDocument, system: MechanicalSystem, definitions: Definitions
 ) -> tuple[Expression | None, Constraints, tuple[str, ...], dict[str, tuple[Expression | None, Constraints]]]:
     """L with the effects named, the constraints where they are named, all names in effect, and what is left without
     each of them where the cost of parts is observed."""
+    _refuse_dissipation(schema)
     texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
     terms = {name: defined(tree, definitions) for name, tree in texts.items()}
     known = (*BUILT_IN, *terms)

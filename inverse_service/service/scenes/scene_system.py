@@ -9,11 +9,12 @@ from typing import Any
 from pydantic import ValidationError
 
 from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocument, ResultSystem
+from api_schemas.sizes import MAX_SIMULATED
 from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import Acceleration, Expression, walk
+from inverse_service.expressions.tree import Acceleration, Expression, Symbol, walk
 from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
@@ -23,6 +24,7 @@ from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.outcome import Place
 from inverse_service.service.scenes.scene_formulas import Definitions
 from inverse_service.service.scenes.scene_refusals import SYSTEM
+from inverse_service.simulation.walls import walls
 
 Values = Mapping[str, str]
 LAGRANGIAN_KEYS = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
@@ -98,15 +100,26 @@ def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSys
     else:
         keys = ("name", "coordinates", "equations", "parameters", "functions")
         found = _of_document({key: system[key] for key in keys if key in system}, extra)
-    text = lagrangian_of(result)
+    text = lagrangian_of(result, found.names)
     return found if text is None else _with_free(found, text, "the result given")
 
 
-def lagrangian_of(result: Mapping[str, Any]) -> str | None:
-    """The Lagrangian of a result that serves best here: one with a Hamiltonian in closed form, also with t."""
+def lagrangian_of(result: Mapping[str, Any], names: Names) -> str | None:
+    """The Lagrangian of a result that serves best here, also with t: one with a Hamiltonian in closed form, and of
+    these the one with the fewest walls, at which a motion would end."""
     answers = [a for a in (result, result.get("with_time")) if isinstance(a, Mapping) and _is_part(a.get("lagrangian"))]
-    closed = [a for a in answers if _is_part(a.get("hamiltonian")) and not a["hamiltonian"].get("implicit")]
-    return next((str(answer["lagrangian"]["text"]) for answer in (*closed, *answers)), None)
+
+    def rank(answer: Mapping[str, Any]) -> tuple[bool, int]:
+        hamiltonian = answer.get("hamiltonian")
+        closed = _is_part(hamiltonian) and not (hamiltonian or {}).get("implicit")
+        return not closed, len(_walls(answer["lagrangian"]["text"], names))
+
+    return str(min(answers, key=rank)["lagrangian"]["text"]) if answers else None
+
+
+def _walls(text: str, names: Names) -> set[Expression]:
+    moving: set[Expression] = {Symbol(name) for name in names.coordinates}
+    return set(walls(read_formula(text, names), moving))
 
 
 def _is_part(value: Any) -> bool:
@@ -130,11 +143,15 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
         raise DocumentRefused(tuple(map(_place, error.errors(include_url=False, include_input=False)))) from None
     parameters, values = _parameters(schema.parameters, extra)
     names = document_names(
-        Declared(schema.coordinates, parameters, schema.functions), {"/lagrangian": schema.lagrangian}, order=1
+        Declared(schema.coordinates, parameters, schema.functions, MAX_SIMULATED),
+        {"/lagrangian": schema.lagrangian},
+        order=1,
     )
     if schema.constraints:
-        given = schema.constraints
-        system = read_nonholonomic(names.coordinates, schema.lagrangian, given, parameters, schema.functions)
+        given, functions = schema.constraints, schema.functions
+        system = read_nonholonomic(
+            names.coordinates, schema.lagrangian, given, parameters, functions, most=MAX_SIMULATED
+        )
         lagrangian, constraints = system.lagrangian, system.constraints
     else:
         lagrangian, constraints = formula(schema.lagrangian, names, "/lagrangian"), ()

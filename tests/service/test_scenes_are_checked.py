@@ -1,0 +1,128 @@
+"""What a scene cannot mean is refused in one sentence, and what it can mean is done."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inverse_service.errors import InputError
+from inverse_service.service.scenes.simulating import simulate
+
+PLANE = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2"}
+
+
+def scene(system: dict[str, Any], methods: list[Any], **more: Any) -> dict[str, Any]:
+    initial = {
+        "positions": dict.fromkeys(system["coordinates"], 0.5),
+        "velocities": dict.fromkeys(system["coordinates"], 0),
+    }
+    return {"system": system, "initial": initial, "step": 0.05, "steps": 100, "methods": methods} | more
+
+
+@pytest.mark.parametrize(
+    ("constraints", "sentence"),
+    [
+        (["x' - y'", "2*x' - 2*y'"], "only 1 of the 2 constraints are independent"),
+        (["x'^2 + y'^2 - 1"], "constraint 1 is not linear in the velocities"),
+        (["x'", "y'"], "2 constraints on 2 coordinates leave no motion"),
+    ],
+)
+def test_constraints_that_cannot_be_meant_are_named(constraints: list[str], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        simulate(scene(PLANE | {"constraints": constraints}, ["nonholonomic"]))
+
+
+@pytest.mark.parametrize("name", ["friction", "Drag", "damping", "dissipation"])
+def test_a_term_of_the_lagrangian_is_no_friction(name: str) -> None:
+    document = scene(PLANE, ["variational"], terms={name: "-x'^2/8"})
+    with pytest.raises(InputError, match="dissipates no energy"):
+        simulate(document)
+    assert simulate(document | {"as_lagrangian": True})["methods"][0]["outcome"] == "completed"
+
+
+def test_a_degenerate_lagrangian_is_refused_by_every_method() -> None:
+    system = {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 - x^2/2 - x*y"}
+    for method in simulate(scene(system, ["nonholonomic", "variational", "runge-kutta"]))["methods"]:
+        assert method["outcome"] == "unavailable"
+        assert "singular" in method["reason"]
+
+
+def test_a_ball_on_a_turntable_is_run_geometrically() -> None:
+    """Constraints with a part without velocities: the ball moves on a circle at 2/7 of the table's rate (Routh)."""
+    rate = 0.5
+    system = {
+        "coordinates": ["x", "y", "u", "w"], "lagrangian": "(x'^2+y'^2)/2 + (u'^2+w'^2)/5",
+        "constraints": ["x' - w' + 0.5*y", "y' + u' - 0.5*x"],
+    }  # fmt: skip
+    start = {"positions": {"x": 1, "y": 0, "u": 0, "w": 0}, "velocities": {"x": 0.1, "y": 0.2}}
+    methods = ["nonholonomic", {"method": "nonholonomic", "order": 4}]
+    document = scene(
+        system, methods, initial=start, observe=["trajectory", "energy", "error", "constraints"], steps=400
+    )
+    found = simulate(document)["methods"]
+    columns = found[1]["points"]["columns"]
+    angle = 2 / 7 * rate * np.array(columns["t"])
+    velocity = (0.1 + 0.2j) * np.exp(1j * angle)
+    path = 1 + (0.1 + 0.2j) * (np.exp(1j * angle) - 1) / (2j / 7 * rate)
+    assert np.abs(np.gradient(path, 0.05, edge_order=2) - velocity).max() < 1e-4
+    assert np.abs(np.array(columns["x"]) + 1j * np.array(columns["y"]) - path).max() < 1e-9
+    assert found[0]["max_constraint"] < 1e-14
+    assert found[0]["max_error"] < 1e-4
+    assert found[0]["max_energy_error"] is None
+    assert "may do work" in found[0]["energy_note"]
+
+
+def test_a_time_off_the_grid_is_noted() -> None:
+    document = scene(PLANE, ["variational"], time="2*pi")
+    del document["steps"]
+    assert any("The run ends at t = 6.3" in note for note in simulate(document)["notes"])
+
+
+@pytest.mark.parametrize("method", ["adaptive", "variational", "heyoka"])
+def test_a_motion_of_any_size_is_as_accurate(method: str) -> None:
+    if method == "heyoka":
+        pytest.importorskip("heyoka")
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
+    start = {"positions": {"x": 1e-30}, "velocities": {"x": 0}}
+    (found,) = simulate(scene(system, [method], initial=start, observe=["energy", "error"]))["methods"]
+    assert found["max_energy_error"] < 1e-12
+    assert found["max_error"] < 1e-32
+
+
+def test_a_part_that_costs_no_measurable_time_has_none() -> None:
+    document = scene(PLANE, ["variational"], observe=["energy", "constraints", "momenta", "cost"])
+    for part in simulate(document)["methods"][0]["cost"]["parts"]:
+        assert part["step_ns"] is None or part["step_ns"] >= 0
+
+
+def test_twelve_masses_on_a_chain_are_simulated() -> None:
+    """Fermi, Pasta, Ulam and Tsingou: the harmonic chain has frequencies 2 sin(k pi/2(n+1))."""
+    n = 12
+    names = [f"x{k}" for k in range(n)]
+    springs = [f"({names[k + 1]}-{names[k]})^2/2" for k in range(n - 1)] + [f"{names[0]}^2/2", f"{names[-1]}^2/2"]
+    lagrangian = "+".join(f"{name}'^2/2" for name in names) + "-(" + "+".join(springs) + ")"
+    mode = np.sin(np.pi * np.arange(1, n + 1) / (n + 1))
+    start = {"positions": dict(zip(names, map(float, mode), strict=True)), "velocities": dict.fromkeys(names, 0)}
+    system = {"coordinates": names, "lagrangian": lagrangian}
+    document = scene(system, [{"method": "runge-kutta", "order": 4}], initial=start, observe=["trajectory"])
+    columns = simulate(document)["methods"][0]["points"]["columns"]
+    expected = mode[3] * np.cos(2 * np.sin(np.pi / 2 / (n + 1)) * np.array(columns["t"]))
+    assert np.abs(np.array(columns["x3"]) - expected).max() < 1e-6
+
+
+def test_the_lagrangian_that_runs_for_ever_is_preferred() -> None:
+    """A damped oscillator: the autonomous L~ ends at the first x = 0, the one with t does not."""
+    autonomous = {"text": "atan(x'/x)*x'/x - log(x^2 + x'^2)/2", "latex": ""}
+    driven = {"text": "exp(t/5)*(x'^2 - x^2)/2", "latex": ""}
+    result = {
+        "system": {"coordinates": ["x"], "equations": {"x": "-x - x'/5"}, "parameters": []},
+        "lagrangian": autonomous, "hamiltonian": {"text": "x", "implicit": False},
+        "with_time": {"lagrangian": driven, "hamiltonian": {"text": "x", "implicit": False}},
+    }  # fmt: skip
+    start = {"positions": {"x": 1}, "velocities": {"x": 0}}
+    document = {"system": {"result": result}, "initial": start, "step": 0.02, "time": 20, "methods": ["variational"]}
+    (found,) = simulate(document)["methods"]
+    assert found["outcome"] == "completed"
+    assert "exp" in found["free_lagrangian"]
