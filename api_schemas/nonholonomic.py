@@ -149,6 +149,7 @@ class AssociatedPart(Document):
     lagrangian: LagrangianPart | None = None
     hamiltonian: HamiltonianPart | None = None
     certificate: dict[str, Any] | None = None
+    domain: list[str] = Field(default_factory=list)
     steps: list[ExplanationStep] = Field(default_factory=list)
 
 

@@ -56,11 +56,15 @@ class LagrangianPart(Formula):
 
 
 class HamiltonianPart(Formula):
-    """H(q, p), or H(q, q') with the momenta where p = dL/dq' has no closed inverse (`implicit`)."""
+    """H(q, p), or H(q, q') with the momenta where p = dL/dq' has no closed inverse (`implicit`).
+
+    `domain`: on which branch of that inverse it is H, as strict inequalities for coordinates, velocities and momenta.
+    """
 
     momenta: dict[str, str]
     implicit: bool
     constraints: list[str] = Field(default_factory=list)
+    domain: list[str] = Field(default_factory=list)
 
 
 class IntegralPart(Document):
@@ -104,7 +108,7 @@ class UnderstoodSystem(Document):
 
 
 class OtherAnswer(Document):
-    """The answer to the other question, L(t, q, q'), where it differs from the main one."""
+    """The answer to the other question, L(t, q, q'), where it differs from the main one; `domain` as in a result."""
 
     verdict: Verdict
     lagrangian: LagrangianPart | None = None
@@ -117,11 +121,21 @@ class OtherAnswer(Document):
     explanation: list[ExplanationStep] = Field(default_factory=list)
     checked: Checked | None = None
     reason: str = ""
+    domain: list[str] = Field(default_factory=list)
+
+
+class BranchPart(OtherAnswer):
+    """The answers on one of the open connected sets on which roots of squares and the like are single formulas."""
+
+    verdict_with_time: Verdict | None = None
+    with_time: OtherAnswer | None = None
 
 
 class ResultDocument(OtherAnswer):
     """Everything found out about one system; the main fields answer `question`.
 
+    They hold, generically, on the open connected set that the strict inequalities of `domain` cut out. Where the
+    answers differ with the signs of what stands under roots, `branches` has them all, that of the main fields first.
     `guessed` are names that the document did not declare and asked to be taken as constants (or functions).
     """
 
@@ -131,6 +145,7 @@ class ResultDocument(OtherAnswer):
     verdict_with_time: Verdict | None = None
     conditions: ConditionsPart | None = None
     with_time: OtherAnswer | None = None
+    branches: list[BranchPart] = Field(default_factory=list)
     special_cases: SpecialCasesPart | None = None
     guessed: list[str] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)

@@ -53,12 +53,16 @@ class Quotient:
 
 @dataclass(slots=True)
 class Generators:
-    """A growing list of generators (as trees) and the polynomial ring over them."""
+    """A growing list of generators (as trees) and the polynomial ring over them.
+
+    Where `opaque`, functions and roots are generators as they stand, whatever relations they have.
+    """
 
     tower: Tower
     trees: list[Expression] = field(default_factory=list)
     squares: dict[Expression, Expression] = field(default_factory=dict)
     capacity: int = 48
+    opaque: bool = False
 
     @property
     def context(self) -> fmpq_mpoly_ctx:
@@ -124,6 +128,8 @@ def _to_quotient(ring: Generators, expression: Expression) -> Quotient:
             return _product(ring, [to_quotient(ring, part) for part in parts])
         case Power(base, Number(exponent)) if exponent.denominator == 1:
             return _integer_power(to_quotient(ring, base), int(exponent))
+        case _ if ring.opaque:
+            return Quotient(ring.generator(expression), one)
         case Power(base, Number(exponent)):
             return _root(ring, base, exponent)
         case Apply():

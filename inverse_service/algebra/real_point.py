@@ -12,28 +12,34 @@ from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rules import RADIAN
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate, evaluate_once
-from inverse_service.expressions.tree import Arbitrary, Expression, distinct_nodes
+from inverse_service.expressions.tree import Arbitrary, Expression, distinct_nodes, number, subtract
 
 _DIGITS = 40
 _TRIES_PER_SCALE = 60
 _SCALES = ("1.7", "0.9", "0.4", "0.1", "5", "0.01", "30")
+# By how much a point is inside, where there is one.
+_MARGIN = Fraction(1, 4)
 _TINY = mpmath.mpf(10) ** -12
 
 RealTable = dict[Expression, mpmath.mpf]
 
 
-def find_real_point(expressions: Sequence[Expression], variables: Sequence[Variable], seed: int) -> RealTable | None:
-    """A random real point at which all expressions have values, or None after some hundred tries."""
-    functions = (node for node in distinct_nodes(expressions) if isinstance(node, Arbitrary))
+def find_real_point(
+    expressions: Sequence[Expression], variables: Sequence[Variable], seed: int, positive: Sequence[Expression] = ()
+) -> RealTable | None:
+    """A random real point at which all expressions have values and all of `positive` are so, or None."""
+    functions = (node for node in distinct_nodes((*expressions, *positive)) if isinstance(node, Arbitrary))
     names = list(dict.fromkeys([*variables, *functions]))
     generator = random.Random(f"real {seed}")
     with mpmath.workdps(_DIGITS):
-        for scale in map(mpmath.mpf, _SCALES):
-            for attempt in range(_TRIES_PER_SCALE):
-                table: RealTable = {name: _draw(generator, scale, attempt % 2 == 0) for name in names}
-                table[RADIAN] = mpmath.mpf(1)
-                if is_defined(expressions, table):
-                    return table
+        for margin in (_MARGIN, 0) if positive else (0,):
+            inside = [subtract(tree, number(margin)) for tree in positive]
+            for scale in map(mpmath.mpf, _SCALES):
+                for attempt in range(_TRIES_PER_SCALE):
+                    table: RealTable = {name: _draw(generator, scale, attempt % 2 == 0) for name in names}
+                    table[RADIAN] = mpmath.mpf(1)
+                    if are_positive(inside, table) and is_defined(expressions, table):
+                        return table
     return None
 
 
@@ -48,6 +54,14 @@ def is_defined(expressions: Sequence[Expression], table: RealTable) -> bool:
     try:
         return all(mpmath.isfinite(evaluate_once(expression, known)) for expression in expressions)
     except NoRealValue:
+        return False
+
+
+def are_positive(trees: Sequence[Expression], table: RealTable) -> bool:
+    """Whether all are, by more than rounding."""
+    try:
+        return all(real_sign(tree, table) > 0 for tree in trees)
+    except (NoRealValue, IrreducibleAtoms):
         return False
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
 from inverse_service.cli.family_search_pages import family_search_latex
 from inverse_service.cli.nonholonomic_pages import nonholonomic_latex
 from inverse_service.cli.special_cases_pages import special_cases_latex
-from inverse_service.cli.text_page import asks_for_time, verdict_sentence
+from inverse_service.cli.text_page import asks_for_time, branches_of, verdict_sentence
 from inverse_service.service.documents.latex_proof import display, escaped, latex_proof
+
+SIGNS = {"!=": r"\neq"}
 
 
 def latex_page(result: dict[str, Any], explain: bool) -> str:
@@ -20,9 +23,10 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
         lines += nonholonomic_latex(result["nonholonomic"])
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
-    lines += _answer(result, asks_for_time(result), explain)
-    if result["with_time"] is not None:
-        lines += _answer(result["with_time"], True, explain)
+    for branch in branches_of(result):
+        lines += _answer(branch, asks_for_time(result), explain)
+        if branch["with_time"] is not None:
+            lines += _answer(branch["with_time"], True, explain)
     if result.get("search") is not None:
         lines += family_search_latex(result["search"])
     if result.get("special_cases") is not None:
@@ -30,12 +34,19 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
     return "\n".join([*lines, r"\end{document}"]) + "\n"
 
 
+def _in_formula_mode(text: str) -> str:
+    """Inequality signs as LaTeX prints them in any font encoding."""
+    return re.sub("(!=|[<>])", lambda found: f"${SIGNS.get(found[0], found[0])}$", text)
+
+
 def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
-    yield escaped(f"{verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
-    if answer["lagrangian"] is not None:
-        yield display(f"L = {answer['lagrangian']['latex']}")
-    if answer["hamiltonian"] is not None:
-        yield display(f"H = {answer['hamiltonian']['latex']}")
+    sentence = verdict_sentence(answer["verdict"], with_time, answer.get("domain"))
+    yield _in_formula_mode(escaped(f"{sentence} {answer['reason']}".strip()))
+    for letter, part in (("L", answer["lagrangian"]), ("H", answer["hamiltonian"])):
+        if part is not None:
+            yield display(f"{letter} = {part['latex']}")
+            if part.get("domain"):
+                yield _in_formula_mode(escaped(f"where {', '.join(part['domain'])}."))
     if answer["solution_space"] is not None:
         yield escaped(answer["solution_space"]["statement"])
     if explain:

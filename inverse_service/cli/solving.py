@@ -44,7 +44,8 @@ def solve_file(
     sys.stdout.flush()
     if result.get("guessed") and form != "text":
         print(f"Not declared, taken as constants: {', '.join(result['guessed'])}.", file=sys.stderr)
-    return ExitCode.OPEN if result["verdict"] == "undetermined" else ExitCode.DONE
+    open_ = any(branch["verdict"] == "undetermined" for branch in (result, *result.get("branches", ())))
+    return ExitCode.OPEN if open_ else ExitCode.DONE
 
 
 def given_document(name: str, guess: bool | None) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from inverse_service.cli.family_search_pages import family_search_lines
@@ -12,9 +12,9 @@ from inverse_service.cli.special_cases_pages import special_cases_lines
 LONG = 300
 QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
 SENTENCES = {
-    "variational": "Variational: a regular Lagrangian {question} exists.",
-    "not_variational": "Not variational: no regular Lagrangian {question} exists.",
-    "undetermined": "Undetermined: whether a regular Lagrangian {question} exists was not settled.",
+    "variational": "Variational{where}: a regular Lagrangian {question} exists.",
+    "not_variational": "Not variational{where}: no regular Lagrangian {question} exists.",
+    "undetermined": "Undetermined{where}: whether a regular Lagrangian {question} exists was not settled.",
 }
 
 
@@ -26,11 +26,9 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     )
     if result.get("guessed"):
         lines.append(f"  not declared, taken as constants: {', '.join(result['guessed'])}")
-    lines += [*_system(result["system"]), *_answer(result, asks_for_time(result), explain)]
-    if result["with_time"] is not None:
-        lines += ["", *_answer(result["with_time"], True, explain)]
-    elif result["verdict_with_time"] is not None and not asks_for_time(result):
-        lines += ["", verdict_sentence(result["verdict_with_time"], True)]
+    lines += [*_system(result["system"]), *_cases(result)]
+    for place, branch in enumerate(branches_of(result)):
+        lines += [""] * (place > 0) + list(_both_answers(branch, asks_for_time(result), explain))
     if result.get("search") is not None:
         lines += ["", *family_search_lines(result["search"])]
     if result.get("special_cases") is not None:
@@ -38,6 +36,29 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     if explain:
         lines += ["", *_conditions(result["conditions"])]
     return "\n".join(lines) + "\n"
+
+
+def branches_of(result: dict[str, Any]) -> list[dict[str, Any]]:
+    """The answers on each branch; the result itself where there is one."""
+    return result.get("branches") or [result]
+
+
+def _cases(result: dict[str, Any]) -> Iterator[str]:
+    branches = branches_of(result)
+    if len(branches) > 1:
+        yield f"{len(branches)} cases:"
+        yield from (f"  {', '.join(each['domain'])}: {each['verdict'].replace('_', ' ')}" for each in branches)
+        yield ""
+
+
+def _both_answers(result: dict[str, Any], for_time: bool, explain: bool) -> Iterator[str]:
+    yield from _answer(result, for_time, explain)
+    if result["with_time"] is not None:
+        yield ""
+        yield from _answer(result["with_time"], True, explain)
+    elif result["verdict_with_time"] is not None and not for_time:
+        yield ""
+        yield verdict_sentence(result["verdict_with_time"], True, result.get("domain"))
 
 
 def asks_for_time(result: dict[str, Any]) -> bool:
@@ -49,9 +70,10 @@ def asks_for_time(result: dict[str, Any]) -> bool:
 LONGEST_IMPLICIT = 300
 
 
-def verdict_sentence(verdict: str, with_time: bool) -> str:
-    """The verdict as a sentence that says which question it answers."""
-    return SENTENCES[verdict].format(question=QUESTIONS[with_time])
+def verdict_sentence(verdict: str, with_time: bool, domain: Sequence[str] | None = None) -> str:
+    """The verdict as a sentence that says which question it answers, and on which set."""
+    where = f" on {', '.join(domain)}" if domain else ""
+    return SENTENCES[verdict].format(question=QUESTIONS[with_time], where=where)
 
 
 def _system(system: dict[str, Any] | None) -> Iterator[str]:
@@ -64,7 +86,7 @@ def _system(system: dict[str, Any] | None) -> Iterator[str]:
 
 
 def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
-    yield verdict_sentence(answer["verdict"], with_time)
+    yield verdict_sentence(answer["verdict"], with_time, answer.get("domain"))
     if answer["reason"]:
         yield f"  {answer['reason']}"
     if answer["checked"] is not None:
@@ -99,6 +121,7 @@ def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[str]:
         yield "  H = p v - L; no closed form of the velocities in the momenta was found"
     else:
         yield f"  H = {hamiltonian['text']}"
+        yield from (f"      where {condition}" for condition in hamiltonian.get("domain", ()))
     yield from (f"      {momentum} = {text}" for momentum, text in hamiltonian["momenta"].items())
     yield from (f"      constraint {text} = 0" for text in hamiltonian["constraints"])
 

@@ -3,7 +3,7 @@
     formula    = term {("+" | "-") term}
     term       = signs factor {("*" signs | "/" signs | nothing) factor}
     factor     = base ["^" signs factor]                      right associative, tighter than a sign
-    base       = number | "(" formula ")" | name | name primes | function
+    base       = number | "(" formula ")" | "|" formula "|" | name | name primes | function
     function   = name ["^" base] ( "(" formula {"," formula} ")" | [number] factor )
 
 Where a reader could take "nothing" for something else than a product (a/b c, x(y + 1), sin x y,
@@ -74,10 +74,14 @@ class FormulaParser(OperandParser):
         token = self._stream.take_operator("*", "/")
         if token:
             return token.text
-        if not _starts_factor(self._stream.ahead):
+        if not self._continues(self._stream.ahead):
             return None
         self._check_adjacent(after_division=previous == "/")
         return ""
+
+    def _continues(self, token: Token) -> bool:
+        """Whether a further factor begins; inside | … a bar ends it."""
+        return _starts_factor(token) or (token.is_operator("|") and not self._bars)
 
     def _check_adjacent(self, after_division: bool) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column
@@ -116,19 +120,24 @@ class FormulaParser(OperandParser):
             return number(token.value)
         if token.kind == "name":
             return self._name(token)
+        if token.is_operator("|"):
+            return call("abs", self._until(token, "|", 1), token.column)
         if not token.is_operator("("):
             raise unexpected(token, _OPERAND)
-        inner = self._expression()
-        self._stream.close(token)
-        return inner
+        return self._until(token, ")", 1)[0]
 
     def _arguments(self) -> list[Expression]:
-        opening = self._stream.take()
-        arguments = [self._expression()]
-        while self._stream.take_operator(","):
-            arguments.append(self._expression())
-        self._stream.close(opening)
-        return arguments
+        return self._until(self._stream.take(), ")", self._limits.tokens)
+
+    def _until(self, opening: Token, closing: str, most: int) -> list[Expression]:
+        """At most so many formulas, separated by commas, and what closes them."""
+        bars, self._bars = self._bars, int(closing == "|")
+        found = [self._expression()]
+        while len(found) < most and self._stream.take_operator(","):
+            found.append(self._expression())
+        self._stream.close(opening, closing)
+        self._bars = bars
+        return found
 
     def _elementary(self, token: Token) -> Expression:
         exponent = self._function_power(token)

@@ -17,6 +17,7 @@ from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 _PRODUCTS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "lbrace": "(", "rbrace": ")", "{": "(", "}": ")"}
 _OPENING, _CLOSING = "([", ")]"
+_BARS = ("vert", "lvert", "rvert")
 _REASONS = {
     "partial": "write diff(A(x, y), x) for a partial derivative",
     "int": "integrals are not carried out, write the integral itself",
@@ -26,8 +27,6 @@ _REASONS = {
     "mp": "write one sign",
     "dddot": "write equations of second order",
     "ddddot": "write equations of second order",
-    "vert": "absolute values are not differentiable, write the branch u or -u",
-    "lvert": "absolute values are not differentiable, write the branch u or -u",
 }
 
 
@@ -71,7 +70,7 @@ class LatexTranslator(LatexDerivatives):
             self._tokens.append(Token("prime", raw.text, raw.column, raw.space_before, Fraction(len(raw.text))))
         elif raw.is_character("("):
             self._emit("(", raw, space=raw.space_before or self._holds_a_sum())
-        elif raw.text and raw.text in "+-*/)=,;":
+        elif raw.text and raw.text in "+-*/)=,;|":
             self._emit(raw.text, raw)
         elif raw.is_character("[", "]"):
             self._emit("(" if raw.text == "[" else ")", raw)
@@ -92,7 +91,6 @@ class LatexTranslator(LatexDerivatives):
         reasons = {
             "_": "a subscript belongs to a name, as in r_1",
             "}": "it closes nothing, leave it out",
-            "|": "absolute values are not differentiable, write the branch u or -u",
         }
         what = "the formula ends" if raw.kind == "end" else f"'{raw.text}' is not expected"
         return refusal(what, raw.column, reasons.get(raw.text, "something is missing here"))
@@ -123,6 +121,8 @@ class LatexTranslator(LatexDerivatives):
             self._font(raw)
         elif name in ("left", "right"):
             self._delimiter(raw)
+        elif name in _BARS:
+            self._emit("|", raw)
         elif name in _PRODUCTS:
             self._emit(_PRODUCTS[name], raw)
         elif name == "\\":
@@ -150,10 +150,10 @@ class LatexTranslator(LatexDerivatives):
             if delimiter.text in ("{", "lbrace") and not self._closes_later():
                 return  # \left\{ before a list of equations; it is ended by \right.
             self._emit("(" if raw.text == "left" else ")", raw, space=True)
+        elif delimiter.text in ("|", *_BARS):
+            self._emit("|", raw)
         elif not (delimiter.is_character(".") and raw.text == "right"):
-            reason = "absolute values are not differentiable, write the branch u or -u"
-            instead = reason if delimiter.text in ("|", "vert", "lvert") else "write ( and )"
-            raise refusal(f"this delimiter after \\{raw.text} is not accepted", raw.column, instead)
+            raise refusal(f"this delimiter after \\{raw.text} is not accepted", raw.column, "write ( and )")
 
     def _holds_a_sum(self) -> bool:
         """Whether a + or - stands between the ( just read and its ): r(r - 2M) is a product, f(x) may be none."""

@@ -24,12 +24,13 @@ from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
 class OperandParser(ABC):
     """Reads what begins with a name; sums and products are the business of `grammar.py`."""
 
-    __slots__ = ("_limits", "_names", "_stream")
+    __slots__ = ("_bars", "_limits", "_names", "_stream")
 
     def __init__(self, stream: TokenStream, names: Names) -> None:
         self._stream = stream
         self._names = names
         self._limits = stream.limits
+        self._bars = 0
 
     @abstractmethod
     def _expression(self) -> Expression:

@@ -30,7 +30,6 @@ _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _COMPARISONS = frozenset("<>\u2264\u2265\u2260")
 _REASONS = {
     "!": "factorials are not accepted, write the number",
-    "|": "absolute values are not differentiable, write the branch u or -u",
     "%": "write the formula of one interval",
     "{": "write ( and )",
     "}": "write ( and )",
@@ -164,7 +163,7 @@ def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     if text.startswith("**", place):
         return [Token("operator", "^", column, space)], place + 2
     character = OPERATORS.get(character, character)
-    if character in "+-*/^()[],=;":
+    if character in "+-*/^()[],=;|":
         return [Token("operator", character, column, space)], place + 1
     what = f"the character {describe(text[place])} is not accepted"
     raise refusal(what, column, _REASONS.get(text[place], _OTHERWISE))

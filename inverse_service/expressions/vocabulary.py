@@ -21,11 +21,20 @@ from inverse_service.expressions.tree import (
 ALIASES = {
     "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "tg": "tan", "ctg": "cot", "sh": "sinh",
     "ch": "cosh", "th": "tanh", "arsinh": "asinh", "arcosh": "acosh", "artanh": "atanh", "arcsinh": "asinh",
-    "arccosh": "acosh", "arctanh": "atanh", "cosec": "csc",
+    "arccosh": "acosh", "arctanh": "atanh", "cosec": "csc", "Abs": "abs", "sgn": "sign",
 }  # fmt: skip
+
+
+def _magnitude(u: Expression) -> Expression:
+    """|u|: sqrt(u^2), whose two sides are told apart where the equations are solved."""
+    return number(abs(u.value)) if isinstance(u, Number) else square_root(power(u, 2))
+
+
 _COMPOSED: dict[str, Callable[[Expression], Expression]] = {
     "sqrt": square_root,
     "cbrt": lambda u: power(u, Fraction(1, 3)),
+    "abs": _magnitude,
+    "sign": lambda u: divide(u, _magnitude(u)),
     "log10": lambda u: divide(apply("log", u), apply("log", number(10))),
     "log2": lambda u: divide(apply("log", u), apply("log", number(2))),
 }
@@ -36,10 +45,6 @@ _KINK = "is not differentiable everywhere"
 _SPECIAL = "is not an elementary function"
 _DECLARE = 'declare a function of your own in "functions" and use its derivatives'
 REFUSED: dict[str, tuple[str, str]] = {
-    "abs": (_KINK, "choose the branch and write u where u > 0 or -u where u < 0"),
-    "Abs": (_KINK, "choose the branch and write u where u > 0 or -u where u < 0"),
-    "sign": (_KINK, "write 1 or -1 for the branch that you study"),
-    "sgn": (_KINK, "write 1 or -1 for the branch that you study"),
     "floor": (_KINK, "write the integer for the interval that you study"),
     "ceil": (_KINK, "write the integer for the interval that you study"),
     "round": (_KINK, "write the integer for the interval that you study"),
@@ -106,6 +111,7 @@ _DOMAINS: dict[str, tuple[Callable[[Fraction], bool], str]] = {
     "csc": (bool, "a number other than 0"),
     "coth": (bool, "a number other than 0"),
     "csch": (bool, "a number other than 0"),
+    "sign": (bool, "a number other than 0"),
 }
 
 

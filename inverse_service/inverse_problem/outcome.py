@@ -26,7 +26,10 @@ class SolutionSpace:
 
 @dataclass(frozen=True, slots=True)
 class Lagrangian:
-    """A regular Lagrangian, its Hessian g, the functions that must not vanish, and its family."""
+    """A regular Lagrangian, its Hessian g, the functions that must not vanish, and its family.
+
+    Where all trees of `positive` are > 0, an open connected set, it is a Lagrangian of the system.
+    """
 
     expression: Expression
     multiplier: Matrix
@@ -40,7 +43,8 @@ class Hamiltonian:
     """H over (q, p), p of coordinate x being Symbol("p_x"); over (q, v) where `implicit`.
 
     `symbols[i]` names the momentum of coordinate i, `momenta[i]` is p_i(t, q, v); `note` says on
-    which branch the transform was inverted, or why it was not.
+    which branch the transform was inverted, or why it was not; there every tree of `positive`, over
+    (t, q, v, p), is > 0.
     """
 
     expression: Expression
@@ -49,6 +53,7 @@ class Hamiltonian:
     constraints: tuple[Expression, ...] = ()
     symbols: tuple[Symbol, ...] = ()
     note: str = ""
+    positive: tuple[Expression, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +81,10 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The answer to one question: is there L(q, q'), or is there L(t, q, q')?"""
+    """The answer to one question: is there L(q, q'), or is there L(t, q, q')?
+
+    It holds on the open connected set where all trees of `positive` are > 0, at generic points of it.
+    """
 
     verdict: Verdict
     reason: str = ""
@@ -87,6 +95,7 @@ class Answer:
     certificate: Mapping[str, Any] | None = None
     checked: Literal["valid", "incomplete", "invalid"] | None = None
     explanation: tuple[Step, ...] = ()
+    positive: tuple[Expression, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,11 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import (
     as_given_steps,
+    branch_steps,
     existence_steps,
     hamiltonian_of,
     legendre_steps,
@@ -40,6 +42,7 @@ from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.linear_pde.deciding import Limits
+from inverse_service.mechanics.branches import MOST_BRANCHES, MOST_COUNTED, branches_of, on_branch
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
@@ -72,12 +75,35 @@ class _Work:
         return self.deadline - time.monotonic()
 
 
+def solve_branches(
+    system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
+) -> tuple[Solution, ...]:
+    """The answers on each open set on which roots of squares, |u| and the like are single formulas.
+
+    Each has its share of the time. More than `MOST_BRANCHES` give one undetermined answer.
+    """
+    branches = branches_of(system)
+    if len(branches) > MOST_BRANCHES:
+        number = f"{len(branches)} or more" if len(branches) == MOST_COUNTED else str(len(branches))
+        reason = (
+            f"roots of squares and the like make {number} cases of signs, each with an answer of its own; "
+            f"at most {MOST_BRANCHES} are solved: write the formulas of one"
+        )
+        return (_unreduced(system, options, None, reason),)
+    end, solutions = time.monotonic() + options.time_limit, []
+    for place, branch in enumerate(branches):
+        share = (end - time.monotonic()) / (len(branches) - place)
+        solutions.append(solve(branch, replace(options, time_limit=max(0.1, share)), progress))
+    return tuple(solutions)
+
+
 def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None) -> Solution:
-    """The answers to the questions asked; mathematics that cannot be settled is an outcome.
+    """The answers on the first branch of the system; mathematics that cannot be settled is an outcome.
 
     Raises CertificateRefused where our own checker finds our certificate invalid: a fault of ours.
     """
     began = time.monotonic()
+    system = branches_of(system)[0]
     report = progress or (lambda _: None)
     printed, left_out = None, ""
     if options.conditions:
@@ -86,11 +112,12 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     seconds = {"conditions": time.monotonic() - began}
     try:
         analysis = analyse(system)
+        domain = domain_of(analysis).positive
     except IrreducibleAtoms as problem:
         return _unreduced(system, options, printed, problem.detail)
     seconds["analysis"] = time.monotonic() - began - seconds["conditions"]
     work = _Work(analysis, options, report, began + options.time_limit, seconds)
-    autonomous, with_time = _explained(_answers(work), system)
+    autonomous, with_time = _placed(_explained(_answers(work), system), system, domain)
     provenance = {
         "seed": options.seed,
         "time_limit": options.time_limit,
@@ -131,7 +158,7 @@ def _as_given(work: _Work) -> Answer | None:
     system = work.analysis.system
     began = time.monotonic()
     work.progress("the equations as given")
-    tree = lagrangian_as_given(system, work.options.given)
+    tree = lagrangian_as_given(system, tuple(on_branch(equation, system) for equation in work.options.given))
     work.add_seconds("search", began)
     for form in dict.fromkeys((tidied(tree, system), tree)) if tree is not None else ():
         with_time = TIME in walk(form)
@@ -155,6 +182,22 @@ def _explained(
     """Both with a word on letters that have two meanings; one answer to both questions stays one."""
     autonomous, with_time = (answer and with_shared_letters(answer, system) for answer in answers)
     return autonomous, autonomous if answers[0] is answers[1] else with_time
+
+
+def _placed(
+    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem, domain: tuple[Expression, ...]
+) -> tuple[Answer | None, Answer | None]:
+    """Both with the set on which they hold; one answer to both questions stays one."""
+
+    def placed(answer: Answer | None) -> Answer | None:
+        if answer is None:
+            return None
+        where = domain if answer.lagrangian is None else answer.lagrangian.positive
+        steps = branch_steps(system, where) if answer.explanation else ()
+        return replace(answer, positive=where, explanation=(*steps, *answer.explanation))
+
+    autonomous = placed(answers[0])
+    return autonomous, autonomous if answers[0] is answers[1] else placed(answers[1])
 
 
 def _is_complete(answer: Answer) -> bool:
@@ -268,7 +311,11 @@ def _searched(work: _Work, decision: Decision) -> SearchOutcome:
 
 def _is_confirmed(work: _Work, tree: Expression, with_time: bool) -> bool:
     """Whether the checker finds the Lagrangian valid; that it refuses one is a fault of ours, and logged."""
-    found = _verdict(work, certify.of_lagrangian(work.analysis, tree, with_time))
+    try:
+        certificate = certify.of_lagrangian(work.analysis, tree, with_time)
+    except IrreducibleAtoms:
+        return False  # no connected set was found on which it is defined
+    found = _verdict(work, certificate)
     if found.verdict == "invalid":
         log.warning("The checker refused the Lagrangian %s: %s", to_text(tree), "; ".join(found.reasons))
     return found.verdict == "valid"
@@ -280,7 +327,7 @@ def _completed(work: _Work, answer: Answer, others: list[Expression], with_time:
     began = time.monotonic()
     work.progress("Hamiltonian")
     names = work.analysis.system.coordinates
-    hamiltonian = hamiltonian_of(answer.lagrangian.expression, names)
+    hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
     steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
     confirmed = [other for other in others if _is_confirmed(work, other, with_time)]

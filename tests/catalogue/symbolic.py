@@ -51,6 +51,8 @@ def value(expression: sympy.Expr, point: Point) -> Any:
     """The number of an expression in mpmath's working precision, real or complex."""
     if expression in point:
         return point[expression]
+    if expression == sympy.pi:
+        return +mpmath.pi
     if expression.is_Rational:
         return mpmath.mpf(expression.p) / expression.q
     parts = [value(part, point) for part in expression.args]

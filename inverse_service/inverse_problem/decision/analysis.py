@@ -12,6 +12,7 @@ from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from inverse_service.mechanics.branches import branches_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 if TYPE_CHECKING:
@@ -45,9 +46,11 @@ def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:
 
 
 def analyse(system: SecondOrderSystem) -> Analysis:
-    """Raises IrreducibleAtoms where the relations among the atoms cannot be settled."""
+    """The first branch of the system; IrreducibleAtoms where the relations among the atoms cannot be settled."""
+    system = branches_of(system)[0]
     kernels = tuple(to_kernels(f) for f in system.accelerations)
     variables = variables_of(system)
-    table = find_real_point(kernels, variables, seed=1)
+    given = [to_kernels(f) for f in system.given] if system.positive else []
+    table = find_real_point([*kernels, *given], variables, seed=1, positive=system.positive)
     tower = reduce_atoms(kernels, variables, table)
     return Analysis(system, kernels, tower, table)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import mpmath
 
+from inverse_service.algebra.components import component
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined
+from inverse_service.algebra.requirements import requirements
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Integral, Symbol, Velocity, walk
+from inverse_service.expressions.tree import Expression, Integral, Power, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.decision.power_series import count, is_rational, regular_series
@@ -27,8 +30,8 @@ _MOST_COEFFICIENTS = 5_000
 
 def of_lagrangian(analysis: Analysis, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
     """L itself is the proof."""
-    table = _point_of(analysis, to_kernels(lagrangian))
-    head = _head(analysis.system, table, with_time, "variational", "lagrangian")
+    domain = domain_of(analysis, lagrangian)
+    head = _head(analysis.system, domain, with_time, "variational", "lagrangian")
     return head | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
 
 
@@ -59,13 +62,39 @@ def walk_integrals(tree: Expression) -> Iterator[Integral]:
                     yield from walk_integrals(slope)
 
 
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """An open connected set, where all trees of `positive` are > 0, and a real point of it."""
+
+    positive: tuple[Expression, ...]
+    point: RealTable | None
+
+
+def domain_of(analysis: Analysis, lagrangian: Expression | None = None) -> Domain:
+    """Where f, and L, are one analytic function each; poles outside of roots and the like do not matter to that.
+
+    Raises IrreducibleAtoms where no such set is found.
+    """
+    system, formulas = analysis.system, list(analysis.system.accelerations)
+    table = analysis.real_point
+    if lagrangian is not None:
+        slopes = (slope for node in walk_integrals(lagrangian) for slope in node.slopes)
+        formulas += [lagrangian, *(slope for slope in slopes if slope is not None)]
+        table = _point_of(analysis, to_kernels(lagrangian))
+    if table is None:
+        return Domain((), None)
+    positive = [*system.positive, *requirements(formulas, table)]
+    return Domain(tuple(component(positive, table, [Symbol(name) for name in system.parameters])), table)
+
+
 def _point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:
     """A real point at which f and L are defined: that of f, where L is defined there too."""
     table = analysis.real_point
     if table is not None and is_defined([lagrangian], table):
         return table
     variables = variables_of(analysis.system)
-    return find_real_point([*analysis.accelerations, lagrangian], variables, _SEED) or table
+    formulas = [*analysis.accelerations, lagrangian]
+    return find_real_point(formulas, variables, _SEED, analysis.system.positive) or table
 
 
 def of_decision(
@@ -78,13 +107,13 @@ def of_decision(
     """
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
-        head = _head(analysis.system, analysis.real_point, decision.with_time, "not_variational", "nonexistence")
+        head = _head(analysis.system, domain_of(analysis), decision.with_time, "not_variational", "nonexistence")
         return head | {"order": decision.order, "rows": rows}
     if decision.verdict != "variational" or decision.symbol is None:
         raise ValueError("only a definite decision has a certificate")
     # The dimension stopped falling between order - 1 and order.
     order = decision.order - 1
-    head = _head(analysis.system, analysis.real_point, decision.with_time, "variational", "existence")
+    head = _head(analysis.system, domain_of(analysis), decision.with_time, "variational", "existence")
     data = {
         "order": order,
         "degree": decision.degree,
@@ -112,7 +141,7 @@ def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> di
         return {}
 
 
-def _head(system: SecondOrderSystem, table: RealTable | None, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+def _head(system: SecondOrderSystem, domain: Domain, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
     head = {
         "format": FORMAT,
         "system": _system(system),
@@ -120,12 +149,21 @@ def _head(system: SecondOrderSystem, table: RealTable | None, with_time: bool, c
         "claim": claim,
         "kind": kind,
     }
-    near = _near(system, table)
-    return head | {"near": near} if near else head
+    parts = {
+        "near": _near(system, domain.point),
+        "conditions": [f"{to_text(tree)} > 0" for tree in domain.positive],
+        "roots": _roots(system),
+    }
+    return head | {key: part for key, part in parts.items() if part}
+
+
+def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
+    found = () if system.branch is None else system.branch.roots
+    return [{"root": to_text(root), "is": to_text(value)} for root, value in found if isinstance(root, Power)]
 
 
 def _system(system: SecondOrderSystem) -> dict[str, Any]:
-    pairs = zip(system.coordinates, system.accelerations, strict=True)
+    pairs = zip(system.coordinates, system.given, strict=True)
     return {
         "coordinates": list(system.coordinates),
         "equations": {name: to_text(f) for name, f in pairs},

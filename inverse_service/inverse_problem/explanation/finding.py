@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from inverse_service.algebra.requirements import own_requirements
 from inverse_service.errors import InputError
+from inverse_service.expressions.inequalities import inequality
 from inverse_service.expressions.notation import Formula, listed, row
 from inverse_service.expressions.tree import TIME, Expression
 from inverse_service.inverse_problem.decision import certify
@@ -21,6 +23,7 @@ from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.specialists import REASONS
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # The order of the series that is written out, and how many coefficients it may have.
 _SERIES_ORDER = 2
@@ -109,6 +112,20 @@ def of_lagrangian(
     )
 
 
+def branch_steps(system: SecondOrderSystem, positive: Sequence[Expression]) -> tuple[Step, ...]:
+    """On which set the answer holds, and what the rewritten roots are there."""
+    if not positive:
+        return ()
+    where = listed([inequality(tree) for tree in positive], ", ")
+    roots = () if system.branch is None else system.branch.roots
+    if not roots:
+        return (said("All this is about the connected set where ", where, "."),)
+    values = listed([row(root, " = ", value) for root, value in roots], ", ")
+    return (
+        said("On the connected set where ", where, ": ", _written(values, "the roots are those given here"), "."),
+    )
+
+
 def as_given_steps(tree: Expression) -> tuple[Step, ...]:
     """How L follows from equations that are Euler-Lagrange equations as written."""
     step = said(
@@ -149,16 +166,25 @@ def verification_steps(analysis: Analysis, lagrangian: Lagrangian) -> tuple[Step
     return explain_positive(analysis.system, lagrangian.multiplier).steps
 
 
-def hamiltonian_of(lagrangian: Expression, names: Sequence[str]) -> Hamiltonian | None:
-    """The Legendre transform; None where the Hessian is singular after all."""
+def hamiltonian_of(
+    lagrangian: Expression, names: Sequence[str], positive: Sequence[Expression] = ()
+) -> Hamiltonian | None:
+    """The Legendre transform where all of `positive` are > 0; None where the Hessian is singular after all."""
     try:
-        transform = legendre(lagrangian, names)
+        transform = legendre(lagrangian, names, positive=positive)
     except InputError:
         return None
     if transform.implicit:
         transform = in_velocity_forms(lagrangian, transform, names)
+    where = () if transform.implicit else (*transform.conditions, *own_requirements([transform.hamiltonian]))
     return Hamiltonian(
-        transform.hamiltonian, transform.momenta, transform.implicit, (), transform.symbols, transform.note
+        transform.hamiltonian,
+        transform.momenta,
+        transform.implicit,
+        (),
+        transform.symbols,
+        transform.note,
+        tuple(dict.fromkeys(where)),
     )
 
 

@@ -94,6 +94,7 @@ def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> A
         certificate=certify.of_lagrangian(analysis, chosen.lagrangian, with_time=False),
         checked="valid",
         explanation=steps,
+        positive=lagrangian.positive,
     )
 
 

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from inverse_service.algebra.rational_functions import TooLarge
-from inverse_service.expressions.tree import Apply, Expression, Number, Power, Symbol, Velocity, walk
+from inverse_service.expressions.tree import Expression, Number, Power, Symbol, Velocity, negate, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.outcome import Lagrangian, Matrix
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import hessian
 
 
 def describe(analysis: Analysis, lagrangian: Expression, family: str) -> Lagrangian:
-    """g = d2L/dv dv, the functions that must not vanish, those that must be positive."""
+    """g = d2L/dv dv, the functions that must not vanish, those that are positive on its connected domain."""
     names = analysis.system.coordinates
     multiplier = tuple(tuple(_compact(entry) for entry in row) for row in hessian(lagrangian, names))
-    positive = _distinct(_radicands(lagrangian))
-    nonzero = _distinct(p for p in _denominators(lagrangian, multiplier) if p not in positive)
+    positive = domain_of(analysis, lagrangian).positive
+    signed = {*positive, *map(negate, positive)}
+    nonzero = _distinct(p for p in _denominators(lagrangian, multiplier) if p not in signed)
     return Lagrangian(lagrangian, multiplier, nonzero, family, positive)
 
 
@@ -30,15 +32,6 @@ def _compact(entry: Expression) -> Expression:
 
 def _varies(tree: Expression) -> bool:
     return any(isinstance(node, Symbol | Velocity) for node in walk(tree))
-
-
-def _radicands(tree: Expression) -> Iterable[Expression]:
-    """Bases of fractional powers and arguments of logarithms."""
-    for node in walk(tree):
-        if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator > 1:
-            yield node.base
-        if isinstance(node, Apply) and node.function == "log":
-            yield node.argument
 
 
 def _denominators(lagrangian: Expression, multiplier: Matrix) -> Iterable[Expression]:

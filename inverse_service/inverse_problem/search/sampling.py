@@ -67,7 +67,7 @@ def make_sampler(analysis: Analysis, letters: Iterable[tuple[Expression, Fractio
     extra = [to_kernels(tree) for letter, e in letters for tree in (letter, power(letter, Fraction(1, e.denominator)))]
     wanted = [*analysis.accelerations, *dict.fromkeys(extra)]
     variables = variables_of(analysis.system)
-    table = find_real_point(wanted, variables, seed=2)
+    table = find_real_point(wanted, variables, seed=2, positive=analysis.system.positive)
     if table is None:
         raise IrreducibleAtoms("the ansatz has no real point in common with f")
     atoms = _atoms(wanted)

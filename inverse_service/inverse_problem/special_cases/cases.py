@@ -110,7 +110,7 @@ def specialised(question: Question, stratum: Stratum, functions: FunctionCase) -
         collect(substitute(_with_polynomials(f, polynomials), table)) for f in question.system.accelerations
     )
     kept = tuple(f for f in question.system.functions if f.name not in functions)
-    return replace(question.system, accelerations=accelerations, parameters=stratum.free, functions=kept)
+    return replace(question.system, accelerations=accelerations, parameters=stratum.free, functions=kept, branch=None)
 
 
 def _with_polynomials(tree: Expression, polynomials: Mapping[str, tuple[str, ...]]) -> Expression:

@@ -45,26 +45,29 @@ class Judgement:
     conditions: tuple[Expression, ...]
 
 
-def sample_points(trees: Sequence[Expression]) -> list[Point]:
+def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = ()) -> list[Point]:
     """Up to 20 points at which every tree is real, six of them with all names positive, parameters too.
+
+    All trees of `positive` are so at each of them.
 
     Equal calls of an arbitrary function get the same value however their arguments are written.
     """
-    leaves, calls = _leaves(trees)
+    leaves, calls = _leaves((*trees, *positive))
     source = random.Random(_SEED)
     found: list[Point] = []
-    positive = 0
+    in_all = 0
     with mp.workdps(DIGITS):
         for attempt in range(_ATTEMPTS):
             width = mpf(_WIDTHS[attempt // 2 % len(_WIDTHS)])
             in_quadrant = attempt % 2 == 0
-            if in_quadrant and positive == _MOST_POSITIVE:
+            if in_quadrant and in_all == _MOST_POSITIVE:
                 continue
             point = {leaf: _draw(source, width, in_quadrant) for leaf in leaves}
             point.update({call: point[canonical] for call, canonical in calls.items()})
-            if all(value(tree, point) is not None for tree in trees):
+            inside = all(_is_positive(condition, point) for condition in positive)
+            if inside and all(value(tree, point) is not None for tree in trees):
                 found.append(point)
-                positive += in_quadrant
+                in_all += in_quadrant
             if len(found) == _MOST_POINTS:
                 break
     return found

@@ -77,10 +77,16 @@ class _Chosen:
     judgement: Judgement
 
 
-def legendre(lagrangian: Expression, coordinates: Sequence[str], time_limit: float = TIME_LIMIT) -> LegendreTransform:
-    """The Legendre transform of L(t, q, v); InputError where d2L/dv_i dv_j is singular everywhere.
+def legendre(
+    lagrangian: Expression,
+    coordinates: Sequence[str],
+    time_limit: float = TIME_LIMIT,
+    positive: Sequence[Expression] = (),
+) -> LegendreTransform:
+    """The Legendre transform of L(t, q, v) where all trees of `positive` are > 0.
 
-    The search for an inverse of p = dL/dv starts nothing new after `time_limit` seconds.
+    InputError where d2L/dv_i dv_j is singular everywhere. The search for an inverse of p = dL/dv starts nothing new
+    after `time_limit` seconds.
     """
     reach = Reach(deadline=time.monotonic() + time_limit)
     names = tuple(coordinates)
@@ -88,7 +94,7 @@ def legendre(lagrangian: Expression, coordinates: Sequence[str], time_limit: flo
     functions = tuple(simplified(tree) for tree in momenta(lagrangian, names))
     parts = split(lagrangian, names, dict(zip(names, symbols, strict=True)))
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
-    points = sample_points([lagrangian, *functions])
+    points = sample_points([lagrangian, *functions], positive)
     if not points:
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
     if is_singular(hessian(lagrangian, names), points):

@@ -60,14 +60,27 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
     why = "; ".join(found.reasons)
     if found.verdict == "invalid":
         raise CertificateRefused(f"what was solved is not what was given: {why}"[:500])
-    for one in (result, result["with_time"] or {}):
+    branches = [each for branch in result["branches"] for each in (branch, branch["with_time"])]
+    for one in filter(None, (result, result["with_time"], *branches)):
         for key in ("verdict", "verdict_with_time"):
             if one.get(key) is not None:
                 one[key] = "undetermined"
                 one["reason"] = f"An answer was found, but the system could not be compared with the document: {why}"
 
 
+def _with_branches(alone: CheckResult, result: Any) -> CheckResult:
+    """The worst of the verdicts on a result and on each of its branches, which are shown to the checker one by one."""
+    listed = _object(result).get("branches")
+    found = alone
+    for branch in listed[1:] if isinstance(listed, list) else []:
+        other = check_result({**result, **_object(branch), "branches": []})
+        if _FROM_BEST.index(other.verdict) > _FROM_BEST.index(found.verdict):
+            found = other
+    return found
+
+
 def _with_comparison(alone: CheckResult, result: Any, document: object, end: float) -> CheckResult:
+    alone = _with_branches(alone, result)
     if alone.verdict == "invalid":
         return alone
     given = _object(result.get("system")).get("given") if document is None else document
@@ -103,6 +116,11 @@ def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
         if each.system not in seen:
             seen.append(each.system)
             yield each
+    branches = result.get("branches")
+    for branch in branches[1:] if isinstance(branches, list) else []:
+        found = _object(_object(branch).get("certificate"))
+        if found:
+            yield Canonical(_system(found), found.get("near"))
 
 
 def _system(holder: dict[str, Any]) -> dict[str, Any]:

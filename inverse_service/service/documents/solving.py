@@ -11,7 +11,7 @@ from api_schemas.result import ResultDocument
 from inverse_service.certificate.checker import check_result
 from inverse_service.errors import CertificateRefused
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solving import solve
+from inverse_service.inverse_problem.solving import solve_branches
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.checking import compare_before_leaving
@@ -43,8 +43,8 @@ def solve_document(
         given=translate.to_given(schema),
         series_order=schema.series_order,
     )
-    solution = solve(system, asked, progress)
-    result = translate.to_result(solution, schema)
+    solution, *others = solve_branches(system, asked, progress)
+    result = translate.to_result(solution, schema, others)
     if schema.special_cases:
         result = with_special_cases(result, system, asked, (end, progress))
     return ordered(checked(result, end - time.monotonic()))
@@ -95,6 +95,16 @@ def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
 
 
 def _certified(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
+    """The document, each answer with the checker's verdict; those of `branches` as the main ones."""
+    for place, branch in enumerate(document["branches"]):
+        found = _judged({**document, **branch, "branches": []}, time_limit)
+        document["branches"][place] = {key: found[key] for key in branch}
+    if document["branches"]:
+        return {**document, **document["branches"][0]}
+    return _judged(document, time_limit)
+
+
+def _judged(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
     other = document["with_time"]
     if other is None:
         _check_answer(document, document, time_limit)

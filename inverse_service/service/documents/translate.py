@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
+    BranchPart,
     ConditionsPart,
     ExplanationPart,
     ExplanationStep,
@@ -23,6 +24,7 @@ from api_schemas.result import (
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.errors import InputError
+from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.names import Names, declared_name
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
@@ -123,7 +125,7 @@ def _plain_name(name: str) -> str:
 
 def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> UnderstoodSystem:
     """The `system` part of a result: canonical equations beside the document as given."""
-    pairs = list(zip(system.coordinates, system.accelerations, strict=True))
+    pairs = list(zip(system.coordinates, system.given, strict=True))
     return UnderstoodSystem(
         name=system.name,
         coordinates=list(system.coordinates),
@@ -135,20 +137,32 @@ def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> UnderstoodS
     )
 
 
-def to_result(solution: Solution, schema: AnyDocument) -> ResultDocument:
-    """The result document; `with_time` is filled where the other question has another answer."""
-    main, other = main_and_other(solution, schema.time_dependent_lagrangian)
-    time = solution.with_time
+def to_result(solution: Solution, schema: AnyDocument, others: Sequence[Solution] = ()) -> ResultDocument:
+    """The result document; `with_time` is filled where the other question has another answer.
+
+    `others` are the solutions on further branches of the same system.
+    """
+    branches = [solution, *others] if others else []
     return ResultDocument(
         system=to_understood(solution.system, schema),
         question="L(t, q, q')" if answers_time(solution, schema.time_dependent_lagrangian) else "L(q, q')",
-        **answer_fields(main, solution.system) | {"certificate": _certificate(main, time)},
-        verdict_with_time=time.verdict if time is not None else None,
+        **_both_answers(solution, schema),
         conditions=_conditions(solution.conditions),
-        with_time=None if other is None else OtherAnswer(**answer_fields(other, solution.system)),
+        branches=[BranchPart(**_both_answers(branch, schema)) for branch in branches],
         guessed=guessed_names(schema, solution.system),
         provenance={"program": "inverse-service", "version": __version__, **plain(solution.provenance)},
     )
+
+
+def _both_answers(solution: Solution, schema: AnyDocument) -> dict[str, Any]:
+    """The fields of the main answer, and what is said of the other question."""
+    main, other = main_and_other(solution, schema.time_dependent_lagrangian)
+    time = solution.with_time
+    return answer_fields(main, solution.system) | {
+        "certificate": _certificate(main, time),
+        "verdict_with_time": time.verdict if time is not None else None,
+        "with_time": None if other is None else OtherAnswer(**answer_fields(other, solution.system)),
+    }
 
 
 def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Answer, Answer | None]:
@@ -206,6 +220,7 @@ def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
         "explanation": [step_part(step) for step in answer.explanation],
         "checked": answer.checked,
         "reason": answer.reason,
+        "domain": [inequality_text(tree) for tree in answer.positive],
     }
 
 
@@ -217,7 +232,7 @@ def step_part(step: Step) -> ExplanationStep:
 
 
 def lagrangian_part(lagrangian: Lagrangian) -> LagrangianPart:
-    domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + [f"{to_text(e)} > 0" for e in lagrangian.positive]
+    domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + [inequality_text(e) for e in lagrangian.positive]
     written = _formula(lagrangian.expression)
     return LagrangianPart(text=written.text, latex=written.latex, domain=domain, family=lagrangian.family)
 
@@ -232,6 +247,7 @@ def _hamiltonian(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> Hamilt
         momenta={name: to_text(momentum) for name, momentum in pairs},
         implicit=hamiltonian.implicit,
         constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
+        domain=[inequality_text(tree) for tree in hamiltonian.positive],
     )
 
 

@@ -271,6 +271,9 @@ def _in_time(work: Callable[[], T]) -> T | None:
         return None
 
 
+_SHOWN = ("verdict", "reason", "checked", "lagrangian", "hamiltonian", "certificate", "domain")
+
+
 def _associated(one: AssociatedAnswer) -> AssociatedPart:
     system, solution, answer = one.associated.system, one.solution, one.answer
     if system is None or solution is None or answer is None:
@@ -285,7 +288,7 @@ def _associated(one: AssociatedAnswer) -> AssociatedPart:
         latex={name: f"{to_latex(Acceleration(name))} = {to_latex(f)}" for name, f in pairs},
         verdict_with_time=None if solution.with_time is None else solution.with_time.verdict,
         steps=fields["explanation"],
-        **{key: fields[key] for key in ("verdict", "reason", "checked", "lagrangian", "hamiltonian", "certificate")},
+        **{key: fields[key] for key in _SHOWN},
     )
 
 

@@ -76,6 +76,7 @@ class ShownAnswer:
     steps: list[Step]
     left_out: int
     checked: str | None
+    domain: list[Markup]
 
 
 def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any]) -> ShownAnswer:
@@ -96,7 +97,17 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
         steps,
         max(0, len(part["explanation"]) - MAX_STEPS),
         part["checked"],
+        [typesetting.formula(condition, names) for condition in part.get("domain", ())],
     )
+
+
+def branches_of(result: Mapping[str, Any]) -> list[tuple[ShownAnswer, ShownAnswer | None]]:
+    """The answers on the further branches, each with its other one on L(t, q, q'); the first is the main answer."""
+    found = []
+    for branch in result.get("branches", ())[1:]:
+        other = answer_of(branch["with_time"], "L(t, q, q')", result) if branch["with_time"] else None
+        found.append((answer_of(branch, result["question"], result), other))
+    return found
 
 
 def headline(part: Mapping[str, Any], question: str) -> str:
@@ -163,7 +174,8 @@ def _hamiltonian(part: Mapping[str, Any] | None, names: Names) -> ShownFormula |
     momenta = [typesetting.formula(f"{name} = {text}", names) for name, text in part["momenta"].items()]
     constraints = [typesetting.formula(f"{text} = 0", names) for text in part["constraints"]]
     shown = typesetting.equation("H", part["text"], names)
-    return ShownFormula(shown, f"H = {part['text']}", [], momenta, constraints, part["implicit"])
+    domain = [typesetting.formula(condition, names) for condition in part.get("domain", ())]
+    return ShownFormula(shown, f"H = {part['text']}", domain, momenta, constraints, part["implicit"])
 
 
 def matrices_of(conditions: Mapping[str, Any] | None, names: Names) -> list[Matrix]:

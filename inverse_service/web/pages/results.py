@@ -214,6 +214,7 @@ def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | 
         equations=[] if system is None else answers.equations_of(system),
         main=main,
         other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
+        branches=answers.branches_of(found),
         cases=cases.cases_of(found),
         constrained=constrained.constrained_of(found),
         search=constrained.search_of(found),
