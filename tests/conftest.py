@@ -106,7 +106,7 @@ HOSTILE = (
     Hostile("closed-parenthesis", formula("x)"), pointer=X),
     Hostile("unknown-name", formula("omega^2*x"), "omega", X),
     Hostile("unknown-function", formula("foo(x)"), pointer=X),
-    Hostile("absolute-value", formula("abs(x)"), pointer=X),
+    Hostile("unclosed-absolute-value", formula("|x"), pointer=X),
     Hostile("empty-formula", formula(""), "empty", X),
     Hostile("blank-formula", formula("  "), pointer=X),
     Hostile("operator-only", formula("+"), pointer=X),

@@ -167,7 +167,7 @@ def test_a_fault_of_the_program_is_exit_3_and_no_traceback(
 ) -> None:
     from inverse_service.service.documents import solving
 
-    monkeypatch.setattr(solving, "solve", lambda *arguments: 1 // 0)
+    monkeypatch.setattr(solving, "solve_branches", lambda *arguments: 1 // 0)
     found = call("solve", written(tmp_path, OSCILLATOR))
     assert (found.code, found.err.count("\n")) == (3, 1)
     assert "fault of the program" in found.err

@@ -1,4 +1,4 @@
-"""What is said of roots, absolute values and inverse functions holds on all of the set named, and each side has its answer."""
+"""What is said of roots, |u| and inverse functions holds on all of the set named, and each side has its answer."""
 
 from __future__ import annotations
 
