@@ -14,9 +14,11 @@ from typing import Any
 
 from flint import fmpz
 
-from inverse_service.algebra.rational_functions import Quotient, as_fraction
+from inverse_service.algebra.rational_functions import Quotient, TooLarge, as_fraction
 
 Coordinates = Mapping[Any, Fraction]
+# Of a basis element; powers of a generator are expanded.
+_LARGEST_MULTIPLE = 1_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +61,8 @@ def argument_basis(vectors: Sequence[Coordinates]) -> ArgumentBasis:
     rows = [_padded(expressed[index], len(chosen)) for index in range(len(vectors))]
     scales = tuple(math.lcm(*(row[column].denominator for row in rows)) for column in range(len(chosen)))
     integers = tuple(tuple(int(c * m) for c, m in zip(row, scales, strict=True)) for row in rows)
+    if any(abs(k) > _LARGEST_MULTIPLE for row in integers for k in row):
+        raise TooLarge("the arguments of exponentials or angles are too large multiples of a common one")
     return ArgumentBasis(tuple(chosen), scales, integers)
 
 
