@@ -116,14 +116,12 @@ def branch_steps(system: SecondOrderSystem, positive: Sequence[Expression]) -> t
     """On which set the answer holds, and what the rewritten roots are there."""
     if not positive:
         return ()
-    where = listed([inequality(tree) for tree in positive], ", ")
+    where = listed([inequality(tree) for tree in positive])
     roots = () if system.branch is None else system.branch.roots
     if not roots:
         return (said("All this is about the connected set where ", where, "."),)
-    values = listed([row(root, " = ", value) for root, value in roots], ", ")
-    return (
-        said("On the connected set where ", where, ": ", _written(values, "the roots are those given here"), "."),
-    )
+    values = listed([row(root, " = ", value) for root, value in roots])
+    return (said("On the connected set where ", where, ": ", _written(values, "the roots are those given here"), "."),)
 
 
 def as_given_steps(tree: Expression) -> tuple[Step, ...]:
