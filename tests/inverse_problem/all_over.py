@@ -89,7 +89,10 @@ def worst_defects(answer: Mapping[str, Any], system: Mapping[str, Any]) -> tuple
 
     `system` is that of the result; the answer is a result, one of its branches, or its `with_time`.
     """
+    integrals = (answer["certificate"] or {}).get("integrals", {})
+    system = {**system, "functions": {**system["functions"], **{k: v["arguments"] for k, v in integrals.items()}}}
     read = Reader(system)
+    slopes = _slopes(integrals, read)
     names = [sympy.Symbol(name) for name in read.coordinates]
     speeds = [velocity(name) for name in read.coordinates]
     forces = [read(system["equations"][name]) for name in read.coordinates]
@@ -99,8 +102,8 @@ def worst_defects(answer: Mapping[str, Any], system: Mapping[str, Any]) -> tuple
     rows = []
     for p, q in zip(momenta, names, strict=True):
         along = [p.diff(a) * b for a, b in zip((*names, *speeds), (*speeds, *forces), strict=True)]
-        rows.append([p.diff(TIME), *along, -tree.diff(q)])
-    test = _Hamilton(answer["hamiltonian"], system, tree) if _is_closed(answer["hamiltonian"]) else None
+        rows.append([term.xreplace(slopes) for term in (p.diff(TIME), *along, -tree.diff(q))])
+    test = _Hamilton(answer["hamiltonian"], system, tree, slopes) if _is_closed(answer["hamiltonian"]) else None
     counts, worst = [0, 0], [mpmath.mpf(0), mpmath.mpf(0)]
     with mpmath.workdps(DIGITS):
         atoms = opaque_atoms([tree, *forces, *(term for row in rows for term in row), *names, *speeds, *where.positive])
@@ -120,6 +123,15 @@ def worst_defects(answer: Mapping[str, Any], system: Mapping[str, Any]) -> tuple
     return counts[0], worst[0], counts[1], worst[1]
 
 
+def _slopes(integrals: Mapping[str, Any], read: Reader) -> dict[sympy.Expr, sympy.Expr]:
+    """What the derivatives of functions with an integral sign are."""
+    return {
+        sympy.Function(name)(*map(read, part["arguments"])).diff(read(by)): read(slope)
+        for name, part in integrals.items()
+        for by, slope in part["derivatives"].items()
+    }
+
+
 def _is_closed(part: Mapping[str, Any] | None) -> bool:
     return part is not None and not part["implicit"]
 
@@ -127,17 +139,22 @@ def _is_closed(part: Mapping[str, Any] | None) -> bool:
 class _Hamilton:
     """dH/dp = v and dH/dq = -dL/dq at p = dL/dv."""
 
-    def __init__(self, part: Mapping[str, Any], system: Mapping[str, Any], lagrangian: sympy.Expr) -> None:
+    def __init__(
+        self,
+        part: Mapping[str, Any],
+        system: Mapping[str, Any],
+        lagrangian: sympy.Expr,
+        slopes: Mapping[sympy.Expr, sympy.Expr],
+    ) -> None:
         momenta = list(part["momenta"])
         read = Reader({**system, "parameters": [*system["parameters"], *momenta]})
-        tree, where = read(part["text"]), region(part["domain"], read)
-        plain, where_plain = tree, where
-        self.where, self.symbols = where_plain, [sympy.Symbol(name) for name in momenta]
+        tree, self.where = read(part["text"]), region(part["domain"], read)
+        self.symbols = [sympy.Symbol(name) for name in momenta]
         names = [sympy.Symbol(name) for name in read.coordinates]
         self.speeds = [velocity(name) for name in read.coordinates]
         self.momenta = [lagrangian.diff(v) for v in self.speeds]
-        self.by_p = [plain.diff(p) for p in self.symbols]
-        self.by_q = [(plain.diff(q), lagrangian.diff(q)) for q in names]
+        self.by_p = [tree.diff(p) for p in self.symbols]
+        self.by_q = [(tree.diff(q).xreplace(slopes), lagrangian.diff(q).xreplace(slopes)) for q in names]
 
     def defect(self, point: Point) -> mpmath.mpf | None:
         """The largest, None outside of the branch."""
