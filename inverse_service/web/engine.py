@@ -49,7 +49,7 @@ STORE_THREADS = 32
 STORE_PATIENCE = 20.0
 READY_PATIENCE = 5.0
 START_PATIENCE = 10.0
-FORM_TASKS = "inverse_service.web.pages.form_tasks"
+PAGE_TASKS = ("inverse_service.web.pages.form_tasks", "inverse_service.web.pages.result_tasks")
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -90,7 +90,8 @@ class Engine:
         """Start processes and threads; call on the loop and thread that live as long as the service."""
         self.open()
         self.hub = Hub()
-        preload(FORM_TASKS)
+        for module in PAGE_TASKS:
+            preload(module)
         self._working.start()
         self._quick.start()
         bound = self.settings.client_running
@@ -147,16 +148,16 @@ class Engine:
         except TimeoutError:
             raise StoreUnavailable("The database does not answer in time.") from None
 
-    async def job(self, id: str, viewer: Viewer, with_body: bool = True) -> Job | None:
-        """A job as this viewer may see it; None also for another client's."""
-        return viewer.seen(await self.read(self.store.job, id, with_body, viewer.name))
+    async def job(self, id: str, viewer: Viewer) -> Job | None:
+        """A job as this viewer may see it, without its answer, which may be large; None also for another client's."""
+        return viewer.seen(await self.read(self.store.job, id, False, viewer.name))
 
     async def batch(self, id: str, viewer: Viewer) -> Batch | None:
         """A batch as this viewer may see it; None also for another client's."""
         return viewer.seen(await self.read(self.store.batch, id))
 
     async def submit(self, request: JobRequest, viewer: Viewer) -> Job:
-        """The stored job of a question; an answered one comes with its body, without a look at a worker."""
+        """The stored job of a question; an answered one without a look at a worker."""
         job, is_known = await self.read(self._submit, viewer.own(request))
         if is_known:
             self.counters.add(
@@ -165,7 +166,7 @@ class Engine:
         return job
 
     def _submit(self, request: JobRequest) -> tuple[Job, bool]:
-        found = self.store.job(request.id)
+        found = self.store.job(request.id, with_body=False)
         if found is not None and found.is_final and not found.is_to_be_asked(request.fresh, time.time()):
             return found, True
         is_known = found is not None and found.is_open
@@ -185,7 +186,7 @@ class Engine:
 
     async def dismiss(self, id: str, viewer: Viewer) -> Job | None:
         """Cancel a job for a client; its process is killed where nobody else waits for it."""
-        if await self.job(id, viewer, with_body=False) is None:
+        if await self.job(id, viewer) is None:
             return None
         job, is_over = await self.read(self.store.dismiss, id, viewer.name)
         if is_over:

@@ -13,42 +13,69 @@ from inverse_service.service.documents.problem_documents import as_bytes, proble
 from inverse_service.service.jobs.model import Batch, Job
 from inverse_service.web.engine import Engine
 from inverse_service.web.problems import MEDIA_TYPE
+from inverse_service.web.streaming import JSON, PART, stored_response
 
 RETRY_AFTER = "1"
+MINIMAL = "return=minimal"
 REVALIDATE = "private, no-cache"
 
 
-def result_response(job: Job, engine: Engine, applied: str) -> Response:
+async def result_response(job: Job, engine: Engine, applied: str) -> Response:
     """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look."""
     headers = {"Location": address(job)} | ({"Preference-Applied": applied} if applied else {})
     if job.is_open:
         headers["Retry-After"] = RETRY_AFTER
-        return Response(job_json(job, engine), 202, headers, "application/json")
+        return Response(await job_json(job, engine), 202, headers, JSON)
     if job.status == "successful":
         headers |= {"ETag": etag(job), "Link": f'</results/{job.id}>; rel="canonical"'}
-        return Response(job.body or b"null", 200, headers, "application/json")
-    body = job.body or as_bytes(problem_document(410, "dismissed", "The job was dismissed while it ran."))
+        return await stored_response(engine, job.id, headers)
+    body = await problem_of(job, engine)
     return Response(body, json.loads(body)["status"], headers, MEDIA_TYPE)
 
 
-def job_response(request: Request, job: Job, engine: Engine) -> Response:
-    """The job itself: 202 while it is open, then 200 with an ETag, 304 where the caller has it."""
+async def job_response(request: Request, job: Job, engine: Engine) -> Response:
+    """The job itself: 202 while it is open, then 200 with an ETag, 304 where the caller has it.
+
+    `Prefer: return=minimal` leaves the result out.
+    """
     if job.is_open:
-        headers = {"Retry-After": RETRY_AFTER}
-        return Response(job_json(job, engine), 202, headers, "application/json")
+        return Response(await job_json(job, engine), 202, {"Retry-After": RETRY_AFTER}, JSON)
     headers = {"ETag": etag(job), "Cache-Control": REVALIDATE}
-    known = {mark.strip().removeprefix("W/") for mark in request.headers.get("if-none-match", "").split(",")}
-    if known & {headers["ETag"], "*"}:
+    if is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    return Response(job_json(job, engine), 200, headers, "application/json")
+    if MINIMAL in request.headers.get("prefer", "").lower():
+        return Response(await job_json(job, engine), 200, headers, JSON)
+    return await whole_job(job, engine, headers)
 
 
-def job_json(job: Job, engine: Engine) -> bytes:
-    """The Job document; its result is not read and written again."""
-    head = json.dumps(job_fields(job, engine))
-    result = job.body if job.status == "successful" and job.body else b"null"
-    problem = job.body if job.status == "failed" and job.body else b"null"
-    return head[:-1].encode() + b', "result": ' + result + b', "problem": ' + problem + b"}"
+async def whole_job(job: Job, engine: Engine, headers: Mapping[str, str]) -> Response:
+    """The Job document with its result, which is not read and written again."""
+    if job.status != "successful":
+        return Response(await job_json(job, engine), 200, dict(headers), JSON)
+    head = json.dumps(job_fields(job, engine))[:-1].encode()
+    return await stored_response(engine, job.id, headers, (head + b', "result": ', b', "problem": null}'))
+
+
+def is_known(request: Request, tag: str) -> bool:
+    """Whether the caller has the answer with this ETag already."""
+    known = {mark.strip().removeprefix("W/") for mark in request.headers.get("if-none-match", "").split(",")}
+    return bool(known & {tag, "*"})
+
+
+async def job_json(job: Job, engine: Engine) -> bytes:
+    """The Job document without a result."""
+    # The progress of a job that runs elsewhere is in the store.
+    fields = await engine.read(job_fields, job, engine)
+    problem = await problem_of(job, engine) if job.status == "failed" else b"null"
+    return json.dumps(fields)[:-1].encode() + b', "result": null, "problem": ' + problem + b"}"
+
+
+async def problem_of(job: Job, engine: Engine) -> bytes:
+    """Why a job has no result."""
+    dismissed = as_bytes(problem_document(410, "dismissed", "The job was dismissed while it ran."))
+    if job.status == "dismissed":
+        return dismissed
+    return (await engine.read(engine.store.part, job.id, 0, PART))[1] or dismissed
 
 
 def job_fields(job: Job, engine: Engine) -> dict[str, Any]:

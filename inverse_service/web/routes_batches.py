@@ -15,7 +15,6 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch_lines import BatchTerms
-from inverse_service.service.jobs.line_answers import answer_line
 from inverse_service.service.jobs.model import Batch, StoreUnavailable
 from inverse_service.web.bodies import body_of, content_type, is_json
 from inverse_service.web.budget import FACTORS
@@ -27,11 +26,11 @@ from inverse_service.web.job_answers import RETRY_AFTER, batch_fields
 from inverse_service.web.preferences import batch_key_of, time_limit_of, wants_fresh
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
+from inverse_service.web.streaming import AT_ONCE, SMALL, lines_of
 
 router = APIRouter(dependencies=[Depends(require_client)])
 NDJSON = "application/x-ndjson"
 NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
-AT_ONCE = 200
 KEEP_ALIVE = 10.0
 KindName = Literal["solve", "check", "simulate", "work-precision"]
 # A stream that wakes for every job would read the store more than it writes answers.
@@ -114,12 +113,13 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
         while sent < batch.total and not engine.hub.closing:
             changed.clear()
             try:
-                answers = await engine.read(engine.store.batch_answers, batch.id, after, AT_ONCE)
+                answers = await engine.read(engine.store.batch_answers, batch.id, after, AT_ONCE, SMALL)
             except StoreUnavailable:  # the stream goes on when it is back
                 answers = []
             if answers:
                 after, sent, spoken = answers[-1].order, sent + len(answers), time.monotonic()
-                yield b"".join(answer_line(answer) for answer in answers)
+                async for part in lines_of(engine, answers):
+                    yield part
             if time.monotonic() - spoken > KEEP_ALIVE:  # or the reader and proxies take us for dead
                 spoken = time.monotonic()
                 yield b"\n"

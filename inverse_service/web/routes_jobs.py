@@ -24,7 +24,7 @@ from inverse_service.web.clients import client_of, require_client, viewer_of
 from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, KEY_AND_RATE, SYSTEM_BODY, TIME_LIMIT_QUERY, refusals
 from inverse_service.web.engine import LOOK_AGAIN, Engine
 from inverse_service.web.hub import until_set
-from inverse_service.web.job_answers import job_fields, job_json, job_response, result_response
+from inverse_service.web.job_answers import job_fields, job_response, result_response, whole_job
 from inverse_service.web.preferences import preference_of, time_limit_of, wants_fresh
 from inverse_service.web.problems import Refusal
 
@@ -71,8 +71,7 @@ async def ask(request: Request, kind: str) -> Response:
         job = await engine.wait(job, viewer, preference.wait)
     elif job.is_open and kind == "solve":
         await engine.look_ahead(client, question.document)
-    # The progress of a job that runs elsewhere is in the store.
-    return await engine.read(result_response, job, engine, preference.applied)
+    return await result_response(job, engine, preference.applied)
 
 
 @router.get("/v1/jobs", response_model=JobList, responses={**refusals(422), **KEY_AND_RATE})
@@ -109,8 +108,7 @@ async def list_jobs(
 async def job(request: Request, id: str) -> Response:
     """A job: 202 while it is open, 200 with an ETag when it is done, 304 on If-None-Match."""
     engine = engine_of(request)
-    found = _known(await engine.job(id, viewer_of(request)))
-    return await engine.read(job_response, request, found, engine)
+    return await job_response(request, _known(await engine.job(id, viewer_of(request))), engine)
 
 
 @router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **refusals(404), **KEY_AND_RATE})
@@ -118,7 +116,7 @@ async def dismiss(request: Request, id: str) -> Response:
     """Cancel a job: it is dismissed for you. The work stops when nobody else waits for it; what is done stays."""
     engine = engine_of(request)
     found = _known(await engine.dismiss(id, viewer_of(request)))
-    return Response(await engine.read(job_json, found, engine), media_type="application/json")
+    return await whole_job(found, engine, {})
 
 
 @router.get(
@@ -134,7 +132,7 @@ async def events(request: Request, id: str) -> Response:
     """Server-sent events of a job: status and progress, to the end. Resumable with Last-Event-ID."""
     engine = engine_of(request)
     viewer = viewer_of(request)
-    _known(await engine.job(id, viewer, with_body=False))
+    _known(await engine.job(id, viewer))
     text = request.headers.get("last-event-id", request.query_params.get("last_event_id", "0"))
     after = int(text) if text.isascii() and text.isdigit() and len(text) < 16 else 0
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
@@ -148,7 +146,7 @@ async def _stream(engine: Engine, id: str, viewer: Viewer, after: int) -> AsyncI
         while not engine.hub.closing:
             changed.clear()
             try:
-                found = await engine.job(id, viewer, with_body=False)
+                found = await engine.job(id, viewer)
                 new = await engine.read(engine.store.events, id, after)
             except StoreUnavailable:  # the stream goes on when it is back
                 yield STILL_THERE

@@ -112,7 +112,7 @@ def test_streams_go_on_when_the_store_is_back() -> None:
         def batch(self, id: str) -> Batch:
             return Batch(id, "solve", "", 0.0, 1, {"successful": 1})
 
-        def batch_answers(self, id: str, after: int, limit: int) -> list[BatchAnswer]:
+        def batch_answers(self, id: str, after: int, limit: int, largest: int) -> list[BatchAnswer]:
             self._fail()
             return [BatchAnswer(1, '"a"', "successful", b'{"verdict": "variational"}', 1)]
 

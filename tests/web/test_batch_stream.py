@@ -21,7 +21,7 @@ class SlowStore:
 
     looks = 0
 
-    def batch_answers(self, id: str, after: int, limit: int) -> list[BatchAnswer]:
+    def batch_answers(self, id: str, after: int, limit: int, largest: int) -> list[BatchAnswer]:
         self.looks += 1
         return [] if self.looks < 4 else [BatchAnswer(1, '"a"', "successful", b'{"verdict": "variational"}', 7)]
 

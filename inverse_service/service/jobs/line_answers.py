@@ -13,11 +13,16 @@ def answer_line(answer: BatchAnswer) -> bytes:
     """JSON with the `id` and the number of the line in front, and a line feed at the end."""
     if answer.status != "successful" or answer.body is None:
         return error_line(answer.number, answer.identifier, _problem(answer), digest=answer.digest)
-    digest = f', "digest": "{answer.digest}"' if answer.digest else ""
-    head = f'{{"id": {answer.identifier}, "line": {answer.number}{digest}'.encode()
+    head = line_head(answer)
     result = answer.body.strip()
     inside = result[1:-1].strip() if result[:1] == b"{" else b'"result": ' + result
     return head + (b", " + inside if inside else b"") + b"}\n"
+
+
+def line_head(answer: BatchAnswer) -> bytes:
+    """What stands before the result in its line: the result follows without its first bracket, after a comma."""
+    digest = f', "digest": "{answer.digest}"' if answer.digest else ""
+    return f'{{"id": {answer.identifier}, "line": {answer.number}{digest}'.encode()
 
 
 def error_line(

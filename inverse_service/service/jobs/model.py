@@ -128,7 +128,10 @@ class Batch:
 
 @dataclass(frozen=True, slots=True)
 class BatchAnswer:
-    """The answer to one line; `order` grows in the order in which answers came, `digest` is that of the question."""
+    """The answer to one line; `order` grows in the order in which answers came, `digest` is that of the question.
+
+    `size` is that of the body in the store, which is None here where more was not asked for; `job` has it.
+    """
 
     number: int
     identifier: str
@@ -136,6 +139,8 @@ class BatchAnswer:
     body: bytes | None
     order: int = 0
     digest: str = ""
+    job: str = ""
+    size: int = 0
 
 
 @dataclass(frozen=True, slots=True)

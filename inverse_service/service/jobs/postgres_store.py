@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import psycopg
 
@@ -31,6 +31,9 @@ from inverse_service.service.jobs.states import JobStatus
 from inverse_service.service.jobs.store import NO_BOUND
 
 T = TypeVar("T")
+PART_OF_BODY: Final = (
+    "SELECT length(body) AS size, substring(body FROM %s::int FOR %s::int) AS part FROM bodies WHERE id = %s"
+)
 NO_BOUNDS = Bounds()
 
 
@@ -39,6 +42,7 @@ class PostgresStore:
 
     def __init__(self, address: str) -> None:
         try:
+            self._address = address
             self._connections = Connections(address)
         except psycopg.OperationalError as error:
             reason = str(error).strip().partition("\n")[0][:300]
@@ -122,8 +126,16 @@ class PostgresStore:
     def batch(self, id: str) -> Batch | None:
         return self._connections.read(lambda c: statements.read_batch(c, id))
 
-    def batch_answers(self, id: str, after: int = 0, limit: int = 500) -> list[BatchAnswer]:
-        return [answer_of(row) for row in self._rows(statements.marked(ANSWERS), id, after, limit)]
+    def batch_answers(self, id: str, after: int = 0, limit: int = 500, largest: int = NO_BOUND) -> list[BatchAnswer]:
+        return [answer_of(row) for row in self._rows(statements.marked(ANSWERS), largest, id, after, limit)]
+
+    def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
+        rows = self._rows(PART_OF_BODY, offset + 1, size, id)
+        return (rows[0]["size"], bytes(rows[0]["part"])) if rows else (0, b"")
+
+    @property
+    def address(self) -> str:
+        return self._address
 
     def dismiss_batch(self, id: str) -> list[str]:
         return self._write(lambda c: statements.leave_batch(c, id), lambda ids: ids or [""])

@@ -14,7 +14,8 @@ def answer_of(row: Any) -> BatchAnswer:
         return BatchAnswer(row["number"], row["identifier"], "failed", row["problem"], row["order_number"])
     status: JobStatus = "dismissed" if row["dismissed"] else row["status"] or "dismissed"
     body = None if status == "dismissed" else row["body"]
-    return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"])
+    job, size = row["job"] or "", row["size"] or 0
+    return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
 
 
 def sequence_of(cursor: str | None) -> int | None:

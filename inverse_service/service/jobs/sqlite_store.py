@@ -125,8 +125,20 @@ class SqliteStore:
     def batch(self, id: str) -> Batch | None:
         return statements.read_batch(self._reader(), id)
 
-    def batch_answers(self, id: str, after: int = 0, limit: int = 500) -> list[BatchAnswer]:
-        return [answer_of(row) for row in self._reader().execute(ANSWERS, (id, after, limit))]
+    def batch_answers(self, id: str, after: int = 0, limit: int = 500, largest: int = NO_BOUND) -> list[BatchAnswer]:
+        return [answer_of(row) for row in self._reader().execute(ANSWERS, (largest, id, after, limit))]
+
+    def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
+        row = self._reader().execute("SELECT rowid, length(body) AS size FROM bodies WHERE id = ?", (id,)).fetchone()
+        if row is None:
+            return 0, b""
+        with self._reader().blobopen("bodies", "body", row["rowid"], readonly=True) as blob:
+            blob.seek(min(offset, len(blob)))
+            return len(blob), blob.read(size)
+
+    @property
+    def address(self) -> str:
+        return self._path
 
     def dismiss_batch(self, id: str) -> list[str]:
         dismissed = self._writer.write(lambda c: statements.leave_batch(c, id))

@@ -86,8 +86,15 @@ class JobStore(Protocol):
     def batch(self, id: str) -> Batch | None:
         """One batch with its counts."""
 
-    def batch_answers(self, id: str, after: int = 0, limit: int = 500) -> list[BatchAnswer]:
-        """Answers with `order` above `after`, in that order: what is done so far."""
+    def batch_answers(self, id: str, after: int = 0, limit: int = 500, largest: int = ...) -> list[BatchAnswer]:
+        """Answers with `order` above `after`, in that order: what is done so far; bodies of at most `largest` bytes."""
+
+    def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
+        """The length of the body of a job's answer, 0 where there is none, and so many bytes of it."""
+
+    @property
+    def address(self) -> str:
+        """Where `stored_answers` reads the same store from another process."""
 
     def dismiss_batch(self, id: str) -> list[str]:
         """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop."""

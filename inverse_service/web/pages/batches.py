@@ -14,14 +14,15 @@ from inverse_service.service.jobs.line_answers import answer_line
 from inverse_service.service.jobs.model import BatchAnswer
 from inverse_service.web.budget import FACTORS
 from inverse_service.web.clients import viewer_of
-from inverse_service.web.engine import Engine
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.receiving import SMALL_FORM, read_form
 from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.results import IDENTIFIER, missing, result_address
+from inverse_service.web.pages.results import IDENTIFIER, missing
+from inverse_service.web.routes_jobs import engine_of
 
 router = APIRouter()
 SHOWN_LINES = 300
+LARGEST_SHOWN = 64 * 1024
 EXAMPLE = """{"id": "oscillator", "equations": "x'' = -x"}
 {"id": "damped", "equations": "x'' = -x - k*x'", "parameters": ["k"]}
 {"id": "disk", "coordinates": ["phi", "theta", "x", "y"], "equations": {"phi": "0", "theta": "0", \
@@ -87,13 +88,10 @@ async def cancel(request: Request, identifier: str) -> Response:
 
 @router.get("/batch/{identifier}/lines/{number}")
 async def line(request: Request, identifier: str, number: int) -> Response:
-    """The page of one line's result: its question asked again, which the store answers."""
+    """The page of one line's result."""
     for answer in await _answers(request, identifier):
-        if answer.number == number and answer.status == "successful" and answer.body is not None:
-            given = (json.loads(answer.body).get("system") or {}).get("given")
-            found = await call(request, "POST", "/v1/solve", given, {"Prefer": "respond-async"})
-            if not found.is_problem:
-                return RedirectResponse(result_address(found), 303)
+        if answer.number == number and answer.status == "successful":
+            return RedirectResponse(f"/results/{answer.job}", 303)
     return missing()
 
 
@@ -104,7 +102,8 @@ async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
     if found.is_problem:
         return None
     counts = found.value["counts"]
-    rows = sorted((row_of(answer) for answer in await _answers(request, identifier)), key=lambda row: row.number)
+    answers = await _answers(request, identifier)
+    rows = await engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
     is_open = bool(counts.get("accepted", 0) + counts.get("running", 0))
     done = found.value["total"] - counts.get("accepted", 0) - counts.get("running", 0)
     return {"batch": found.value, "rows": rows[:SHOWN_LINES], "is_open": is_open, "done": done, "all_rows": len(rows)}
@@ -112,14 +111,16 @@ async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
 
 async def _answers(request: Request, identifier: str) -> list[BatchAnswer]:
     """The answers that are there now; the call under /v1 would wait for all of them."""
-    engine: Engine = request.app.state.engine
+    engine = engine_of(request)
     if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, viewer_of(request)) is None:
         return []
-    return await engine.in_thread(engine.store.batch_answers, identifier, 0, SHOWN_LINES + 1)
+    return await engine.in_thread(engine.store.batch_answers, identifier, 0, SHOWN_LINES + 1, LARGEST_SHOWN)
 
 
 def row_of(answer: BatchAnswer) -> Row:
-    """An answer as a line of the table."""
+    """An answer as a line of the table; a large one is not read for it."""
+    if answer.status == "successful" and answer.body is None:
+        return Row(answer.number, str(json.loads(answer.identifier)), "done", "", "")
     found = json.loads(answer_line(answer))
     name = "\u2013" if found["id"] is None else str(found["id"])
     if "error" in found:

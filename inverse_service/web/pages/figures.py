@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import io
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
 from typing import Any
 
-# matplotlib keeps its settings in one place for all threads: it draws in one thread only.
-DRAWING = ThreadPoolExecutor(1, thread_name_prefix="figures")
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
 MOST_POINTS = 800
@@ -22,6 +17,7 @@ SERIES = {
     "constraints": ("Constraint defect", "greatest |\u03c9(q) q\u2032|"),
     "error": ("Trajectory error", "greatest distance from the true motion"),
 }
+NAMES = ("path", "coordinates", "work-precision", *SERIES)
 
 
 def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -165,39 +161,21 @@ def _short(value: Any) -> Any:
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
-async def picture(identifier: str, result: Mapping[str, Any], name: str, ending: str) -> bytes:
-    """A figure as an SVG or PNG file; KeyError for a figure that the result does not have."""
-    if not result or name not in dict(figure_names(result)) or ending not in ("svg", "png"):
-        raise KeyError(name)
-    key = _Key(identifier, result)
-    return await asyncio.get_running_loop().run_in_executor(DRAWING, _drawn, key, name, ending)
-
-
-class _Key:
-    """A result that is remembered by its job: drawing it again gives the same picture."""
-
-    def __init__(self, identifier: str, result: Mapping[str, Any]) -> None:
-        self.identifier, self.result = identifier, result
-
-    def __hash__(self) -> int:
-        return hash(self.identifier)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and other.identifier == self.identifier
-
-
-@lru_cache(maxsize=64)
-def _drawn(key: _Key, name: str, ending: str) -> bytes:
+def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
+    """A figure as an SVG or PNG file; None for a figure that the result does not have."""
+    if name not in dict(figure_names(result)):
+        return None
     import matplotlib
 
     from inverse_service.service.figures.style import RESOLUTION, SETTINGS
 
-    figure = _figure_of(key.result, name)
     stream = io.BytesIO()
     with matplotlib.rc_context(SETTINGS):
         metadata = {"Title": name} | ({"Date": None} if ending == "svg" else {})
-        figure.savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
-    return stream.getvalue()
+        figure = _figure_of(result, name)
+        if figure is not None:
+            figure.savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
+    return stream.getvalue() or None
 
 
 def _figure_of(result: Mapping[str, Any], name: str) -> Any:
@@ -220,6 +198,4 @@ def _figure_of(result: Mapping[str, Any], name: str) -> Any:
     if name == "coordinates":
         return coordinate_figure(result, tables, None)[0]
     drawn = series_figure(name, result, tables)
-    if drawn is None:
-        raise KeyError(name)
-    return drawn[0]
+    return None if drawn is None else drawn[0]

@@ -6,23 +6,35 @@ import asyncio
 import json
 import re
 import time
+from collections.abc import Callable
 from typing import Any
 
 from fastapi import APIRouter
-from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from inverse_service.service.documents.answers import value_of
+from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.model import Job
-from inverse_service.web.clients import viewer_of
-from inverse_service.web.engine import Engine
-from inverse_service.web.pages import answers, cases, constrained, exports, figures, simulations, typesetting
-from inverse_service.web.pages.advice import advice_for
+from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.web.clients import client_of, viewer_of
+from inverse_service.web.engine import LONG_DEADLINE, Engine
+from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known
+from inverse_service.web.pages import figures, simulations
 from inverse_service.web.pages.calls import Answer, call
-from inverse_service.web.pages.documents import question_address
-from inverse_service.web.pages.glossary import TERMS
 from inverse_service.web.pages.receiving import SMALL_FORM, read_form
-from inverse_service.web.pages.rendering import can_simulate, page
+from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.result_tasks import (
+    Look,
+    check_stored_task,
+    figure_data_task,
+    file_task,
+    page_task,
+    picture_task,
+)
+from inverse_service.web.pages.visitor import VISITOR
+from inverse_service.web.problems import Refusal
+from inverse_service.web.streaming import stored_response
 
 router = APIRouter()
 IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
@@ -44,23 +56,26 @@ async def result(request: Request, identifier: str) -> Response:
 @router.get("/results/{identifier}/result.json")
 async def result_json(request: Request, identifier: str) -> Response:
     """The result document as a file."""
-    answer = await finished(request, identifier, 0)
-    if answer is None or answer.value["status"] != "successful":
+    answer = await successful(request, identifier)
+    if answer is None:
         return missing()
-    body = json.dumps(answer.value["result"], indent=1, ensure_ascii=False)
-    headers = {"Content-Disposition": f'attachment; filename="result-{identifier[:12]}.json"'}
-    return Response(body, headers=headers, media_type="application/json")
+    headers = {"Content-Disposition": f'attachment; filename="result-{identifier[:12]}.json"'} | kept(answer)
+    if is_known(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return await stored_response(request.app.state.engine, identifier, headers)
 
 
 @router.post("/results/{identifier}/check")
 async def check(request: Request, identifier: str) -> Response:
     """The checker run again, its verdict on the page."""
     await read_form(request, SMALL_FORM)
-    answer = await finished(request, identifier, 0)
-    if answer is None or answer.value["status"] != "successful":
+    answer = await successful(request, identifier)
+    if answer is None:
         return missing()
-    found = await call(request, "POST", "/v1/check", answer.value["result"])
-    verdict = found.value if not found.is_problem else {"verdict": "incomplete", "reasons": [found.value["detail"]]}
+    try:
+        verdict = await made(request, identifier, check_stored_task)
+    except Refusal as refusal:
+        verdict = {"verdict": "incomplete", "reasons": [refusal.detail]}
     return await shown(request, answer.value, verdict)
 
 
@@ -101,51 +116,70 @@ async def cancel(request: Request, identifier: str) -> Response:
 @router.get("/results/{identifier}/figures.json")
 async def figure_data(request: Request, identifier: str) -> Response:
     """The data of the figures of a simulation."""
-    result = await simulated(request, identifier)
-    return missing() if result is None else simulations.figures_json(result)
+    return await _file(request, identifier, "application/json", "figures", figure_data_task)
 
 
 @router.get("/results/{identifier}/figures/{file}")
 async def figure_file(request: Request, identifier: str, file: str) -> Response:
     """One figure as SVG or PNG."""
-    result = await simulated(request, identifier)
     name, _, ending = file.rpartition(".")
-    try:
-        data = await figures.picture(identifier, result or {}, name, ending)
-    except KeyError:
+    if name not in figures.NAMES or ending not in simulations.PICTURES:
         return missing()
-    return Response(data, media_type=simulations.PICTURES[ending], headers={"Cache-Control": "private, max-age=3600"})
+    return await _file(request, identifier, simulations.PICTURES[ending], file, picture_task, name, ending)
 
 
 @router.get("/results/{identifier}/data/{file}")
 async def data_file(request: Request, identifier: str, file: str) -> Response:
     """The columns of one method as CSV or NPZ."""
-    result = await simulated(request, identifier)
     label, _, ending = file.rpartition(".")
-    method = next((m for m in (result or {}).get("methods", []) if m["label"] == label and m.get("points")), None)
-    if method is None or ending not in ("csv", "npz"):
+    if ending not in simulations.TABLES:
         return missing()
-    if ending == "csv":
-        return Response(simulations.csv_of(method), media_type="text/csv")
-    data = await run_in_threadpool(simulations.npz_of, method)
-    return Response(data, media_type="application/zip")
+    return await _file(request, identifier, simulations.TABLES[ending], ending, file_task, label, ending)
 
 
-async def simulated(request: Request, identifier: str) -> dict[str, Any] | None:
-    """The result of a simulation, None where there is none."""
+async def _file(
+    request: Request, identifier: str, media_type: str, what: str, task: Callable[..., Outcome], *arguments: str
+) -> Response:
+    """A file that a worker makes of the result of a simulation; nothing is made for who has it already."""
+    answer = await successful(request, identifier)
+    if answer is None or answer.value["kind"] == "solve":
+        return missing()
+    headers = kept(answer, what)
+    if is_known(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    data = await made(request, identifier, task, *arguments)
+    return missing() if data is None else Response(data, headers=headers, media_type=media_type)
+
+
+def kept(answer: Answer, what: str = "result") -> dict[str, str]:
+    """Headers of what is made of a finished job: the browser keeps it and asks whether it is still that."""
+    tag = answer.headers["etag"].strip('"')
+    return {"ETag": f'"{tag}-{what}"', "Cache-Control": REVALIDATE}
+
+
+async def made(request: Request, identifier: str, task: Callable[..., Outcome], *arguments: Any) -> Any:
+    """What a worker makes of a stored result; raises Refusal where that takes too long."""
+    engine: Engine = request.app.state.engine
+    place = (engine.store.address, identifier)
+    outcome = await engine.run_quick(client_of(request), task, *place, *arguments, seconds=LONG_DEADLINE)
+    if outcome.status in LIMITS:
+        raise Refusal(503, "busy", "This takes longer than a page may; take the result as JSON, or try again later.")
+    return value_of(outcome)
+
+
+async def successful(request: Request, identifier: str) -> Answer | None:
+    """The job without its result, where it has one."""
     answer = await finished(request, identifier, 0)
-    is_there = answer is not None and answer.value["status"] == "successful" and answer.value["kind"] != "solve"
-    found: dict[str, Any] | None = answer.value["result"] if answer is not None and is_there else None
-    return found
+    return answer if answer is not None and answer.value["status"] == "successful" else None
 
 
 async def finished(request: Request, identifier: str, patience: float) -> Answer | None:
-    """The job, waited for a moment; None where there is none."""
+    """The job without its result, waited for a moment; None where there is none."""
     if not IDENTIFIER.fullmatch(identifier):
         return None
     end = time.monotonic() + patience
     while True:
-        answer = await call(request, "GET", f"/v1/jobs/{identifier}")
+        answer = await call(request, "GET", f"/v1/jobs/{identifier}", None, {"Prefer": MINIMAL})
         if answer.is_problem:
             return None
         if answer.value["status"] not in OPEN or time.monotonic() >= end:
@@ -163,7 +197,7 @@ async def stored_job(request: Request, identifier: str) -> Job | None:
     """The job with its document, without its answer; None where there is none."""
     engine: Engine = request.app.state.engine
     is_id = IDENTIFIER.fullmatch(identifier) is not None
-    return await engine.job(identifier, viewer_of(request), with_body=False) if is_id else None
+    return await engine.job(identifier, viewer_of(request)) if is_id else None
 
 
 def result_address(answer: Answer) -> str:
@@ -184,50 +218,7 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
         return page("working.html", 200, active="", job=job)
     if job["status"] != "successful":
         return page("ended.html", 200, active="", job=job)
-    if job["kind"] == "solve":
-        return solve_result(request, job, check)
-    if job["kind"] in ("simulate", "work-precision"):
-        stored = await stored_job(request, job["id"])
-        scene = simulations.pretty(stored.document if stored is not None else "null")
-        make = simulations.simulation_result if job["kind"] == "simulate" else simulations.precision_result
-        return make(request, job, scene)
-    return other_result(request, job)
-
-
-def solve_result(request: Request, job: dict[str, Any], check: dict[str, Any] | None) -> HTMLResponse:
-    """The page of a solved system."""
-    found = job["result"]
-    address = str(request.base_url).rstrip("/")
-    system = found["system"]
-    with_time = found["with_time"]
-    main = answers.answer_of(found, found["question"], found)
-    return page(
-        "result.html",
-        active="",
-        title=answers.title_of(found),
-        question=question_address(system["given"]) if system else "",
-        glossary=TERMS,
-        address_of_result=f"{address}/results/{job['id']}",
-        job=job,
-        result=found,
-        check=check,
-        equations=[] if system is None else answers.equations_of(system),
-        main=main,
-        other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
-        branches=answers.branches_of(found),
-        cases=cases.cases_of(found),
-        constrained=constrained.constrained_of(found),
-        search=constrained.search_of(found),
-        also=answers.other_question(found),
-        advice=advice_for(found, request.app.state.engine.settings.time_limit),
-        matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
-        exports=exports.exports(found, address),
-        timing=answers.timing(found["provenance"]),
-        can_simulate=can_simulate() and system is not None,
-    )
-
-
-def other_result(request: Request, job: dict[str, Any]) -> HTMLResponse:
-    """A job whose result has no page of its own: its JSON."""
-    text = json.dumps(job["result"], indent=1, ensure_ascii=False)
-    return page("plain.html", active="", job=job, text=text)
+    engine: Engine = request.app.state.engine
+    look = Look(VISITOR.get(), str(request.base_url).rstrip("/"), engine.settings.time_limit)
+    found: HTMLResponse = await made(request, job["id"], page_task, job, look, check)
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from fastapi import APIRouter
@@ -17,7 +18,8 @@ from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.receiving import read_form
 from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.results import IDENTIFIER, result_address, stored_job
+from inverse_service.web.pages.result_tasks import part_task
+from inverse_service.web.pages.results import made, result_address, stored_job, successful
 from inverse_service.web.pages.scenes import (
     METHODS,
     OBSERVABLES,
@@ -93,10 +95,19 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
     """
     if not job:
         return form_of_system({"catalogue": system}), {"system": {"catalogue": system}}
-    answer = await call(request, "GET", f"/v1/jobs/{job}") if IDENTIFIER.fullmatch(job) else None
-    result = None if answer is None or answer.is_problem else answer.value.get("result")
-    if not result or not result.get("system"):
+    found = None
+    if await successful(request, job) is not None:
+        found = await made(request, job, part_task, partial(_form_of_result, job=job))
+    if found is None:
         raise Refusal(404, "not-found", "There is no result with a system at this address.")
+    form, base = found
+    return form, base
+
+
+def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dict[str, Any]] | None:
+    """The same of a result, inside a worker; None where it has no system."""
+    if not result.get("system"):
+        return None
     given = result["system"]["given"]
     if result.get("nonholonomic"):
         system_of_it = {"document": {key: given[key] for key in CONSTRAINED if key in given}}

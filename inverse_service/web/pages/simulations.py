@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
-from starlette.requests import Request
-from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.responses import HTMLResponse
 
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import figures, typesetting
 from inverse_service.web.pages.rendering import duration, page, short_number
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
+TABLES = {"csv": "text/csv", "npz": "application/zip"}
 QUANTITIES = (
     ("max_energy_error", "energy error"),
     ("max_constraint", "constraint"),
@@ -45,10 +45,9 @@ class FreeLagrangian:
     source: str
 
 
-def simulation_result(request: Request, job: Mapping[str, Any], document: str) -> HTMLResponse:
-    """The page of a job of kind "simulate"."""
+def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HTMLResponse:
+    """The page of a job of kind "simulate"; `address` is that of the service."""
     result = job["result"]
-    address = str(request.base_url).rstrip("/")
     columns = quantities(result)
     return page(
         "simulation.html",
@@ -68,7 +67,7 @@ def simulation_result(request: Request, job: Mapping[str, Any], document: str) -
     )
 
 
-def precision_result(request: Request, job: Mapping[str, Any], document: str) -> HTMLResponse:
+def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
     """The page of a job of kind "work-precision"."""
     result = job["result"]
     return page(
@@ -167,11 +166,6 @@ def _price(part: Mapping[str, Any]) -> str:
     if part["step_ns"] is None:
         return "\u2013"
     return "nothing" if not part["operations"] and part.get("note") else f"{part['step_ns']:.1f} ns"
-
-
-def figures_json(result: Mapping[str, Any]) -> Response:
-    """The data of all figures for the script."""
-    return JSONResponse(figures.figure_data(result), headers={"Cache-Control": "no-store"})
 
 
 def csv_of(method: Mapping[str, Any]) -> bytes:

@@ -19,7 +19,8 @@ from inverse_service.web.pages.documents import fields_from, fields_of_link, lea
 from inverse_service.web.pages.form_tasks import Sent, echo_sent_task, echo_task, sent_task
 from inverse_service.web.pages.receiving import read_sent
 from inverse_service.web.pages.rendering import can_simulate, page
-from inverse_service.web.pages.results import result_address
+from inverse_service.web.pages.result_tasks import fields_task
+from inverse_service.web.pages.results import made, result_address, successful
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -154,9 +155,6 @@ def example_document(name: str) -> dict[str, Any]:
 
 async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
     """The form filled with the document of a result."""
-    answer = await call(request, "GET", f"/v1/jobs/{identifier}")
-    if answer.is_problem:
+    if await successful(request, identifier) is None:
         raise Refusal(404, "not-found", "There is no result at this address.")
-    result = answer.value.get("result") or {}
-    given = (result.get("system") or {}).get("given")
-    return lean_fields(given if isinstance(given, dict) else {"equations": START})
+    return await made(request, identifier, fields_task) or fields_from({"equations": START})

@@ -1,0 +1,133 @@
+"""Pages, pictures and files of results, made inside worker processes, which read the result in the store themselves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.responses import HTMLResponse
+
+from inverse_service.service.documents import documents
+from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.stored_answers import stored_answer
+from inverse_service.service.jobs.tasks import guard
+from inverse_service.web.pages import answers, cases, constrained, exports, figures, simulations, typesetting
+from inverse_service.web.pages.advice import advice_for
+from inverse_service.web.pages.documents import lean_fields, question_address
+from inverse_service.web.pages.glossary import TERMS
+from inverse_service.web.pages.rendering import can_simulate, page
+from inverse_service.web.pages.visitor import VISITOR, Visitor
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What a page depends on beside its result: who looks, at which address, and what the service gives."""
+
+    visitor: Visitor
+    address: str
+    time_limit: float
+
+
+def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mapping[str, Any] | None) -> Outcome:
+    """The page of a successful job, with the verdict of the checker where it was asked again."""
+    return guard(_page, store, id, job, look, check)
+
+
+def figure_data_task(store: str, id: str) -> Outcome:
+    """The data of all figures of a simulation, as JSON."""
+    return guard(lambda: json.dumps(figures.figure_data(_result(store, id)), allow_nan=False).encode())
+
+
+def picture_task(store: str, id: str, name: str, ending: str) -> Outcome:
+    """A figure as a file; None where the result does not have it."""
+    return guard(lambda: figures.picture(_result(store, id), name, ending))
+
+
+def file_task(store: str, id: str, label: str, ending: str) -> Outcome:
+    """The columns of a method as a file; None where there are none."""
+    return guard(_file, store, id, label, ending)
+
+
+def check_stored_task(store: str, id: str) -> Outcome:
+    """The checker's verdict on a stored result."""
+    return guard(lambda: documents.check_document(stored_answer(store, id)[1].decode()))
+
+
+def fields_task(store: str, id: str) -> Outcome:
+    """The solve form filled with the document of a result; None where it has none."""
+    return guard(_fields, store, id)
+
+
+def part_task(store: str, id: str, choose: Callable[[Any], Any]) -> Outcome:
+    """What a function finds in a result."""
+    return guard(lambda: choose(_result(store, id)))
+
+
+def _result(store: str, id: str) -> Any:
+    return json.loads(stored_answer(store, id)[1])
+
+
+def _page(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mapping[str, Any] | None) -> HTMLResponse:
+    VISITOR.set(look.visitor)
+    document, body = stored_answer(store, id)
+    whole = {**job, "result": json.loads(body)}
+    if job["kind"] == "solve":
+        return solve_result(look, whole, check)
+    if job["kind"] == "simulate":
+        return simulations.simulation_result(look.address, whole, simulations.pretty(document))
+    if job["kind"] == "work-precision":
+        return simulations.precision_result(whole, simulations.pretty(document))
+    return other_result(whole)
+
+
+def _file(store: str, id: str, label: str, ending: str) -> bytes | None:
+    methods = _result(store, id).get("methods", [])
+    method = next((m for m in methods if m["label"] == label and m.get("points")), None)
+    if method is None:
+        return None
+    return simulations.csv_of(method) if ending == "csv" else simulations.npz_of(method)
+
+
+def _fields(store: str, id: str) -> dict[str, str] | None:
+    given = (_result(store, id).get("system") or {}).get("given")
+    return lean_fields(given) if isinstance(given, dict) else None
+
+
+def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | None) -> HTMLResponse:
+    """The page of a solved system."""
+    found, address = job["result"], look.address
+    system = found["system"]
+    with_time = found["with_time"]
+    main = answers.answer_of(found, found["question"], found)
+    return page(
+        "result.html",
+        active="",
+        title=answers.title_of(found),
+        question=question_address(system["given"]) if system else "",
+        glossary=TERMS,
+        address_of_result=f"{address}/results/{job['id']}",
+        job=job,
+        result=found,
+        check=check,
+        equations=[] if system is None else answers.equations_of(system),
+        main=main,
+        other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
+        branches=answers.branches_of(found),
+        cases=cases.cases_of(found),
+        constrained=constrained.constrained_of(found),
+        search=constrained.search_of(found),
+        also=answers.other_question(found),
+        advice=advice_for(found, look.time_limit),
+        matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
+        exports=exports.exports(found, address),
+        timing=answers.timing(found["provenance"]),
+        can_simulate=can_simulate() and system is not None,
+    )
+
+
+def other_result(job: Mapping[str, Any]) -> HTMLResponse:
+    """A job whose result has no page of its own: its JSON."""
+    text = json.dumps(job["result"], indent=1, ensure_ascii=False)
+    return page("plain.html", active="", job=job, text=text)

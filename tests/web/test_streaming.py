@@ -1,0 +1,97 @@
+"""Answers in parts are what is stored, byte for byte, and end early where the answer changes meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from inverse_service.service.jobs.asking import request_of
+from inverse_service.service.jobs.line_answers import answer_line
+from inverse_service.service.jobs.model import BatchLine, StoreUnavailable, Usage
+from inverse_service.service.jobs.options import JobOptions
+from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.stored_answers import stored_answer
+from inverse_service.settings import Settings
+from inverse_service.web import streaming
+from inverse_service.web.engine import Engine
+
+SIZES = (1, 3, streaming.SMALL, streaming.PART // 2, streaming.PART, 3 * streaming.PART + 7)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[SqliteStore]:
+    found = SqliteStore(tmp_path / "jobs.sqlite", durable=False)
+    yield found
+    found.close()
+
+
+def engine_with(store: SqliteStore) -> Engine:
+    engine: Any = Engine(Settings())
+    engine._store = store
+    return engine  # type: ignore[no-any-return]
+
+
+def answered(store: SqliteStore, sizes: tuple[int, ...]) -> list[tuple[str, bytes]]:
+    """The ids of jobs in a batch "b", with their answers."""
+    systems = [{"name": str(k), "coordinates": ["x"], "equations": {"x": "0"}} for k in range(len(sizes))]
+    requests = [request_of("solve", system, JobOptions()) for system in systems]
+    store.create_batch("b", "solve", "", [BatchLine(k, f'"{k}"', request) for k, request in enumerate(requests, 1)])
+    bodies = [json.dumps({"verdict": "a" * size}).encode() for size in sizes]
+    jobs = {job.id: job for job in store.claim("test", len(sizes))}
+    for request, body in zip(requests, bodies, strict=True):
+        store.finish(request.id, jobs[request.id].attempt, body, Usage())
+    return [(request.id, body) for request, body in zip(requests, bodies, strict=True)]
+
+
+async def joined(parts: AsyncIterator[Any]) -> bytes:
+    return b"".join([part async for part in parts])
+
+
+def test_parts_make_the_whole_and_the_length_is_told(store: SqliteStore) -> None:
+    engine = engine_with(store)
+
+    async def sent(id: str) -> tuple[bytes, str]:
+        response: Any = await streaming.stored_response(engine, id, {}, (b"<", b">"))
+        body = await joined(response.body_iterator) if hasattr(response, "body_iterator") else response.body
+        return body, response.headers["content-length"]
+
+    for id, body in answered(store, SIZES):
+        found, length = asyncio.run(sent(id))
+        assert found == b"<" + body + b">"
+        assert int(length) == len(found)
+        assert stored_answer(store.address, id)[1] == body
+
+
+def test_lines_in_parts_are_those_at_once(store: SqliteStore) -> None:
+    answered(store, SIZES)
+    whole = b"".join(answer_line(answer) for answer in store.batch_answers("b"))
+    answers = store.batch_answers("b", largest=streaming.SMALL)
+    assert [answer.body is None for answer in answers] == [False, False, True, True, True, True]
+    assert asyncio.run(joined(streaming.lines_of(engine_with(store), answers))) == whole
+
+
+def test_an_answer_that_changes_while_it_is_read_ends_the_stream(store: SqliteStore) -> None:
+    (found,) = answered(store, SIZES[-1:])
+
+    async def read() -> None:
+        response: Any = await streaming.stored_response(engine_with(store), found[0], {})
+        parts = response.body_iterator
+        await anext(parts)
+        store.submit([request_of("solve", json.loads(store.job(found[0]).document), JobOptions(), fresh=True)])  # type: ignore[union-attr]
+        (job,) = store.claim("test", 1)
+        store.finish(job.id, job.attempt, b"{}", Usage())
+        await joined(parts)
+
+    with pytest.raises(StoreUnavailable):
+        asyncio.run(read())
+
+
+def test_an_answer_that_was_forgotten_is_not_there(store: SqliteStore) -> None:
+    assert store.part("nothing", 0, 10) == (0, b"")
+    with pytest.raises(KeyError):
+        stored_answer(store.address, "nothing")
