@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, StringConstraints, Tag
+from pydantic import Discriminator, Field, Tag
 
 from api_schemas.base import Document
 from api_schemas.family_search import FamilySearchOptions, SearchPart
@@ -18,17 +18,9 @@ from api_schemas.result import (
     ResultDocument,
     Verdict,
 )
-from api_schemas.sizes import MAX_COORDINATES, MAX_EQUATIONS, MAX_FUNCTIONS, MAX_TITLE_CHARACTERS
-from api_schemas.system import (
-    MAX_ANSATZ_TERMS,
-    MAX_SERIES_ORDER,
-    Arguments,
-    Name,
-    Parameters,
-    Text,
-    shape,
-)
+from api_schemas.sizes import MAX_COORDINATES, MAX_EQUATIONS
 from api_schemas.system import Formula as FormulaText
+from api_schemas.system import Name, QuestionDocument, Text, shape
 
 MAX_FAMILIES = 20
 Kind = Literal["first", "second", "third", "search", "any"]
@@ -45,7 +37,7 @@ Families = Annotated[
 ]
 
 
-class NonholonomicDocument(Document):
+class NonholonomicDocument(QuestionDocument):
     """A Lagrangian with constraints linear in the velocities.
 
     `constraints`: formulas that are zero, or equations; a list, or one text with semicolons.
@@ -54,22 +46,13 @@ class NonholonomicDocument(Document):
     `multiples`: what is added to the accelerations of the associated system (the first, if none is named), for each
     coordinate a formula that vanishes on the constraints; a list of such objects is a list of systems, each decided.
     `search`: with "associated": "search", which families and how many members of each.
-    The other keys are those of a System document.
     """
 
-    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
     lagrangian: Text
     constraints: Constraints
-    parameters: Parameters = Field(default_factory=list)
-    functions: Annotated[dict[Name, Arguments], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
     associated: Kind | None = None
     search: FamilySearchOptions | None = None
     multiples: Families | None = None
-    time_dependent_lagrangian: bool | None = None
-    ansatz: Annotated[list[Text], Field(max_length=MAX_ANSATZ_TERMS)] = Field(default_factory=list)
-    series_order: Annotated[int, Field(ge=1, le=MAX_SERIES_ORDER, strict=True)] | None = None
-    special_cases: bool = False
 
 
 class NonholonomicParseAnswer(ParseAnswer):

@@ -95,7 +95,7 @@ class ConditionsPart(Document):
 class UnderstoodSystem(Document):
     """The system as understood: canonical equations, one text and one LaTeX line a coordinate.
 
-    `given` is the document as it was given.
+    `given` is the document as it was given; `time` is what it calls the time.
     """
 
     name: str = ""
@@ -105,6 +105,7 @@ class UnderstoodSystem(Document):
     parameters: list[str]
     functions: dict[str, list[str]]
     given: dict[str, Any]
+    time: str = "t"
 
 
 class OtherAnswer(Document):

@@ -64,26 +64,43 @@ Parameters = Annotated[
 Arguments = Annotated[list[Name], Field(min_length=1, max_length=MAX_FUNCTION_ARGUMENTS)]
 
 
-class SystemDocument(Document):
-    """A second-order system as users write it.
+class NamedDocument(Document):
+    """What every document says of its names.
 
-    `coordinates`: left out, they are the keys of `equations` or the names with two primes in it.
-    `equations`: an object with each acceleration, a list or a text of whole equations.
+    `coordinates`: left out, they are the names with derivatives in the formulas, or the keys of `equations`.
     `parameters`: a list of names, or an object with values (null leaves one generic); "guess", or a name "..."
        beside the others, takes names that are not declared as constants and lists them in `guessed`.
     `functions`: arbitrary functions, each with the coordinates it depends on.
+    `where`: names that stand for a formula, which is put in exactly: {"r": "sqrt(x^2 + y^2)"}.
+    """
+
+    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
+    parameters: Parameters = Field(default_factory=list)
+    functions: Annotated[dict[Name, Arguments], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
+    where: Annotated[dict[Name, Text], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)
+
+
+class QuestionDocument(NamedDocument):
+    """What can be asked about a system.
+
     `time_dependent_lagrangian`: false asks for L(q, q'), true for L(t, q, q'), left out: both.
     `ansatz`: terms such as "y'^2/x'" that a Lagrangian is first looked for in.
     `series_order`: the order of the power series given where no closed form is found.
     `special_cases`: also find the parameters and functions for which the verdict is another.
     """
 
-    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
-    equations: Equations
-    parameters: Parameters = Field(default_factory=list)
-    functions: Annotated[dict[Name, Arguments], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
     time_dependent_lagrangian: bool | None = None
     ansatz: Annotated[list[Text], Field(max_length=MAX_ANSATZ_TERMS)] = Field(default_factory=list)
     series_order: Annotated[int, Field(ge=1, le=MAX_SERIES_ORDER, strict=True)] | None = None
     special_cases: bool = False
+
+
+class SystemDocument(QuestionDocument):
+    """A second-order system as users write it.
+
+    `equations`: an object with each acceleration, a list or a text of whole equations; first-order pairs
+    x' = h, p' = F, with h affine in p and solvable for it, are turned into second-order equations.
+    """
+
+    equations: Equations

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from inverse_service.cli.family_search_pages import family_search_latex
+from inverse_service.cli.forward_page import forward_latex, is_forward_result
 from inverse_service.cli.nonholonomic_pages import nonholonomic_latex
 from inverse_service.cli.special_cases_pages import special_cases_latex
 from inverse_service.cli.text_page import asks_for_time, branches_of, verdict_sentence
@@ -18,6 +19,8 @@ SIGNS = {"!=": r"\neq"}
 def latex_page(result: dict[str, Any], explain: bool) -> str:
     """The whole document, ending with a newline."""
     lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb}", r"\begin{document}"]
+    if is_forward_result(result):
+        return "\n".join([*lines, *forward_latex(result), r"\end{document}"]) + "\n"
     if result.get("nonholonomic") is not None:
         lines += [escaped(result["any_associated"]["statement"])] if result.get("any_associated") else []
         lines += nonholonomic_latex(result["nonholonomic"])

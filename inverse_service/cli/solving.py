@@ -44,7 +44,7 @@ def solve_file(
     sys.stdout.flush()
     if result.get("guessed") and form != "text":
         print(f"Not declared, taken as constants: {', '.join(result['guessed'])}.", file=sys.stderr)
-    open_ = any(branch["verdict"] == "undetermined" for branch in (result, *result.get("branches", ())))
+    open_ = any(branch.get("verdict") == "undetermined" for branch in (result, *result.get("branches", ())))
     return ExitCode.OPEN if open_ else ExitCode.DONE
 
 

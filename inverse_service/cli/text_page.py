@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from inverse_service.cli.family_search_pages import family_search_lines
+from inverse_service.cli.forward_page import forward_text, is_forward_result
 from inverse_service.cli.nonholonomic_pages import any_associated_lines, nonholonomic_lines
 from inverse_service.cli.special_cases_pages import special_cases_lines
 
@@ -20,6 +21,8 @@ SENTENCES = {
 
 def text_page(result: dict[str, Any], explain: bool) -> str:
     """The whole page, ending with a newline."""
+    if is_forward_result(result):
+        return forward_text(result)
     part = result.get("nonholonomic")
     lines = any_associated_lines(result.get("any_associated"), explain) + (
         [] if part is None else [*nonholonomic_lines(part), ""]

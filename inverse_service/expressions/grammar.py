@@ -122,6 +122,8 @@ class FormulaParser(OperandParser):
             return self._name(token)
         if token.is_operator("|"):
             return call("abs", self._until(token, "|", 1), token.column)
+        if token.is_operator("\u2202"):
+            raise refusal("a partial derivative stands", token.column, "write diff(A(x, y), x), A declared")
         if not token.is_operator("("):
             raise unexpected(token, _OPERAND)
         return self._until(token, ")", 1)[0]

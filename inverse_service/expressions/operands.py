@@ -60,7 +60,7 @@ class OperandParser(ABC):
         return self._constant(name, token)
 
     def _constant(self, name: str, token: Token) -> Expression:
-        if name == "pi":
+        if name in ("pi", "Pi"):
             return self._single(PI, token)
         if name in ("e", "E"):
             return self._euler(token)

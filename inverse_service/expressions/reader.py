@@ -2,16 +2,23 @@ r"""One entry for formulas in plain text and in LaTeX: a backslash or a brace me
 
 from __future__ import annotations
 
+import re
+
 from inverse_service.expressions import equations, latex
 from inverse_service.expressions.names import Names
+from inverse_service.expressions.notations import in_our_words
 from inverse_service.expressions.tokenizer import tokenize
 from inverse_service.expressions.tokens import Token, refuse_decimal_commas
 from inverse_service.expressions.tree import Expression
 
+_GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
+_MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
+
 
 def is_latex(formula: str) -> bool:
     """Whether the formula is read as LaTeX."""
-    return "\\" in formula or "{" in formula or "$" in formula
+    braces = "{" in formula and not _MATHEMATICA.search(formula)
+    return "\\" in formula or braces or formula.lstrip().startswith("$")
 
 
 def read_formula(formula: str, names: Names) -> Expression:
@@ -26,9 +33,17 @@ def read_equations(formula: str, names: Names) -> list[tuple[Expression, Express
 
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens alone, before any name is looked up."""
-    tokens = latex.tokenize(formula, names) if is_latex(formula) else tokenize(formula)
+    formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
+    names = names or Names()
+    tokens = latex.tokenize(formula, names) if is_latex(formula) else in_our_words(tokenize(formula), names)
     refuse_decimal_commas(tokens)
     return tokens
+
+
+def _greek(match: re.Match[str]) -> str:
+    """Mathematica's \\[Theta] as a name of the same length, so that columns hold."""
+    name = match[1] if "Capital" in match[0] else match[1].lower()
+    return f"{'var' * ('Curly' in match[0])}{name}".ljust(len(match[0]))
 
 
 def split_equations(formula: str, names: Names) -> list[equations.EquationTokens]:

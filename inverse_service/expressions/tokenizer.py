@@ -27,21 +27,25 @@ from inverse_service.expressions.tokens import Token, limit_passed, refusal
 
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_HALVES = {"\u00bd": Fraction(1, 2), "\u2153": Fraction(1, 3), "\u2154": Fraction(2, 3), "\u00bc": Fraction(1, 4),
+           "\u00be": Fraction(3, 4)}  # fmt: skip
 _COMPARISONS = frozenset("<>\u2264\u2265\u2260")
 _REASONS = {
     "!": "factorials are not accepted, write the number",
     "%": "write the formula of one interval",
-    "{": "write ( and )",
-    "}": "write ( and )",
     ":": "write the formula alone",
     ".": "a dot belongs to a number such as 0.5",
     "_": "a name begins with a letter",
     '"': "write the formula without quotation marks",
     "&": "write equations one after the other, separated by ;",
-    "\u2202": "write diff(A(x, y), x)",
     "\u221e": "write a finite number",
     "\u222b": "write the integral itself",
 }
+# Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
+_OTHER_PROGRAMS = re.compile(
+    r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@)"
+)
+_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
 _OTHERWISE = "use letters, digits, + - * / ^ ( ) , = and '"
 
 
@@ -86,6 +90,11 @@ def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
 
 def _next(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Token], int]:
     character = text[place]
+    if character == "#":
+        end = text.find("\n", place)
+        return [], len(text) if end < 0 else end
+    if character in _HALVES:
+        return [Token("number", character, place + 1, space, _HALVES[character])], place + 1
     if character == "\n":
         return [Token("newline", character, place + 1, space)], place + 1
     number = NUMBER.match(text, place)
@@ -158,12 +167,16 @@ def _long_name(text: str, place: int) -> tuple[str, int, int]:
 
 def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     character, column = text[place], place + 1
-    if character in _COMPARISONS or text.startswith(("==", "!=", ":="), place):
+    if text.startswith("==", place):
+        return [Token("operator", "=", column, space)], place + 2
+    if character in _COMPARISONS or text.startswith(("!=", ":="), place):
         raise refusal("a comparison stands", column, "write an equation with one =")
+    if other := _OTHER_PROGRAMS.match(text, place):
+        return [Token("operator", sign, column, space) for sign in _SIGNS[other.lastgroup]], other.end()
     if text.startswith("**", place):
         return [Token("operator", "^", column, space)], place + 2
     character = OPERATORS.get(character, character)
-    if character in "+-*/^()[],=;|":
+    if character in "+-*/^()[]{},=;|\u2202":
         return [Token("operator", character, column, space)], place + 1
     what = f"the character {describe(text[place])} is not accepted"
     raise refusal(what, column, _REASONS.get(text[place], _OTHERWISE))

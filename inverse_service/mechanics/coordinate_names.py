@@ -59,17 +59,27 @@ def key_name(key: str, names: Names) -> str:
 
 def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
     """The names that stand with at least this many time derivatives, in order of appearance; V''(x) is no motion."""
-    found = []
-    for place, token in enumerate(tokens):
+    return [name for name, times in _motions(tokens) if times >= order]
+
+
+def _motions(tokens: Sequence[Token]) -> list[tuple[str, int]]:
+    """Names with the number of their time derivatives, those of diff(diff(x, t), t) together."""
+    found: list[tuple[str, int]] = []
+    place = 0
+    while place < len(tokens):
+        token = tokens[place]
+        place += 1
         if token.kind != "name":
             continue
-        primes, after = _primes(tokens[place + 1 :])
+        primes, after = _primes(tokens[place:])
         if token.text in DERIVATIVE_NAMES:
-            found += _differentiated(tokens[place + 1 :], order)
-        elif primes >= order and (after[:1] != ["("] or after == ["(", "t", ")"]):
-            found.append(token.text)
-        elif stem := derived_stem(token.text, order):
-            found.append(stem)
+            inner, length = _differentiated(tokens[place : place + _LONGEST_ARGUMENTS])
+            found += inner
+            place += length
+        elif primes and (after[:1] != ["("] or after == ["(", "t", ")"]):
+            found.append((token.text, primes))
+        elif stem := derived_stem(token.text, 2) or derived_stem(token.text):
+            found.append((stem, 2 if derived_stem(token.text, 2) else 1))
     return found
 
 
@@ -86,21 +96,17 @@ def _primes(tokens: Sequence[Token]) -> tuple[int, list[str]]:
     return sum(int(prime.value) for prime in primes), after
 
 
-def _differentiated(tokens: Sequence[Token], order: int) -> list[str]:
-    """The x of (x, t, t), (x, t, 2), (x, (t, 2)), (x(t), t, 2) for order 2, and of (x', t), (m*x', t)."""
-    parts = _arguments(tokens[:_LONGEST_ARGUMENTS])
+def _differentiated(tokens: Sequence[Token]) -> tuple[list[tuple[str, int]], int]:
+    """The names that diff moves, from its bracket on, and how long that is: (x, t, 2), (x(t), (t, 2)), (m*x', t)."""
+    parts = _arguments(tokens)
+    length = sum(len(part) + 1 for part in parts) + 1 if parts else 0
     times = _times([token.text for part in parts[1:] for token in part])
-    if not 0 < times <= order:
-        return []
-    first, missing = parts[0], order - times
-    if not missing:
-        alone = [token.text for token in first[1:]] in ([], ["(", "t", ")"])
-        return [first[0].text] if alone and first and first[0].kind == "name" else []
-    return [
-        token.text
-        for place, token in enumerate(first)
-        if token.kind == "name" and _primes(first[place + 1 :])[0] == missing
-    ]
+    if not times:
+        return [], length
+    first = parts[0]
+    alone = [token.text for token in first[1:]] in ([], ["(", "t", ")"])
+    inner = [(first[0].text, 0)] if alone and first and first[0].kind == "name" else _motions(first)
+    return [(name, order + times) for name, order in inner], length
 
 
 def _arguments(tokens: Sequence[Token]) -> list[list[Token]]:

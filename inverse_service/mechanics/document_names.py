@@ -9,10 +9,12 @@ from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.letters import refuse_two_spellings
 from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.names import Names, check_clashes, declared_name
+from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tokens import joined, shorten
+from inverse_service.expressions.tree import Expression, Symbol, substitute, walk
 from inverse_service.mechanics.coordinate_names import inferred_coordinates, key_name
 from inverse_service.mechanics.guessing import guess_names
-from inverse_service.mechanics.parameter_values import ParameterValue
+from inverse_service.mechanics.parameter_values import ParameterValue, parameter_values, with_values
 
 Parameters = Sequence[str] | Mapping[str, ParameterValue] | str
 GUESS = "guess"
@@ -27,12 +29,13 @@ NO_ACCELERATION = (
 class Declared:
     """What a document says of its names. `parameters` may be "guess", or have the entry "..." for: guess the rest.
 
-    At most `most` coordinates are accepted.
+    `where` are formulas that stand for a name, put in exactly. At most `most` coordinates are accepted.
     """
 
     coordinates: Sequence[str] | None = None
     parameters: Parameters = ()
     functions: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    where: Mapping[str, str] = field(default_factory=dict)
     most: int = LIMITS.coordinates
 
     @property
@@ -49,16 +52,64 @@ class Declared:
         return [name for name in self.parameters if name != AND_GUESS]
 
 
+@dataclass(frozen=True, slots=True)
+class Known:
+    """The names of a document, and what is put in for those that have a formula or a value."""
+
+    names: Names
+    definitions: Mapping[Expression, Expression]
+    values: Mapping[str, Expression]
+
+    def put_in(self, tree: Expression) -> Expression:
+        """The tree with definitions and values; InputError where it then has no value."""
+        return with_values(substitute(tree, dict(self.definitions)) if self.definitions else tree, self.values)
+
+    def remaining(self) -> Names:
+        """The names that can still occur after that."""
+        gone = {*self.values, *(node.name for node in self.definitions if isinstance(node, Symbol))}
+        return replace(self.names, parameters=tuple(name for name in self.names.parameters if name not in gone))
+
+
+def known_names(
+    declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = (), pairs: bool = False
+) -> Known:
+    """The names that the formulas of a document may use, and what they stand for; see `document_names`."""
+    where = {f"/where/{escaped(name)}": text for name, text in declared.where.items()}
+    names = document_names(declared, {**texts, **where}, order, keys, pairs)
+    return Known(names, _definitions(declared.where, names), parameter_values(declared.named_parameters()))
+
+
+def _definitions(where: Mapping[str, str], names: Names) -> dict[Expression, Expression]:
+    """Each name of `where` with its formula, in which no such name is left; InputError where they go in a circle."""
+    found: dict[Expression, Expression] = {}
+    for name, text in where.items():
+        pointer = f"/where/{escaped(name)}"
+        try:
+            found[Symbol(declared_name(name, pointer, "name"))] = read_formula(text, names)
+        except InputError as error:
+            raise error if error.pointer else error.at(pointer) from None
+    for _ in found:
+        found = {name: substitute(tree, found) for name, tree in found.items()}
+    circle = next((name for name, tree in found.items() if any(node in found for node in walk(tree))), None)
+    if isinstance(circle, Symbol):
+        detail = f"the formula of {circle.name} leads back to {circle.name}: define it by other names."
+        raise InputError(detail, f"/where/{circle.name}")
+    return found
+
+
 def escaped(key: str) -> str:
     """A key as a part of a JSON pointer (RFC 6901)."""
     return key.replace("~", "~0").replace("/", "~1")
 
 
-def document_names(declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = ()) -> Names:
+def document_names(
+    declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = (), pairs: bool = False
+) -> Names:
     """The names that the formulas of a document may use; InputError with the pointer of one that is wrong.
 
     `texts` are the formulas by their pointers, `order` is that of the derivative that makes a coordinate, and
-    `keys` are those of `equations`, where each is the equation of a coordinate.
+    `keys` are those of `equations`, where each is the equation of a coordinate. `pairs`: the coordinates found are
+    those of first-order equations, momenta among them.
     """
     named = declared.named_parameters()
     keyed = isinstance(named, Mapping)
@@ -71,12 +122,15 @@ def document_names(declared: Declared, texts: Mapping[str, str], order: int = 2,
         for key, words in declared.functions.items()
     }
     bounded(list(declared.functions), "/functions", "functions", LIMITS.names)
-    names = Names((), parameters, functions)
+    defined = tuple(declared_name(name, f"/where/{escaped(name)}") for name in declared.where)
+    names = Names((), (*parameters, *defined), functions)
     names = replace(names, coordinates=_coordinates(declared, names, texts, order, keys))
     if declared.guesses:
         guess = guess_names(texts, names)
-        names = replace(names, parameters=(*parameters, *guess.parameters), functions={**functions, **guess.functions})
-    check_clashes(names, keyed)
+        both = (*names.parameters, *guess.parameters)
+        names = replace(names, parameters=both, functions={**functions, **guess.functions})
+    if not pairs:
+        check_clashes(names, keyed)
     refuse_two_spellings(texts, names.declared())
     return replace(names, functions=_checked_functions(names, texts))
 

@@ -25,7 +25,7 @@ from inverse_service.mechanics.coordinate_names import derived_stem
 
 # Refused as functions or as numbers, so they would be a strange guess for a parameter too.
 NEVER_GUESSED = (
-    RESERVED | REFUSED.keys() | {"e", "E"} | (REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta"})
+    RESERVED | REFUSED.keys() | {"e", "E", "Pi"} | (REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta"})
 )
 FUNCTION_LETTERS = frozenset("fFhHUVW")
 

@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.equations import read_equation
 from inverse_service.expressions.limits import LIMITS
-from inverse_service.expressions.names import Names
+from inverse_service.expressions.names import Names, check_clashes
 from inverse_service.expressions.reader import read_formula, split_equations
 from inverse_service.expressions.tree import (
     Acceleration,
     Expression,
     subtract,
 )
-from inverse_service.mechanics.coordinate_names import key_coordinate
-from inverse_service.mechanics.document_names import Declared, Parameters, bounded, document_names, escaped
+from inverse_service.mechanics.coordinate_names import inferred_coordinates, key_coordinate
+from inverse_service.mechanics.document_names import Declared, Parameters, bounded, escaped, known_names
+from inverse_service.mechanics.first_order import from_pairs
 from inverse_service.mechanics.implicit_equations import solve_accelerations
 from inverse_service.mechanics.linear_parts import has_acceleration, linear_equation
-from inverse_service.mechanics.parameter_values import parameter_values, with_values
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 
 Equations = Mapping[str, str] | Sequence[str] | str
@@ -32,15 +32,17 @@ def read_system(
     parameters: Parameters = (),
     functions: Mapping[str, Sequence[str]] | None = None,
     name: str = "",
+    where: Mapping[str, str] | None = None,
 ) -> SecondOrderSystem:
     """The system q'' = f of a document.
 
     `coordinates` left out are the keys of `equations`, or the names with two primes in it, in their
     order. `equations` gives each acceleration, or whole equations (a list, or a text) that are solved
-    for the accelerations. Parameters with a value are replaced by it exactly. InputError with JSON
+    for the accelerations; first-order pairs x' = h, p' = F are turned into such. Parameters with a value
+    and names in `where` are replaced exactly. InputError with JSON
     pointer and column for anything that is wrong, LimitError for more than `LIMITS.coordinates`.
     """
-    names, found = _understood(coordinates, equations, parameters, functions or {})
+    names, found = _understood(Declared(coordinates, parameters, functions or {}, where or {}), equations)
     return SecondOrderSystem(
         coordinates=names.coordinates,
         accelerations=_accelerations(found, names.coordinates),
@@ -63,27 +65,37 @@ def read_given(
     equations: Equations,
     parameters: Parameters = (),
     functions: Mapping[str, Sequence[str]] | None = None,
+    where: Mapping[str, str] | None = None,
 ) -> GivenEquations:
     """The equations of a document as they stand, left side minus right side; InputError as in `read_system`."""
-    names, found = _understood(coordinates, equations, parameters, functions or {})
+    names, found = _understood(Declared(coordinates, parameters, functions or {}, where or {}), equations)
     return GivenEquations(names, tuple(subtract(left, right) for left, right, _ in found))
 
 
-def _understood(
-    coordinates: Sequence[str] | None,
-    equations: Equations,
-    parameters: Parameters,
-    functions: Mapping[str, Sequence[str]],
-) -> tuple[Names, list[_Equation]]:
-    """The names without the parameters that have values, and the equations with these values put in."""
-    declared = Declared(coordinates, parameters, functions)
-    names = document_names(declared, _texts(equations), keys=tuple(equations) if isinstance(equations, Mapping) else ())
-    found = _read(equations, names)
-    values = parameter_values(declared.named_parameters())
-    generic = tuple(parameter for parameter in names.parameters if parameter not in values)
-    return replace(names, parameters=generic), [
-        (with_values(left, values), with_values(right, values), pointer) for left, right, pointer in found
+def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_Equation]]:
+    """The names that have no value and no formula, and the equations with values and formulas put in."""
+    texts = _texts(equations)
+    keys = tuple(equations) if isinstance(equations, Mapping) else ()
+    pairs = not keys and _are_pairs(texts, declared)
+    asked = replace(declared, coordinates=None) if pairs else declared
+    known = known_names(asked, texts, 1 if pairs else 2, keys, pairs)
+    found = [
+        (known.put_in(left), known.put_in(right), pointer) for left, right, pointer in _read(equations, known.names)
     ]
+    names = known.remaining()
+    if not pairs:
+        return names, found
+    system = from_pairs([(left, right) for left, right, _ in found], names.coordinates, declared.coordinates or ())
+    names = replace(names, coordinates=system.coordinates)
+    check_clashes(names)
+    trees = zip(system.coordinates, system.accelerations, strict=True)
+    return names, [(Acceleration(name), tree, "/equations") for name, tree in trees]
+
+
+def _are_pairs(texts: Mapping[str, str], declared: Declared) -> bool:
+    """Whether no name has two derivatives, and at least two have one."""
+    names = Names((), tuple(declared.named_parameters()), dict.fromkeys(declared.functions, ()))
+    return not inferred_coordinates(texts, names, 2) and len(inferred_coordinates(texts, names, 1)) > 1
 
 
 def _texts(equations: Equations) -> dict[str, str]:

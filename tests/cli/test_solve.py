@@ -243,3 +243,10 @@ def test_names_of_files_are_not_guessed_unless_asked(call: Any, tmp_path: Path) 
 
 def test_a_name_of_the_catalogue_is_an_argument(call: Any) -> None:
     assert json.loads(call("solve", "sho").out)["system"]["equations"] == {"x": "-x"}
+
+
+def test_a_lagrangian_alone_is_answered(call: Any, tmp_path: Path) -> None:
+    name = written(tmp_path, {"lagrangian": "x'^2/2 - k*x^2/2", "parameters": ["k"]})
+    found = call("solve", name, "--format", "text")
+    assert (found.code, "  x'' = -k*x\n" in found.out, "  p_x = x'\n" in found.out) == (0, True, True)
+    assert "\\[ H = " in call("solve", name, "--format", "latex").out

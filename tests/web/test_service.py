@@ -229,3 +229,22 @@ def test_an_upload_that_is_no_form_is_refused(client: httpx.Client) -> None:
     for content_type in ("multipart/form-data", "multipart/form-data; boundary=x"):
         for body in (b"", b"--x", b"--x\r\n\r\n--x--", b"\xff" * 100, b"--x\r\nno name\r\n\r\nv\r\n--x--\r\n"):
             problem(client.post("/", content=body, headers={"Content-Type": content_type}), 400)
+
+
+def test_a_lagrangian_alone_has_a_page_of_its_equations(client: httpx.Client) -> None:
+    fields = {"kind": "nonholonomic", "lagrangian": "m*x'^2/2 - k*x^2/2", "constraints": ""}
+    page = client.post("/", data=fields, follow_redirects=True)
+    assert page.status_code == 200
+    assert "The equations of motion of this Lagrangian" in page.text
+    assert "not declared, taken as constants: m, k" in page.text
+
+
+def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
+    fields = {"kind": "equations", "equations": "x'' = -kx"}
+    page = client.post("/", data=fields)
+    assert page.status_code == 422
+    assert 'value="equations:1:8:k*x"' in page.text
+    chosen = client.post("/understood", data={**fields, "instead": "equations:1:8:k*x"})
+    assert "x&#39;&#39; = -k*x</textarea>" in chosen.text
+    declared = client.post("/understood", data={**fields, "instead": "parameters:0:0:kx"})
+    assert 'name="parameters" value="kx"' in declared.text

@@ -10,7 +10,7 @@ from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula, split_equations
 from inverse_service.expressions.tree import Acceleration, Expression, Velocity, subtract, walk
-from inverse_service.mechanics.document_names import Declared, Parameters, document_names
+from inverse_service.mechanics.document_names import Declared, Parameters, known_names
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.mechanics.parameter_values import parameter_values, with_values
 from inverse_service.mechanics.second_order_system import FunctionDeclaration
@@ -24,27 +24,28 @@ def read_nonholonomic(
     functions: Mapping[str, Sequence[str]] | None = None,
     name: str = "",
     most: int = LIMITS.coordinates,
+    where: Mapping[str, str] | None = None,
 ) -> NonholonomicSystem:
     """The system of a document; a constraint is a formula that is zero, or an equation.
 
     `constraints` is a list, or one text with the constraints separated by semicolons. InputError with
     JSON pointer and column for anything that is wrong, LimitError for too many coordinates.
     """
-    declared = Declared(coordinates, parameters, functions or {}, most)
-    names = document_names(declared, {"/lagrangian": lagrangian, **_by_pointer(constraints)}, order=1)
-    values = parameter_values(declared.named_parameters())
-    found = [with_values(tree, values) for tree in _constraints(constraints, names, most)]
+    declared = Declared(coordinates, parameters, functions or {}, where or {}, most)
+    known = known_names(declared, {"/lagrangian": lagrangian, **_by_pointer(constraints)}, order=1)
+    names = known.remaining()
     return NonholonomicSystem(
         coordinates=names.coordinates,
-        lagrangian=with_values(_lagrangian(lagrangian, names), values),
-        constraints=tuple(found),
-        parameters=tuple(parameter for parameter in names.parameters if parameter not in values),
+        lagrangian=known.put_in(read_lagrangian(lagrangian, known.names)),
+        constraints=tuple(known.put_in(tree) for tree in _constraints(constraints, known.names, most)),
+        parameters=names.parameters,
         functions=tuple(FunctionDeclaration(function, arguments) for function, arguments in names.functions.items()),
         name=name,
     )
 
 
-def _lagrangian(text: str, names: Names) -> Expression:
+def read_lagrangian(text: str, names: Names) -> Expression:
+    """L(t, q, q') of a text; InputError where an acceleration is in it, or no velocity."""
     pointer = "/lagrangian"
     try:
         tree = read_formula(text, names)

@@ -10,6 +10,7 @@ from inverse_service.certificate.checker import FORMAT, CheckResult, check_certi
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.service.documents.comparison import compared_with_document
+from inverse_service.service.documents.preparing import inward
 from inverse_service.service.documents.reading import read_json
 
 TIME_LIMIT = 60.0
@@ -32,14 +33,18 @@ def check_document(text: str) -> dict[str, Any]:
     if isinstance(found, dict) and "document" in found and "result" in found:
         from inverse_service.service.jobs.identity import write_json  # brings all that jobs are made of
 
-        alone = check_text(write_json(found["result"]))
-        return answer(_with_comparison(alone, found["result"], found["document"], end))
+        result = inward(found["result"]) if isinstance(found["result"], dict) else found["result"]
+        alone = check_text(write_json(result))
+        return answer(_with_comparison(alone, result, found["document"], end))
+    if isinstance(found, dict) and inward(found) is not found:
+        return check_plain(found)
     return answer(_with_comparison(check_text(text), found, None, end))
 
 
 def check_plain(result: object, document: object = None) -> dict[str, Any]:
     """The same for a result or a certificate as plain data."""
     end = time.monotonic() + TIME_LIMIT
+    result = inward(result) if isinstance(result, dict) else result
     check = check_certificate if _object(result).get("format") == FORMAT else check_result
     return answer(_with_comparison(check(result), result, document, end))
 

@@ -14,6 +14,7 @@ from inverse_service.mechanics.agreement import Canonical, GivenText, equations_
 from inverse_service.mechanics.reading import read_given
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.document_kinds import is_nonholonomic
+from inverse_service.service.documents.preparing import prepared
 
 
 def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
@@ -24,10 +25,11 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
     """
     end = time.monotonic() + time_limit
     try:
+        document = prepared(document).document
         if is_nonholonomic(document):
             return _compared_motion(document, canonical, end)
         schema = translate.to_schema(document)
-        given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions)
+        given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
     except InputError as error:
         return CheckResult("invalid", (f"The document as given cannot be read: {error}",))
     names, texts = given.names, _texts(schema, given.names)
@@ -48,6 +50,8 @@ def _compared_motion(document: Any, canonical: Canonical, end: float) -> CheckRe
 
 def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:
     """The equations as texts for a second reader, in the order of their trees; None where that is not plain."""
+    if schema.where:  # the second reader knows no formulas for names
+        return []
     valued = schema.parameters.items() if isinstance(schema.parameters, Mapping) else ()
     values = {name: str(value) for name, value in valued if value is not None}
     if isinstance(schema.equations, Mapping):

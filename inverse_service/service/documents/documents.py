@@ -8,37 +8,72 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from decimal import Decimal
 from typing import Any
 
+from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.document_kinds import is_nonholonomic
+from inverse_service.service.documents.document_kinds import is_forward, is_nonholonomic
+from inverse_service.service.documents.preparing import prepared
+from inverse_service.service.documents.refusals import DocumentRefused
 
-SOLVING = "inverse_service.service.documents.solving"
-NONHOLONOMIC = "inverse_service.service.documents.nonholonomic"
 CHECKING = "inverse_service.service.documents.checking"
+FOLDER = "inverse_service.service.documents"
 
 
 def solve_document(
     document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
 ) -> dict[str, Any]:
-    """The result of a System or a Nonholonomic document; see `solving` and `nonholonomic` for what it raises."""
-    return _called(document, "solve_document", "solve_nonholonomic", options, progress)
+    """The result of a document of any kind; see `solving`, `nonholonomic` and `forward` for what it raises."""
+    found = _called("solve", document, options, progress)
+    if isinstance(found.get("system"), dict):
+        found["system"]["given"] = _as_given(document)
+    return found
 
 
 def parse_document(document: Any) -> dict[str, Any]:
     """What was understood of a document; raises InputError."""
-    return _called(document, "parse_document", "parse_nonholonomic")
+    return _called("parse", document)
 
 
 def understand_document(document: Any) -> dict[str, Any]:
     """The `system` part of a result; raises InputError."""
-    return _called(document, "understand_document", "understand_nonholonomic")
+    return {**_called("understand", document), "given": _as_given(document)}
 
 
-def _called(document: Any, of_system: str, of_motion: str, *others: Any) -> dict[str, Any]:
-    module, name = (NONHOLONOMIC, of_motion) if is_nonholonomic(document) else (SOLVING, of_system)
-    found: dict[str, Any] = getattr(importlib.import_module(module), name)(document, *others)
-    return found
+def _as_given(document: Any) -> dict[str, Any]:
+    """The document as JSON has it; exact decimals are texts."""
+    return {key: _plain(value) for key, value in document.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    return str(value) if isinstance(value, Decimal) else value
+
+
+def _called(verb: str, document: Any, *others: Any) -> dict[str, Any]:
+    ready = prepared(document)
+    name = _kind(ready.document)
+    module = importlib.import_module(f"{FOLDER}.{_MODULES[name]}")
+    try:
+        found: dict[str, Any] = getattr(module, f"{verb}_{name}")(ready.document, *others)
+    except DocumentRefused:
+        raise
+    except InputError as error:
+        raise ready.error(error) from None
+    return ready.outward(found)
+
+
+def _kind(document: Any) -> str:
+    if is_forward(document):
+        return "forward"
+    return "nonholonomic" if is_nonholonomic(document) else "document"
+
+
+_MODULES = {"document": "solving", "nonholonomic": "nonholonomic", "forward": "forward"}
 
 
 def check_document(text: str) -> dict[str, Any]:
@@ -49,11 +84,17 @@ def check_document(text: str) -> dict[str, Any]:
 
 def look(document: Any) -> None:
     """Raise DocumentRefused where a document has not the shape of one that is solved."""
-    if is_nonholonomic(document):
-        from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema
+    plain = prepared(document).document
+    match _kind(plain):
+        case "forward":
+            from inverse_service.service.documents.forward import look_forward
 
-        to_nonholonomic_schema(document)
-    else:
-        from inverse_service.service.documents.translate import to_schema
+            look_forward(plain)
+        case "nonholonomic":
+            from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema
 
-        to_schema(document)
+            to_nonholonomic_schema(plain)
+        case _:
+            from inverse_service.service.documents.translate import to_schema
+
+            to_schema(plain)

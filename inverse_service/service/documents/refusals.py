@@ -7,21 +7,16 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from api_schemas.system import MAX_SERIES_ORDER, TAGS
+from api_schemas.base import Document
+from api_schemas.system import MAX_SERIES_ORDER, TAGS, SystemDocument
 from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.jobs.outcome import Place
 
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
-KEYS = (
-    "name, coordinates, equations, parameters, functions, time_dependent_lagrangian, ansatz, series_order, "
-    "special_cases"
-)
-KEYS_NONHOLONOMIC = (
-    "name, coordinates, lagrangian, constraints, parameters, functions, associated, multiples, "
-    "search, time_dependent_lagrangian, ansatz, series_order, special_cases"
-)
+ALSO = ("time", "id", "options")
+TITLES = {"NonholonomicDocument": "nonholonomic system", "LagrangianDocument": "Lagrangian"}
 EXPECTED = {
     "": "an object with coordinates and equations",
     "lagrangian": "a formula written as text",
@@ -37,6 +32,7 @@ EXPECTED = {
     "ansatz": """a list of terms such as ["y'^2/x'"]""",
     "series_order": f"a whole number from 1 to {MAX_SERIES_ORDER}",
     "special_cases": "true or false",
+    "where": """an object of formulas such as {"r": "sqrt(x^2 + y^2)"}""",
     "search": """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",
 }
 
@@ -50,31 +46,28 @@ class DocumentRefused(InputError):
         self.code = places[0].code
 
 
-def places_of(error: ValidationError, nonholonomic: bool = False) -> tuple[Place, ...]:
-    """At most MAX_PLACES faults in the order of the document; never a value of the input.
-
-    `nonholonomic` says that the document was read as a Lagrangian with constraints.
-    """
+def places_of(error: ValidationError, schema: type[Document] = SystemDocument) -> tuple[Place, ...]:
+    """At most MAX_PLACES faults in the order of the document, read as `schema`; never a value of the input."""
     found = error.errors(include_url=False, include_input=False, include_context=True)
-    return tuple(_place(fault, nonholonomic) for fault in found[:MAX_PLACES])
+    return tuple(_place(fault, schema) for fault in found[:MAX_PLACES])
 
 
-def _place(fault: Mapping[str, Any], nonholonomic: bool) -> Place:
+def _place(fault: Mapping[str, Any], schema: type[Document]) -> Place:
     steps = [step for step in fault["loc"] if step not in NOT_IN_THE_DOCUMENT]
     pointer = "".join(f"/{escape(step)}" for step in steps)
     code = "limit" if fault["type"].endswith("too_long") else "bad-input"
-    return Place(_sentence(fault, steps, nonholonomic), pointer, None, code)
+    return Place(_sentence(fault, steps, schema), pointer, None, code)
 
 
-def _sentence(fault: Mapping[str, Any], steps: list[Any], nonholonomic: bool) -> str:
+def _sentence(fault: Mapping[str, Any], steps: list[Any], schema: type[Document]) -> str:
     top = str(steps[0]) if steps else ""
     kind, context = fault["type"], fault.get("ctx", {})
     where = f"'{'/'.join(escape(step) for step in steps)}'" if steps else "The document"
     if kind == "missing":
         return f"The key {where} is missing; it must be {EXPECTED.get(top, 'there')}."
     if kind == "extra_forbidden":
-        what, keys = ("nonholonomic system", KEYS_NONHOLONOMIC) if nonholonomic else ("system", KEYS)
-        return f"The key {where} is not known here; a {what} has the keys {keys}."
+        keys = ", ".join((*schema.model_fields, *ALSO))
+        return f"The key {where} is not known here; a {TITLES.get(schema.__name__, 'system')} has the keys {keys}."
     if kind.endswith("too_long"):
         return f"{where} is too long: at most {context['max_length']} {_counted(kind)} are accepted."
     if kind.endswith("too_short"):
@@ -89,7 +82,7 @@ def _counted(kind: str) -> str:
 def _expected(steps: list[Any]) -> str:
     if len(steps) <= 1:
         return EXPECTED.get(str(steps[0]) if steps else "", "a text")
-    if steps[0] in ("equations", "ansatz", "constraints", "multiples"):
+    if steps[0] in ("equations", "ansatz", "constraints", "multiples", "where"):
         return "a formula written as text"
     if steps[0] == "parameters":
         return 'a number written as text or as a number, such as "1/2"' if isinstance(steps[1], str) else "a name"

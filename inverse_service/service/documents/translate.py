@@ -40,10 +40,12 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.refusals import DocumentRefused, places_of
 
 if TYPE_CHECKING:
+    from api_schemas.forward import LagrangianDocument
     from api_schemas.nonholonomic import NonholonomicDocument
     from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 
-    AnyDocument = SystemDocument | NonholonomicDocument
+    AnyDocument = SystemDocument | NonholonomicDocument | LagrangianDocument
+    Asking = SystemDocument | NonholonomicDocument
 
 
 def to_schema(document: Any) -> SystemDocument:
@@ -62,15 +64,16 @@ def to_system(schema: SystemDocument) -> SecondOrderSystem:
         parameters=schema.parameters,
         functions=schema.functions,
         name=schema.name,
+        where=schema.where,
     )
 
 
 def to_given(schema: SystemDocument) -> tuple[Expression, ...]:
     """The equations of the document as they stand, left side minus right side."""
-    return read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions).residuals
+    return read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where).residuals
 
 
-def to_ansatz(schema: AnyDocument, system: SecondOrderSystem) -> tuple[Expression, ...]:
+def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[Expression, ...]:
     """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
     functions = {function.name: function.arguments for function in system.functions}
     named = Declared(parameters=schema.parameters).named_parameters()
@@ -93,7 +96,7 @@ def _term(text: str, names: Names, values: Mapping[str, Expression], pointer: st
     return term
 
 
-def to_parse_answer(system: SecondOrderSystem, schema: SystemDocument) -> ParseAnswer:
+def to_parse_answer(system: SecondOrderSystem, schema: AnyDocument) -> ParseAnswer:
     """What was understood, for a reader to compare with what was meant."""
     return ParseAnswer(
         name=system.name,
@@ -137,7 +140,7 @@ def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> UnderstoodS
     )
 
 
-def to_result(solution: Solution, schema: AnyDocument, others: Sequence[Solution] = ()) -> ResultDocument:
+def to_result(solution: Solution, schema: Asking, others: Sequence[Solution] = ()) -> ResultDocument:
     """The result document; `with_time` is filled where the other question has another answer.
 
     `others` are the solutions on further branches of the same system.
@@ -154,7 +157,7 @@ def to_result(solution: Solution, schema: AnyDocument, others: Sequence[Solution
     )
 
 
-def _both_answers(solution: Solution, schema: AnyDocument) -> dict[str, Any]:
+def _both_answers(solution: Solution, schema: Asking) -> dict[str, Any]:
     """The fields of the main answer, and what is said of the other question."""
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time

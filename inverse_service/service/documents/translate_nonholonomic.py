@@ -57,7 +57,7 @@ def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
     try:
         return NonholonomicDocument.model_validate(document)
     except ValidationError as error:
-        raise DocumentRefused(places_of(error, nonholonomic=True)) from None
+        raise DocumentRefused(places_of(error, NonholonomicDocument)) from None
 
 
 def _refuse_other_kinds(document: Any) -> None:
@@ -66,18 +66,18 @@ def _refuse_other_kinds(document: Any) -> None:
     if "equations" in document:
         sentence = "'equations' stand beside a Lagrangian or constraints: keep the one or the other."
         raise DocumentRefused((Place(sentence, "/equations"),))
-    if "lagrangian" in document and document.get("constraints") in (None, [], ""):
-        sentence = (
-            "The Lagrangian has no 'constraints'; write a list such as [\"x' - R*cos(phi)*theta'\"]. "
-            "A system without constraints is given by its 'equations', or simulated as it is."
-        )
-        raise DocumentRefused((Place(sentence, "/constraints"),))
 
 
 def to_nonholonomic(schema: NonholonomicDocument) -> NonholonomicSystem:
     """The system that a document describes; raises InputError with pointer and column."""
     return read_nonholonomic(
-        schema.coordinates, schema.lagrangian, schema.constraints, schema.parameters, schema.functions, schema.name
+        schema.coordinates,
+        schema.lagrangian,
+        schema.constraints,
+        schema.parameters,
+        schema.functions,
+        schema.name,
+        where=schema.where,
     )
 
 

@@ -143,7 +143,7 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
         raise DocumentRefused(tuple(map(_place, error.errors(include_url=False, include_input=False)))) from None
     parameters, values = _parameters(schema.parameters, extra)
     names = document_names(
-        Declared(schema.coordinates, parameters, schema.functions, MAX_SIMULATED),
+        Declared(schema.coordinates, parameters, schema.functions, most=MAX_SIMULATED),
         {"/lagrangian": schema.lagrangian},
         order=1,
     )

@@ -95,9 +95,23 @@ def _fields(store: str, id: str) -> dict[str, str] | None:
     return lean_fields(given) if isinstance(given, dict) else None
 
 
+def _forward_result(job: Mapping[str, Any]) -> HTMLResponse:
+    """The page of a Lagrangian alone."""
+    found = job["result"]
+    names = typesetting.names_of(found["system"])
+    rows = [("L", found["lagrangian"])] + [(f"p_{name}", part) for name, part in found["momenta"].items()]
+    rows += [("H", found["hamiltonian"])]
+    lines = answers.equations_of(found["system"])
+    lines += [typesetting.equation(letter, part["text"], names) for letter, part in rows]
+    kept = [(part["name"], typesetting.formula(part["text"], names)) for part in found["conserved"]]
+    return page("forward.html", active="", job=job, result=found, lines=lines, kept=kept)
+
+
 def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | None) -> HTMLResponse:
     """The page of a solved system."""
     found, address = job["result"], look.address
+    if "verdict" not in found:
+        return _forward_result(job)
     system = found["system"]
     with_time = found["with_time"]
     main = answers.answer_of(found, found["question"], found)

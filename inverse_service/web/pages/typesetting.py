@@ -36,8 +36,10 @@ def names_of(system: Mapping[str, Any] | None) -> Names:
     entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
     functions = {name: tuple(arguments) for name, arguments in system.get("functions", {}).items()}
     taken = {*coordinates, *functions}
-    words = [*system["parameters"], *(f"p_{name}" for name in coordinates), *entries, "L", "H"]
-    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
+    words = [system.get("time", "t"), *system["parameters"], *(f"p_{name}" for name in coordinates), *entries, "L", "H"]
+    return Names(
+        coordinates, tuple(dict.fromkeys(word for word in words if word not in taken and word != "t")), functions
+    )
 
 
 def inner_mathml(text: str, names: Names) -> str | None:

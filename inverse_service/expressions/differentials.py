@@ -1,0 +1,131 @@
+"""Quotients of differentials in plain text: dx/dt, d^2x/dt^2, d2x/dt2, d/dt(m x'), dV/dx."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.tokens import Token
+
+_ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
+_BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
+PARTIAL = "\u2202"
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """d^k u: the order, u or nothing, and how many tokens it took."""
+
+    order: int
+    name: Token | None
+    length: int
+
+
+def with_differentials(tokens: list[Token], names: Names) -> list[Token]:
+    """The tokens with each quotient as primes on its name, or as diff( ); unclear ones stay, and are refused later."""
+    if not any(token.text[:1] in ("d", PARTIAL) for token in tokens):
+        return tokens
+    found: list[Token] = []
+    place = 0
+    while place < len(tokens):
+        quotient = None if found and found[-1].is_operator("/") else _quotient(tokens, place, names)
+        written, place = quotient if quotient else ([tokens[place]], place + 1)
+        found += written
+    return found
+
+
+def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token], int] | None:
+    """What the quotient that begins here is in our grammar, and the place after it; None where there is none."""
+    above = _above(tokens, place, names)
+    slash = place + (above.length if above else 0)
+    if above is None or slash >= len(tokens) or not tokens[slash].is_operator("/"):
+        return None
+    below = _below(tokens, slash + 1, above.order)
+    if below is None or below.name is None:
+        return None
+    after = slash + 1 + below.length
+    following = tokens[after] if after < len(tokens) else None
+    if following is not None and following.is_operator("^"):
+        return None  # dx/dt^2: of the quotient, or of t?
+    first = tokens[place]
+    if above.name is None:
+        opens = following is not None and following.is_operator("(")
+        return _operator(tokens, after, below.name, above.order, names) if opens else None
+    if below.name.text == "t" and names.role(names.spelling(above.name.text)) != "function":
+        prime = Token("prime", "'" * above.order, first.column, False, Fraction(above.order))
+        return [Token("name", above.name.text, first.column, first.space_before), prime], after
+    if names.role(names.spelling(above.name.text)) != "function":
+        return None
+    return _call([above.name], below.name, above.order), after
+
+
+def _above(tokens: list[Token], place: int, names: Names) -> _Part | None:
+    first = tokens[place]
+    partial = first.is_operator(PARTIAL)
+    match = _ABOVE.fullmatch(first.text) if first.kind == "name" and names.role(first.text) is None else None
+    if not partial and match is None:
+        return None
+    digit, word = (match[1], match[2]) if match else ("", None)
+    if word:
+        return _Part(int(digit or 1), Token("name", word, first.column, first.space_before), 1)
+    order, length = (int(digit), 1) if digit else _power(tokens, place + 1)
+    following = tokens[place + length] if place + length < len(tokens) else None
+    if following is not None and following.kind == "name":
+        return _Part(order, following, length + 1)
+    return _Part(order, None, length)
+
+
+def _power(tokens: list[Token], place: int) -> tuple[int, int]:
+    """The k of ^k or ^(k) here, 1 where there is none, and the tokens up to there with the d before it."""
+    texts = [token.text for token in tokens[place : place + 4]]
+    if texts[:1] == ["^"] and len(texts) > 1 and texts[1].isdigit():
+        return int(texts[1]), 3
+    if texts[:2] == ["^", "("] and len(texts) == 4 and texts[2].isdigit() and texts[3] == ")":
+        return int(texts[2]), 5
+    return 1, 1
+
+
+def _below(tokens: list[Token], place: int, order: int) -> _Part | None:
+    """dt, dt^2, dt2, d t of this order."""
+    if place >= len(tokens):
+        return None
+    first = tokens[place]
+    match = _BELOW.fullmatch(first.text) if first.kind == "name" else None
+    split = first.is_operator(PARTIAL) or first.text == "d"
+    if match is None and not split:
+        return None
+    name = tokens[place + 1] if split and place + 1 < len(tokens) else first
+    if match is not None and not split:
+        name = Token("name", match[1], first.column)
+    length = 1 + split
+    if match is not None and not split and match[2]:
+        return _Part(order, name, length) if int(match[2]) == order else None
+    if order == 1:
+        return _Part(order, name, length) if name.kind == "name" else None
+    times, taken = _power(tokens, place + length)
+    return _Part(order, name, length + taken - 1) if times == order and name.kind == "name" else None
+
+
+def _operator(
+    tokens: list[Token], place: int, variable: Token, order: int, names: Names
+) -> tuple[list[Token], int] | None:
+    """d/dt ( u ) as diff(u, t)."""
+    depth = 0
+    for end in range(place, len(tokens)):
+        depth += tokens[end].is_operator("(") - tokens[end].is_operator(")")
+        if depth == 0:
+            after = tokens[end + 1 : end + 2]
+            if after and after[0].is_operator("^"):
+                return None
+            return _call(with_differentials(tokens[place + 1 : end], names), variable, order), end + 1
+    return None
+
+
+def _call(inner: list[Token], variable: Token, order: int) -> list[Token]:
+    at = variable.column
+    found = [Token("name", "diff", at, True), Token("operator", "(", at), *inner]
+    for _ in range(order):
+        found += [Token("operator", ",", at), Token("name", variable.text, at)]
+    return [*found, Token("operator", ")", at)]

@@ -1,0 +1,219 @@
+"""What users may write more loosely than the schemas say, and the name of the time: documents in, results out.
+
+Inside, the time is t. A document that calls it tau (`"time": "tau"`, or y''(tau) in every equation) is renamed on the
+way in and its result on the way out; a coordinate called t then has a letter that the document does not use.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import declared_name
+from inverse_service.expressions.printing_latex import name_latex
+from inverse_service.expressions.printing_names import greek_letter
+from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
+from inverse_service.service.documents.document_kinds import is_forward
+
+FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
+NAMES = ("coordinates", "parameters", "functions")
+# Not for people, or not ours to change.
+KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict"))
+_LETTERS = "jwzkbcudhgnalsTYZWJKBUDGNCP"
+_PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
+_NAME = r"([A-Za-z]\w*)"
+# y''(x), diff(y(x), x, 2), Derivative(y(x), (x, 2)), diff(y(x), x$2), D[y[x], {x, 2}], d^2y/dx^2, d^2 y/dx^2 in LaTeX.
+_NAMED = (
+    re.compile(rf"{_NAME}\s*(?:''|\u2033|'\s*')\s*[\[(]\s*{_NAME}\s*[\])]"),
+    re.compile(rf"(?:[dD]iff|Derivative|D)\s*[\[(]\s*{_NAME}\s*[\[(]\s*{_NAME}\s*[\])]\s*,\s*[({{]?\s*\2\b"),
+    re.compile(rf"d(?:\^2|\u00b2|2)\s*{_NAME}\s*/\s*d\s*([A-Za-z]+?)(?:\^2|\u00b2|2)"),
+    re.compile(r"\\d?frac\{d\^\{?2\}?\s*\\?([A-Za-z]*)\}\{d\s*\\?([A-Za-z]+)\^\{?2\}?\}"),
+)
+_BARE = re.compile(rf"{_NAME}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_NAME}_?ddot\b")
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A document for the schemas, what its time and a coordinate t were called, and its id."""
+
+    document: Any
+    time: str = "t"
+    other: str = ""
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def outward(self, result: dict[str, Any]) -> dict[str, Any]:
+        """The result in the words of the writer."""
+        found = result
+        if self.time != "t":
+            found = _changed(result, {"t": self.time, self.other: "t"})
+            if isinstance(found.get("system"), dict):
+                found["system"] = {**found["system"], "time": self.time}
+        return {**found, **self.extra}
+
+    def error(self, error: InputError) -> InputError:
+        """The refusal in the words of the writer."""
+        if self.time == "t":
+            return error
+        detail = _in_plain_text(error.detail, {"t": self.time, self.other: "t"}, pad=False)
+        return InputError(detail, error.pointer, error.column, error.instead)
+
+
+def prepared(document: Any) -> Prepared:
+    """The document as the schemas want it; InputError for a result in its place, and for a bad name of the time."""
+    if not isinstance(document, Mapping):
+        return Prepared(document)
+    if str(document.get("format", "")).startswith("inverse-service/"):
+        raise InputError("This is a result, not a document: its document is in system.given.", "/format")
+    plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
+    if is_forward(plain):
+        plain.pop("constraints", None)
+    extra = {"id": document["id"]} if "id" in document else {}
+    plain = {key: _LOOSE[key](value) if key in _LOOSE else value for key, value in plain.items()}
+    time = _time_name(plain)
+    if time == "t":
+        return Prepared(plain, extra=extra)
+    other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
+    inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
+    return Prepared({**plain, **inside}, time, other, extra)
+
+
+def inward(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A result as it was before `Prepared.outward`, so that it can be compared with its certificate."""
+    system = result.get("system")
+    time = system.get("time", "t") if isinstance(system, Mapping) else "t"
+    if time == "t" or not isinstance(system, Mapping) or not isinstance(time, str):
+        return result
+    other = prepared(system.get("given")).other
+    changed = _changed(dict(result), {time: "t", "t": other})
+    return {**changed, "system": {key: value for key, value in changed["system"].items() if key != "time"}}
+
+
+def _time_name(plain: dict[str, Any]) -> str:
+    """The name in the key `time`, which is taken out, or the one that every equation gives the time; else t."""
+    given = plain.pop("time", None)
+    if given is None:
+        return _found_time(plain)
+    if not isinstance(given, str):
+        raise InputError("'time' is not a text: write the name of the time, such as \"tau\".", "/time")
+    name = "t" if given == "t" else declared_name(given, "/time", "time")
+    if name in _declared(plain):
+        raise InputError(f"{name} is the time here and is declared too: give one of the two another name.", "/time")
+    return name
+
+
+def _found_time(plain: Mapping[str, Any]) -> str:
+    """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same name."""
+    found, moving = set(), set()
+    for text in _texts({key: plain[key] for key in FORMULAS if key in plain}):
+        pairs = [match.groups() for pattern in _NAMED for match in pattern.finditer(text)]
+        found |= {by for name, by in pairs if name not in _declared(plain, ("functions",))}
+        moving |= {name for name, _ in pairs}
+        if _BARE.search(text):
+            return "t"
+    name = found.pop() if len(found) == 1 else "t"
+    return "t" if name in _declared(plain) | moving or name in FUNCTIONS | DERIVATIVE_NAMES else name
+
+
+def _declared(plain: Mapping[str, Any], keys: tuple[str, ...] = NAMES) -> set[str]:
+    """The names that a document declares under these keys; nothing where it holds something else."""
+    lists = (plain.get(key) for key in keys)
+    return {word for words in lists if isinstance(words, list | dict) for word in words if isinstance(word, str)}
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every text in a document, keys included."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for key, part in value.items():
+            yield from (str(key), *_texts(part))
+    elif isinstance(value, list | tuple):
+        for part in value:
+            yield from _texts(part)
+
+
+def _changed(value: Any, table: Mapping[str, str], pad: bool = False, latex: bool = False) -> Any:
+    """The value with the names of the table replaced in every text; `pad` keeps columns where they are."""
+    if isinstance(value, str):
+        if value.startswith("<math"):
+            return _in_mathml(value, table)
+        return (_in_latex if latex or "\\" in value else _in_plain_text)(value, table, pad)
+    if isinstance(value, Mapping):
+        return {
+            _in_plain_text(key, table, False) if key not in _STRUCTURE else key: part
+            if key in KEPT
+            else _changed(part, table, pad, latex or key == "latex")
+            for key, part in value.items()
+        }
+    return [_changed(part, table, pad, latex) for part in value] if isinstance(value, list | tuple) else value
+
+
+_STRUCTURE = frozenset(("text", "latex"))
+
+
+def _in_plain_text(text: str, table: Mapping[str, str], pad: bool) -> str:
+    names = "|".join(re.escape(name) for name in table if name)
+    forms = re.compile(rf"(d[2-9]?|p_)?({names})([2-9]|(?:_?dot){{1,2}}|_?ddot)?")
+
+    def replaced(match: re.Match[str]) -> str:
+        form = forms.fullmatch(match.group())
+        if form is None:
+            return match.group()
+        new = f"{form[1] or ''}{table[form[2]]}{form[3] or ''}"
+        return new.ljust(len(match.group())) if pad else new
+
+    return _PLAIN_WORD.sub(replaced, text)
+
+
+def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
+    def replaced(match: re.Match[str]) -> str:
+        below, word = match[1] or "", match[2]
+        if below and not (text[: match.start()].endswith("p") and word.lstrip("\\") in table):
+            return match.group()
+        if word.startswith("\\"):
+            new = table.get(word[1:])
+            return match.group() if new is None else below + _spelled(new).ljust(len(word) if pad else 0)
+        if word in FUNCTIONS:
+            return match.group()
+        return below + "".join(_spelled(table[letter]) if letter in table else letter for letter in word)
+
+    return _LATEX_WORD.sub(replaced, text)
+
+
+def _spelled(name: str) -> str:
+    """The name in LaTeX, kept apart from letters after a command."""
+    found = name_latex(name)
+    return found + " " if found.startswith("\\") else found
+
+
+def _in_mathml(text: str, table: Mapping[str, str]) -> str:
+    names = {greek_letter(name) or name: greek_letter(new) or new for name, new in table.items() if name}
+    return re.sub(r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text)
+
+
+def _words(value: Any) -> Any:
+    """ "x y" and "k, m" as lists of names."""
+    return [word for word in re.split(r"[,\s;]+", value) if word] if isinstance(value, str) else value
+
+
+def _parameters(value: Any) -> Any:
+    return value if value == "guess" or not isinstance(value, str) or "=" in value else _words(value)
+
+
+def _functions(value: Any) -> Any:
+    """{"V": "x"} and ["V(x, y)"] as {"V": ["x", "y"]}."""
+    if isinstance(value, list) and all(isinstance(entry, str) for entry in value):
+        calls = [re.fullmatch(r"\s*([^\s()]+)\s*\(([^()]*)\)\s*", entry) for entry in value]
+        return {call[1]: _words(call[2]) for call in calls if call} if all(calls) else value
+    return {key: _words(part) for key, part in value.items()} if isinstance(value, dict) else value
+
+
+_LOOSE: dict[str, Callable[[Any], Any]] = {
+    "coordinates": _words,
+    "parameters": _parameters,
+    "functions": _functions,
+}
