@@ -95,7 +95,7 @@ class Engine:
         self._working.start()
         self._quick.start()
         bound = self.settings.client_running
-        self.supervisor = Supervisor(self.store, self._working, self.counters, bound)
+        self.supervisor = Supervisor(self.store, self._working, self.counters, bound, self._quick)
         self.store.on_change(self.hub.tell)
         self.supervisor.start()
         self._cleaner = Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)

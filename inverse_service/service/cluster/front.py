@@ -46,6 +46,11 @@ class RemoteRunning(Running):
     future: Any = None
     failures: int = 0
 
+    @property
+    def has_begun(self) -> bool:
+        """Only the scheduler knows."""
+        return True
+
     def cancel(self) -> None:
         """Drop it where it waits, kill its process where it runs."""
         Running.cancel(self)

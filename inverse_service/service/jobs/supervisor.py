@@ -24,6 +24,7 @@ from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.model import Job, StoreUnavailable
 from inverse_service.service.jobs.options import stored_options
 from inverse_service.service.jobs.outcome import Call, Outcome
+from inverse_service.service.jobs.short_lane import AHEAD, ShortLane
 from inverse_service.service.jobs.states import MAX_RESTARTS
 from inverse_service.service.jobs.store import NO_BOUND, JobStore
 from inverse_service.service.jobs.worker_process import Report
@@ -48,7 +49,7 @@ class _Ended:
 
 
 class Supervisor:
-    """Runs the jobs of one store on one executor."""
+    """Runs the jobs of one store on one executor; `quick` has processes for short questions of who has none running."""
 
     def __init__(
         self,
@@ -56,13 +57,16 @@ class Supervisor:
         executor: Executor,
         counters: Counters | None = None,
         client_running: int | None = None,
+        quick: Executor | None = None,
     ) -> None:
         self.counters = counters or Counters()
         self.events = EventLog(store)
         self._store, self._executor = store, executor
         self._client_running = client_running or NO_BOUND
+        self._short = None if quick is None else ShortLane(quick)
         self._owner = uuid.uuid4().hex
         self._running: dict[tuple[str, int], tuple[Job, Running]] = {}
+        self._won: set[tuple[str, int]] = set()
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._stopping = threading.Event()
@@ -131,10 +135,10 @@ class Supervisor:
     def _claim(self) -> None:
         """Claim as many as run, and as many again, so that no worker waits for the disk."""
         while not self._stopping.is_set():
-            free = 2 * self._executor.capacity - len(self._running)
-            if free <= 0:
-                return
-            jobs = self._store.claim(self._owner, free, self._client_running)
+            free, most = 2 * self._executor.capacity - len(self._running), self._client_running
+            if free <= 0 and self._short is not None:
+                free, most = free + AHEAD, 1
+            jobs = self._store.claim(self._owner, free, most) if free > 0 else []
             if not jobs:
                 return
             for job in jobs:
@@ -159,11 +163,23 @@ class Supervisor:
 
     def _end(self, job: Job, outcome: Outcome) -> None:
         """To the finishers; a system that a limit stopped is understood first, by the workers like all else."""
+        if (job.id, job.attempt) in self._won:
+            return
         if not finishing.is_undetermined(job, outcome) or self._stopping.is_set():
             self._ended.put(_Ended(job, outcome))
             return
         call = Call(tasks.understand_job_task, (job.document,), UNDERSTAND_DEADLINE, None, False, FIRST, job.client)
         self._run(job, call, lambda job, understood: self._ended.put(_Ended(job, with_understood(outcome, understood))))
+
+    def _win(self, job: Job, outcome: Outcome) -> None:
+        """A job that waited for a worker ended in the short lane: it waits no more."""
+        with self._lock:
+            found = self._running.get((job.id, job.attempt))
+            if found is None:  # its turn came, and it ended there
+                return
+            self._won.add((job.id, job.attempt))
+        found[1].cancel()
+        self._ended.put(_Ended(job, outcome))
 
     def _finish_loop(self) -> None:
         while (ended := self._ended.get()) is not None:
@@ -175,6 +191,7 @@ class Supervisor:
             finally:
                 with self._lock:
                     self._running.pop((ended.job.id, ended.job.attempt), None)
+                    self._won.discard((ended.job.id, ended.job.attempt))
                 self._wake.set()
 
     def _insist(self, ended: _Ended) -> None:
@@ -216,6 +233,10 @@ class Supervisor:
         while not self._stopping.wait(TICK):
             try:
                 self.events.flush()
+                if self._short is not None:
+                    with self._lock:
+                        claimed = list(self._running.values())
+                    self._short.look(claimed, self._win)
                 if time.monotonic() - self._beaten > HEARTBEAT:
                     self._beat()
                 elif self._doubtful:

@@ -59,6 +59,11 @@ class Running:
             self.end(Outcome("cancelled"))
 
     @property
+    def has_begun(self) -> bool:
+        """Whether some process works on it, as far as is known here."""
+        return self._worker is not None
+
+    @property
     def is_cancelled(self) -> bool:
         """Whether `cancel` was called."""
         return self._cancelled

@@ -7,6 +7,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -277,3 +278,33 @@ def test_an_answer_lost_by_a_fault_ends_its_job(refusing: Refusing) -> None:
     supervisor.stop()
     assert ended.status == "failed"
     assert b"could not be stored" in (ended.body or b"")
+
+
+def test_a_short_question_is_answered_while_the_workers_have_long_ones(store: SqliteStore) -> None:
+    class Busy(Hanging):
+        """A task that some process works on."""
+
+        @property
+        def has_begun(self) -> bool:
+            return self.call.client == "alice"
+
+    class Long(Scripted):
+        def submit(self, call: Call, report: Report | None = None) -> Running:
+            return Busy(call, report)
+
+    quick = Scripted(lambda call: DONE if "short" in call.arguments[1] else Outcome("deadline"))
+    supervisor = Supervisor(store, Long(lambda call: None), quick=quick)
+    supervisor.start()
+    for k in range(10):
+        store.submit([replace(request(f"long {k}"), client="alice")])
+    (long,) = store.submit([replace(request("another long"), client="bob")])
+    (short,) = store.submit([replace(request("short"), client="carol")])
+    assert final(store, short.id).status == "successful"
+    time.sleep(0.3)
+    supervisor.stop()
+    # Tried for a moment, each once; who has something running waits for its turn.
+    assert sorted(call.client for call in quick.calls) == ["bob", "carol"]
+    assert {call.deadline for call in quick.calls} == {0.5}
+    found = store.job(long.id)
+    assert found is not None
+    assert (found.status, found.attempt) == ("accepted", 1)
