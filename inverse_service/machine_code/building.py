@@ -17,7 +17,7 @@ from numba.np.numpy_support import carray
 
 from inverse_service.machine_code.entry import entry_text
 from inverse_service.machine_code.processor import target_machine
-from inverse_service.machine_code.signatures import Kinds, element_of
+from inverse_service.machine_code.signatures import Kinds, array_of
 from inverse_service.machine_code.sources import Unstorable, used
 
 _NUMBERS = {"int64": types.int64, "uint64": types.uint64, "bool": types.boolean}
@@ -47,7 +47,7 @@ def made_intrinsic(definition: Callable[..., Any]) -> Any:
 def object_code(compiler: Any, kinds: Kinds) -> bytes:
     """The kernel for these kinds and its entry; raises Unstorable where it needs more than itself."""
     signature = tuple(map(_type, kinds))
-    compiler.compile(signature)
+    compiler.compile(signature)  # refuses a kernel that writes what is to be read only
     answer = _ANSWERS.get(compiler.overloads[signature].signature.return_type)
     if answer is None:
         raise Unstorable("the kernel gives neither nothing nor one number")
@@ -60,8 +60,10 @@ def object_code(compiler: Any, kinds: Kinds) -> bytes:
 
 
 def _type(kind: str) -> Any:
-    name, dimensions = element_of(kind)
-    return types.Array(getattr(types, name), dimensions, "C") if dimensions else _NUMBERS[name]
+    array = array_of(kind)
+    if not array.dimensions:
+        return _NUMBERS[kind]
+    return types.Array(getattr(types, array.element), array.dimensions, "C", readonly=array.constant)
 
 
 def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
@@ -78,7 +80,7 @@ def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
 
 def _parameters(k: int, kind: str) -> tuple[str, str]:
     """The names of what stands for argument k, and the argument made from them."""
-    _, dimensions = element_of(kind)
+    dimensions = array_of(kind).dimensions
     if not dimensions:
         return f"a{k}", f"a{k} != 0" if kind == "bool" else f"a{k}"
     lengths = ", ".join(f"n{k}_{axis}" for axis in range(dimensions))
@@ -86,11 +88,11 @@ def _parameters(k: int, kind: str) -> tuple[str, str]:
 
 
 def _types(kind: str) -> list[Any]:
-    name, dimensions = element_of(kind)
-    if not dimensions:
+    array = array_of(kind)
+    if not array.dimensions:
         return [types.uint64 if kind == "uint64" else types.int64]
     address: Any = types.CPointer
-    return [address(getattr(types, name)), *[types.int64] * dimensions]
+    return [address(getattr(types, array.element)), *[types.int64] * array.dimensions]
 
 
 def _reduce(module: Any, machine: Any) -> None:

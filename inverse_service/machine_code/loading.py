@@ -11,12 +11,10 @@ import numpy as np
 
 from inverse_service.machine_code.entry import TABLE
 from inverse_service.machine_code.processor import target_machine
-from inverse_service.machine_code.signatures import ELEMENTS
 
 _FASTCALL = 0x80
 _OBJECTS: dict[str, Any] = {
-    "ndarray": np.ndarray, "int": int, "np.int64": np.int64, "np.uint64": np.uint64, "True": True, "False": False,
-    "None": None, **{name: np.dtype(name) for name in ELEMENTS},
+    "int": int, "np.int64": np.int64, "np.uint64": np.uint64, "True": True, "False": False, "None": None,
 }  # fmt: skip
 # Code, method definitions and what the tables point to live as long as the process.
 _kept: list[Any] = []

@@ -1,12 +1,13 @@
 """What a kernel is called with: each argument's kind, which decides the machine code that takes it.
 
-Kinds are texts: "int64", "uint64", "bool", and arrays such as "int64[2]" (element type, dimensions).
+Kinds are texts: "int64", "uint64", "bool", and arrays such as "int64[2]" (element type, dimensions) or
+"const int64[2]", which the kernel only reads.
 """
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -18,14 +19,33 @@ ELEMENTS = ("int8", "int32", "int64", "uint64")
 _TYPES: dict[Any, str] = {np.dtype(name): name for name in ELEMENTS}
 _SCALARS = {int: "int64", np.int64: "int64", np.uint64: "uint64", bool: "bool", np.bool_: "bool"}
 _MOST_DIMENSIONS = 4
+_CONSTANT = "const "
 
-# CPython's objects begin with this many bytes, the last of which are the address of the type.
-HEADER = object.__basicsize__
-TYPE = HEADER - 8
-# PyArrayObject_fields of NumPy's C interface.
-DATA, DIMENSIONS, SHAPE, ELEMENT, FLAGS = (HEADER + 8 * k for k in (0, 1, 2, 5, 6))
-# C_CONTIGUOUS and ALIGNED.
-REGULAR = 0x101
+
+@dataclass(frozen=True, slots=True)
+class ArrayKind:
+    """The kind of an array: element type, dimensions (0 for a number), whether the kernel only reads it."""
+
+    element: str
+    dimensions: int
+    constant: bool
+
+    @property
+    def size(self) -> int:
+        """Bytes of an element."""
+        return np.dtype(self.element).itemsize
+
+    @property
+    def letter(self) -> str:
+        """The element type in the format of the buffer protocol (PEP 3118)."""
+        return memoryview(np.empty(1, np.dtype(self.element)).data).format
+
+
+@lru_cache(maxsize=256)
+def array_of(kind: str) -> ArrayKind:
+    """The kind read; `dimensions` is 0 for that of a number."""
+    name, _, rest = kind.removeprefix(_CONSTANT).partition("[")
+    return ArrayKind(name, int(rest.rstrip("]") or 0), kind.startswith(_CONSTANT))
 
 
 def kinds_of(arguments: Sequence[Any]) -> Kinds | None:
@@ -41,42 +61,12 @@ def _kind(argument: Any) -> str | None:
     name = _TYPES.get(argument.dtype)
     if name is None or not (flags.c_contiguous and flags.aligned) or not 0 < argument.ndim <= _MOST_DIMENSIONS:
         return None
-    return f"{name}[{argument.ndim}]"
-
-
-def element_of(kind: str) -> tuple[str, int]:
-    """(element type, dimensions) of the kind of an array; (kind, 0) of a number."""
-    name, _, rest = kind.partition("[")
-    return name, int(rest.rstrip("]") or 0)
+    return f"{'' if flags.writeable else _CONSTANT}{name}[{argument.ndim}]"
 
 
 def plain(argument: Any, kind: str) -> Any:
     """The same argument as machine code knows it: an array without subclass and with NumPy's own element type."""
-    name, dimensions = element_of(kind)
-    if dimensions:
-        return np.asarray(argument).view(np.dtype(name))
-    return {"int64": int, "uint64": np.uint64, "bool": bool}[name](argument)
-
-
-@lru_cache(maxsize=1)
-def layout_is_known() -> bool:
-    """Whether this Python and this NumPy keep numbers and arrays where the entries look for them."""
-    if ctypes.sizeof(ctypes.c_void_p) != 8 or HEADER < 16:
-        return False
-    array, word = np.zeros((2, 3), np.int64), np.uint64(0x123456789ABCDEF0)
-    place = id(array)
-    shape = _word(place + SHAPE)
-    return bool(
-        _word(place + TYPE) == id(np.ndarray)
-        and _word(place + DATA) == array.ctypes.data
-        and _word(place + DIMENSIONS) & 0xFFFFFFFF == 2
-        and (_word(shape), _word(shape + 8)) == (2, 3)
-        and _word(place + ELEMENT) == id(np.dtype("int64"))
-        and _word(place + FLAGS) & REGULAR == REGULAR
-        and _word(id(word) + TYPE) == id(np.uint64)
-        and _word(id(word) + HEADER) == int(word)
-    )
-
-
-def _word(address: int) -> int:
-    return ctypes.c_uint64.from_address(address).value
+    array = array_of(kind)
+    if array.dimensions:
+        return np.asarray(argument).view(np.dtype(array.element))
+    return {"int64": int, "uint64": np.uint64, "bool": bool}[kind](argument)

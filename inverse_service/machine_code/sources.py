@@ -18,7 +18,7 @@ from typing import Any, cast
 import numpy as np
 
 from inverse_service.machine_code.processor import processor_name
-from inverse_service.machine_code.signatures import HEADER, Kinds
+from inverse_service.machine_code.signatures import Kinds
 
 _CONSTANTS = (bool, int, float, np.generic)
 
@@ -87,7 +87,7 @@ def _of_global(name: str, value: Any) -> Iterator[str]:
 @lru_cache(maxsize=1)
 def _makers() -> bytes:
     """Of this room, numba, LLVM, the processor and the Python whose bytecode and objects are read."""
-    digest = hashlib.sha256(repr((sys.version, HEADER, processor_name())).encode())
+    digest = hashlib.sha256(repr((sys.version, processor_name())).encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     digest.update(_numba_version())

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 from inverse_service.machine_code import building, kernels, store
 from inverse_service.machine_code.kernels import Kernel, compiled
@@ -269,8 +270,55 @@ def test_where_llvm_refuses_numba_does_it(folder: Path, monkeypatch: pytest.Monk
     assert not folder.exists()
 
 
-def test_objects_that_look_otherwise_are_left_to_numba(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernels, "layout_is_known", lambda: False)
+def test_a_kernel_never_writes_what_is_to_be_read_only(folder: Path) -> None:
+    kernel = Kernel(put)
+    own = np.zeros(4, np.int64)
+    kernel(own, 1, 7)
+    assert own.tolist() == [0, 7, 0, 0]
+    immutable = bytes(32)
+    for array in (np.frombuffer(immutable, np.int64), frozen(own)):
+        with pytest.raises(TypingError):
+            kernel(array, 0, 7)
+    assert immutable == bytes(32)
+    assert own.tolist() == [0, 7, 0, 0]
+
+
+def test_a_kernel_that_only_reads_takes_both(folder: Path) -> None:
+    kernel, own = Kernel(total), np.arange(4)
+    assert [kernel(array) for array in (own, frozen(own), own)] == [6, 6, 6]
+
+
+def frozen(array: Any) -> Any:
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy
+
+
+def put(array, k, value):  # type: ignore[no-untyped-def]
+    array[k] = value
+
+
+def total(array):  # type: ignore[no-untyped-def]
+    found = 0
+    for k in range(len(array)):
+        found += array[k]
+    return found
+
+
+def test_no_argument_is_kept_and_none_is_lost(folder: Path) -> None:
+    kernel, own = Kernel(total), np.arange(4)
+    kernel(own)
+    held = sys.getrefcount(own)
+    for _ in range(100):
+        kernel(own)
+        kernel(own[::2])
+    assert sys.getrefcount(own) == held
+    own.resize(6, refcheck=False)
+    assert kernel(own) == 6
+
+
+def test_where_addresses_have_other_sizes_numba_does_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernels, "POINTERS_OF_64_BITS", False)
     assert again(is_positive)(1) is True
     assert not folder.exists()
 
