@@ -55,6 +55,17 @@ class NonholonomicDocument(QuestionDocument):
     multiples: Families | None = None
 
 
+class MotionDocument(QuestionDocument):
+    """A motion on constraints as it is: `motion` gives the accelerations of the free coordinates on the constraints.
+
+    The velocities of the other coordinates follow from the constraints, which may be affine and depend on t.
+    """
+
+    motion: Multiples
+    constraints: Constraints
+    associated: Literal["any"] | None = None
+
+
 class NonholonomicParseAnswer(ParseAnswer):
     """What was understood; `equations` are the accelerations of the motion, by the free velocities."""
 
@@ -228,6 +239,6 @@ class AnyAssociatedPart(Document):
 class NonholonomicResult(ResultDocument):
     """The result of a Nonholonomic document: its main fields answer the associated system `nonholonomic.main`."""
 
-    nonholonomic: NonholonomicPart
+    nonholonomic: NonholonomicPart | None
     any_associated: AnyAssociatedPart | None = None
     search: SearchPart | None = None

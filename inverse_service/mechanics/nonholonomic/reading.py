@@ -9,8 +9,9 @@ from inverse_service.expressions.equations import read_equation
 from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula, split_equations
-from inverse_service.expressions.tree import Acceleration, Expression, Velocity, subtract, walk
+from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Velocity, subtract, walk
 from inverse_service.mechanics.document_names import Declared, Parameters, known_names
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion, motion_on
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.mechanics.parameter_values import parameter_values, with_values
 from inverse_service.mechanics.second_order_system import FunctionDeclaration
@@ -42,6 +43,50 @@ def read_nonholonomic(
         functions=tuple(FunctionDeclaration(function, arguments) for function, arguments in names.functions.items()),
         name=name,
     )
+
+
+def read_motion(
+    coordinates: Sequence[str] | None,
+    motion: Mapping[str, str],
+    constraints: Sequence[str] | str,
+    parameters: Parameters = (),
+    functions: Mapping[str, Sequence[str]] | None = None,
+    where: Mapping[str, str] | None = None,
+) -> ConstrainedMotion:
+    """A motion given by the accelerations of the free coordinates on the constraints.
+
+    InputError where the free coordinates are not as many as the constraints leave, or do not fix the others.
+    """
+    texts = {f"/motion/{name}": text for name, text in motion.items()}
+    declared = Declared(coordinates or None, parameters, functions or {}, where or {})
+    known = known_names(declared, texts | _by_pointer(constraints), order=1)
+    names, trees = known.remaining(), _constraints(constraints, known.names, LIMITS.coordinates)
+    free = {known.names.spelling(name): name for name in motion}
+    strange = next((name for key, name in free.items() if key not in names.coordinates), None)
+    if strange is not None:
+        raise InputError(f"there is a motion for '{strange}', which is no coordinate.", "/motion")
+    if len(free) + len(trees) != len(names.coordinates):
+        raise InputError(
+            f"{len(names.coordinates)} coordinates with {len(trees)} constraints leave "
+            f"{len(names.coordinates) - len(trees)} free velocities: give their accelerations, not {len(free)}.",
+            "/motion",
+        )
+    declarations = tuple(FunctionDeclaration(name, arguments) for name, arguments in names.functions.items())
+    system = NonholonomicSystem(
+        names.coordinates, ZERO, tuple(map(known.put_in, trees)), names.parameters, declarations
+    )
+    read = {key: known.put_in(_acceleration(motion[name], known.names, name)) for key, name in free.items()}
+    return motion_on(system, read)
+
+
+def _acceleration(text: str, names: Names, name: str) -> Expression:
+    pointer = f"/motion/{name}"
+    try:
+        tree = read_formula(text, names)
+    except InputError as error:
+        raise error.at(pointer) from None
+    _refuse_accelerations(tree, f"the acceleration of {name}", pointer)
+    return tree
 
 
 def read_lagrangian(text: str, names: Names) -> Expression:

@@ -5,6 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 
+def is_motion(document: Any) -> bool:
+    """Whether a document gives a motion on constraints as it is."""
+    return isinstance(document, dict) and "motion" in document
+
+
 def is_nonholonomic(document: Any) -> bool:
     """Whether a document is meant as a Lagrangian with constraints."""
     return isinstance(document, dict) and ("lagrangian" in document or "constraints" in document)

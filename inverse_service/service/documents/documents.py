@@ -13,7 +13,7 @@ from typing import Any
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.document_kinds import is_forward, is_nonholonomic
+from inverse_service.service.documents.document_kinds import is_forward, is_motion, is_nonholonomic
 from inverse_service.service.documents.preparing import prepared
 from inverse_service.service.documents.refusals import DocumentRefused
 
@@ -68,12 +68,14 @@ def _called(verb: str, document: Any, *others: Any) -> dict[str, Any]:
 
 
 def _kind(document: Any) -> str:
+    if is_motion(document):
+        return "motion"
     if is_forward(document):
         return "forward"
     return "nonholonomic" if is_nonholonomic(document) else "document"
 
 
-_MODULES = {"document": "solving", "nonholonomic": "nonholonomic", "forward": "forward"}
+_MODULES = {"document": "solving", "nonholonomic": "nonholonomic", "forward": "forward", "motion": "motion"}
 
 
 def check_document(text: str) -> dict[str, Any]:
@@ -90,6 +92,10 @@ def look(document: Any) -> None:
             from inverse_service.service.documents.forward import look_forward
 
             look_forward(plain)
+        case "motion":
+            from inverse_service.service.documents.motion import look_motion
+
+            look_motion(plain)
         case "nonholonomic":
             from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema
 

@@ -41,11 +41,11 @@ from inverse_service.service.documents.refusals import DocumentRefused, places_o
 
 if TYPE_CHECKING:
     from api_schemas.forward import LagrangianDocument
-    from api_schemas.nonholonomic import NonholonomicDocument
+    from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
     from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 
-    AnyDocument = SystemDocument | NonholonomicDocument | LagrangianDocument
-    Asking = SystemDocument | NonholonomicDocument
+    AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
+    Asking = SystemDocument | NonholonomicDocument | MotionDocument
 
 
 def to_schema(document: Any) -> SystemDocument:

@@ -39,7 +39,6 @@ class Confirmed:
 class Constrained:
     """Everything about the constrained system itself."""
 
-    statement: str
     lagrangian: Markup
     constraints: list[Markup]
     motion: list[Markup]
@@ -50,6 +49,19 @@ class Constrained:
 
 
 @dataclass(frozen=True, slots=True)
+class Motion:
+    """The answer about the motion itself: a sentence, L with its 1-jet along the constraints, H, and the proof."""
+
+    statement: str
+    verdict: str
+    reason: str
+    checked: str
+    formulas: list[Markup]
+    freedom: str
+    steps: list[str]
+
+
+@dataclass(frozen=True, slots=True)
 class Search:
     """The families of associated systems with their counts, and the variational ones."""
 
@@ -57,6 +69,28 @@ class Search:
     different: int
     covered: str
     found: list[Associated]
+
+
+def motion_of(result: Mapping[str, Any]) -> Motion | None:
+    """The answer about the motion, None where it was not asked for."""
+    part = result.get("any_associated")
+    if not part:
+        return None
+    names, found, lines = typesetting.names_of(result["system"]), part["lagrangian"], list[tuple[str, str]]()
+    if found:
+        lines += [("L", found["text"]), ("l", found["on_constraints"]["text"])]
+        lines += [(f"lambda_{k}", one["text"]) for k, one in enumerate(found["transverse_momenta"], 1)]
+    if part["hamiltonian"]:
+        lines.append(("H", part["hamiltonian"]["text"]))
+    return Motion(
+        part["statement"],
+        part["verdict"],
+        part["reason"],
+        part["checked"] or "",
+        [typesetting.equation(name, text, names) for name, text in lines],
+        part["freedom"],
+        [step["text"] for step in part["explanation"]],
+    )
 
 
 def constrained_of(result: Mapping[str, Any]) -> Constrained | None:
@@ -75,7 +109,6 @@ def constrained_of(result: Mapping[str, Any]) -> Constrained | None:
         part["measure_density"]["statement"],
     ]
     return Constrained(
-        (result.get("any_associated") or {"statement": ""})["statement"],
         typesetting.equation("L", part["lagrangian"]["text"], names),
         constraints,
         lines,

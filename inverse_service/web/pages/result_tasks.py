@@ -130,6 +130,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
         branches=answers.branches_of(found),
         cases=cases.cases_of(found),
+        motion=constrained.motion_of(found),
         constrained=constrained.constrained_of(found),
         search=constrained.search_of(found),
         also=answers.other_question(found),

@@ -1,0 +1,68 @@
+"""Use cases for a motion on constraints that is given as it is: which Lagrangians, if any, have it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from pydantic import ValidationError
+
+from api_schemas.nonholonomic import MotionDocument, NonholonomicResult
+from api_schemas.result import ResultDocument
+from inverse_service.errors import InputError
+from inverse_service.inverse_problem.constrained.ansatz import first_system
+from inverse_service.inverse_problem.constrained.answering import answer_motion
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer, Solution
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.reading import read_motion
+from inverse_service.service.documents import solving, translate
+from inverse_service.service.documents.refusals import DocumentRefused, places_of
+from inverse_service.service.documents.translate_nonholonomic import to_any_associated
+
+ONLY_THE_MOTION = "Only the motion was asked about: see any_associated."
+
+
+def look_motion(document: Any) -> MotionDocument:
+    """The document in its schema; raises DocumentRefused with every fault found."""
+    try:
+        return MotionDocument.model_validate(document)
+    except ValidationError as error:
+        raise DocumentRefused(places_of(error, MotionDocument)) from None
+
+
+def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
+    """The result, all of it in `any_associated`; raises InputError."""
+    end = time.monotonic() + solving.SHARE_OF_SOLVER * options.time_limit
+    schema = look_motion(document)
+    if schema.special_cases:
+        raise InputError(
+            "special cases are not looked for where the motion itself is given: leave it out.", "/special_cases"
+        )
+    motion = _read(schema)
+    question = schema.time_dependent_lagrangian
+    answer = answer_motion(motion, None, (), question, options.seed, end, progress or (lambda _: None))
+    open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
+    result = translate.to_result(Solution(first_system(motion), open_answer, None, None), schema)
+    fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
+    whole = NonholonomicResult(**fields, nonholonomic=None, any_associated=to_any_associated(answer))
+    return solving.ordered(whole.model_dump(mode="json"))
+
+
+def parse_motion(document: Any) -> dict[str, Any]:
+    """What was understood: the accelerations on the constraints, by the free velocities; raises InputError."""
+    schema = look_motion(document)
+    return translate.to_parse_answer(first_system(_read(schema)), schema).model_dump(mode="json")
+
+
+def understand_motion(document: Any) -> dict[str, Any]:
+    """The `system` part of a result; raises InputError."""
+    schema = look_motion(document)
+    return translate.to_understood(first_system(_read(schema)), schema).model_dump(mode="json")
+
+
+def _read(schema: MotionDocument) -> ConstrainedMotion:
+    return read_motion(
+        schema.coordinates, schema.motion, schema.constraints, schema.parameters, schema.functions, schema.where
+    )
