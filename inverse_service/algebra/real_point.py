@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Sequence
 from fractions import Fraction
@@ -12,7 +13,18 @@ from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rules import RADIAN
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate, evaluate_once
-from inverse_service.expressions.tree import Arbitrary, Expression, distinct_nodes, number, subtract
+from inverse_service.expressions.tree import (
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    distinct_nodes,
+    number,
+    subtract,
+)
 
 _DIGITS = 40
 _TRIES_PER_SCALE = 60
@@ -66,14 +78,28 @@ def are_positive(trees: Sequence[Expression], table: RealTable) -> bool:
 
 
 def real_sign(expression: Expression, table: RealTable) -> int:
-    """The sign of a value that is not zero."""
-    value = table.get(expression)
-    if value is None:
-        with mpmath.workdps(_DIGITS):
-            value = evaluate(expression, table)
-    if abs(value) < _TINY:
+    """The sign of a value that is not zero, whatever its size: a sum is compared with its largest term."""
+    match expression:
+        case Number(value) if value:
+            return 1 if value > 0 else -1
+        case Product(factors):
+            return math.prod(real_sign(factor, table) for factor in factors)
+        case Power(base, Number(exponent)) if exponent.denominator == 1:
+            return real_sign(base, table) ** (exponent.numerator % 2)
+    known = table.get(expression)
+    with mpmath.workdps(_DIGITS):
+        value = evaluate(expression, table) if known is None else known
+        size = max(abs(evaluate(term, table)) for term in expression.terms) if isinstance(expression, Sum) else 1
+    if _may_be_tiny(expression):
+        return 1
+    if abs(value) < _TINY * size:
         raise IrreducibleAtoms("the sign of an expression under a root could not be told at a real point")
     return 1 if value > 0 else -1
+
+
+def _may_be_tiny(expression: Expression) -> bool:
+    """Whether it is positive however small its value is."""
+    return isinstance(expression, Power) or (isinstance(expression, Apply) and expression.function in ("exp", "cosh"))
 
 
 def turns(table: RealTable | None, atom: Expression, linear: Sequence[tuple[Expression, Fraction]]) -> Fraction:

@@ -11,7 +11,7 @@ from typing import Any
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.errors import CertificateRefused, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, walk
+from inverse_service.expressions.tree import TIME, Arbitrary, Expression, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.certify import domain_of
@@ -40,6 +40,7 @@ from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.divergence import is_free_of_divergence
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.ladder import search
+from inverse_service.inverse_problem.search.long_numbers import with_letters
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.branches import MOST_BRANCHES, MOST_COUNTED, branches_of, on_branch
@@ -296,15 +297,24 @@ def _proposed(work: _Work, decision: Decision, tree: Expression) -> Answer:
 def _searched(work: _Work, decision: Decision) -> SearchOutcome:
     """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
     began, checked = time.monotonic(), work.seconds.get("check", 0.0)
-    outcome = search(
-        work.analysis,
-        decision.with_time,
-        work.options.seed,
-        began + _SEARCH_SHARE * work.left(),
-        work.progress,
-        work.options.ansatz,
-        lambda tree: _is_confirmed(work, tree, decision.with_time),
-    )
+
+    def tried(analysis: Analysis, put_back: Callable[[Expression], Expression]) -> SearchOutcome:
+        return search(
+            analysis,
+            decision.with_time,
+            work.options.seed,
+            time.monotonic() + _SEARCH_SHARE * work.left(),
+            work.progress,
+            work.options.ansatz,
+            lambda tree: _is_confirmed(work, put_back(tree), decision.with_time),
+        )
+
+    lettered = with_letters(work.analysis)
+    outcome = None if lettered is None else tried(lettered.analysis, lettered.put_back)
+    if outcome is not None and lettered is not None and outcome.found is not None:
+        outcome = replace(outcome, found=lettered.restored(outcome.found))
+    else:
+        outcome = tried(work.analysis, lambda tree: tree)
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     return outcome
 
@@ -347,9 +357,14 @@ def _checked(work: _Work, answer: Answer) -> Answer:
     """The answer with the checker's verdict; one that it cannot confirm is undetermined."""
     assert answer.certificate is not None
     found = _verdict(work, answer.certificate)
-    if found.verdict == "invalid":
+    if found.verdict == "invalid" and not _has_signed_functions(work.analysis.system):
         raise CertificateRefused("; ".join(found.reasons))
-    if found.verdict == "incomplete":
+    if found.verdict != "valid":
         reason = f"found {answer.verdict}, but the checker could not confirm it: {'; '.join(found.reasons)}"
         return Answer("undetermined", reason=reason)
     return replace(answer, checked="valid")
+
+
+def _has_signed_functions(system: SecondOrderSystem) -> bool:
+    """Whether the sign of an arbitrary function belongs to the branch: a checker may draw it otherwise."""
+    return any(isinstance(node, Arbitrary) for tree in system.positive for node in walk(tree))
