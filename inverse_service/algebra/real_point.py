@@ -85,7 +85,7 @@ def real_sign(expression: Expression, table: RealTable) -> int:
         case Product(factors):
             return math.prod(real_sign(factor, table) for factor in factors)
         case Power(base, Number(exponent)) if exponent.denominator == 1:
-            return real_sign(base, table) ** (exponent.numerator % 2)
+            return real_sign(base, table) if exponent.numerator % 2 else 1
     known = table.get(expression)
     with mpmath.workdps(_DIGITS):
         value = evaluate(expression, table) if known is None else known
