@@ -1,8 +1,8 @@
-"""The independent checker of certificates; FORMAT.md beside this file says what it checks.
+"""The independent checker of certificates; FORMAT.md beside this file says what it checks, and why that is enough.
 
 It imports nothing of the project, draws its own points, primes and directions, never searches and never
-repairs. Formulas have no trees: the reader computes Taylor series about a point as it reads. All numbers are
-integers: residues modulo a prime where formulas are rational, else fixed-point reals, constants from mpmath.
+repairs. Formulas have no trees: the reader computes Taylor series about a point as it reads. Numbers are residues
+modulo a prime (`Residues`), which decide what is zero, or balls (`Balls`), which decide what is not.
 """
 
 from __future__ import annotations
@@ -12,46 +12,42 @@ import math
 import random
 import re
 import time
-from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
-from heapq import heappop, heappush
-from itertools import accumulate, combinations_with_replacement, pairwise, product
+from itertools import accumulate
 from typing import Any, Literal
 
-import mpmath
+from flint import arb, ctx, fmpz, fmpz_mat
 
-FORMAT, RESULT_FORMAT = "inverse-service/certificate/1", "inverse-service/result/1"
-MAX_TEXT, MAX_DEPTH, MAX_EXPONENT, MAX_MEMBERS = 60_000, 200, 1000, 1000
-MAX_COORDINATES, MAX_NAMES, MAX_ORDER, MAX_ROWS, MAX_MONOMIALS = 16, 200, 20, 200_000, 400_000
-PRECISIONS = ((480, 200, 90), (1440, 900, 400))  # bits; what is below 2^-200 is zero, above 2^-90 is not
-DEFINED = {"cos": "sin(u + pi/2)", "sqrt": "u^(1/2)", "tan": "sin(u)/cos(u)", "cot": "cos(u)/sin(u)", "sec": "1/cos(u)",
-           "csc": "1/sin(u)", "sinh": "(exp(u) - exp(-u))/2", "cosh": "(exp(u) + exp(-u))/2", "tanh": "sinh(u)/cosh(u)",
-           "coth": "cosh(u)/sinh(u)", "sech": "1/cosh(u)", "csch": "1/sinh(u)", "asin": "atan(u/sqrt(1 - u^2))",
-           "acos": "pi/2 - asin(u)", "asinh": "log(u + sqrt(u^2 + 1))", "acosh": "log(u + sqrt(u^2 - 1))",
-           "atanh": "log((1 + u)/(1 - u))/2"}  # fmt: skip
-DERIVATIVE = re.compile(r"\bdiff\s*\(\s*(\w+)\s*\(([^()]*)\)\s*,([^()]*)\)", re.ASCII)
-IRRATIONAL = {"^", "exp", "log", "sin", "atan", *DEFINED}  # tokens; an integral power is a token of another form
-RESERVED = {"t", "pi", "diff", *IRRATIONAL}
-BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
-EXPONENT = r"\^[ \t\r\n]*(?:-?[0-9]{1,9}|\(-?[0-9]{1,9}\))(?![0-9.]|[ \t\r\n]*\^)"  # an integer: ^2, ^(-2)
-OPERAND = r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"  # 2.5, x'
-TOKEN = re.compile(rf"[ \t\r\n]*({OPERAND}|{EXPONENT}|[-+*/^(),]|\Z|(.))", re.DOTALL)
-NAME, TEXT = r"[A-Za-z][A-Za-z0-9_]{0,99}", rf"(?s:.{{0,{MAX_TEXT}}})"
-NUMBER = r"-?[0-9]{1,400}((\.[0-9]{1,400})?(e[-+]?[0-9]{1,2})?|/0{0,9}[1-9][0-9]{0,399})"
-SYSTEM = {"coordinates": [NAME, MAX_COORDINATES], "parameters?": [NAME, MAX_NAMES], "functions?": {}, "equations": {}}
-VERDICTS = "variational|not_variational|undetermined"
-CERTIFICATE = {"format": FORMAT, "system": {}, "question": "autonomous|time_dependent", "near?": {},
-               "claim": VERDICTS, "kind": "lagrangian|existence|nonexistence"}  # fmt: skip
-RESULT = {"format": RESULT_FORMAT, "system": {}, "question?": r"L\((t, )?q, q'\)", "verdict": VERDICTS,
-          "lagrangian?": {}, "verdict_with_time?": VERDICTS,
-          "with_time?": {"verdict?": VERDICTS, "lagrangian?": {}}}  # fmt: skip
+from .formulas import (
+    CERTIFICATE,
+    FORMAT,
+    MAX_LISTED,
+    MAX_NAMES,
+    MAX_ORDER,
+    MAX_ROWS,
+    NAME,
+    NUMBER,
+    OLD,
+    OLD_FORMAT,
+    RESERVED,
+    RESULT,
+    SYSTEM,
+    TEXT,
+    Ended,
+    Reader,
+    check_shape,
+    is_irrational,
+    read_tokens,
+    require,
+)  # fmt: skip
+from .numbers import Balls, Number, Place, Residues, Series, Undefined, Unsettled
+from .plan import SPARE, Plan
+from .series import Count, Elimination, Expansion, Row, Step, followed, symbol_of, symbol_rows
 
-Series = dict[int, int]  # coefficients of monomials: eight bits for each exponent, the total degree on top of them
-Table = dict[int, list[tuple[int, int, int, int, int, int]]]  # of a condition: see Expansion.condition
-Row = tuple[str, int, int, int]  # the name of a row: kind, i, j, alpha
+PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
+MAX_ATOMS = 40  # between which all linear relations are looked for
 Tools = tuple[random.Random, float]  # and the end of the time, by time.monotonic
 
 
@@ -63,425 +59,22 @@ class CheckResult:
     reasons: tuple[str, ...] = ()
 
 
-class Ended(Exception):
-    """The check ends, with a verdict and a sentence: "invalid" or, where nothing can be said, "incomplete"."""
+@dataclass(slots=True)
+class Claims:
+    """What has to be zero in the ring, and which matrices regular at the point; a sentence says what else is wrong."""
 
-
-class Undefined(Exception):
-    """A formula is not defined, or nearly not, at the point in hand."""
-
-
-def require(condition: object, sentence: str) -> None:
-    if not condition:
-        raise Ended("invalid", sentence)
-
-
-def check_shape(value: Any, shape: Any, where: str) -> None:
-    """Refuse what is not a text of a pattern (of NUMBER also an integer), in a range, or made of such parts."""
-    parts: list[tuple[Any, Any, str]] = []
-    value = str(value) if shape is NUMBER and type(value) is int and value.bit_length() < 1330 else value
-    match shape:
-        case str():
-            good, what = isinstance(value, str) and bool(re.fullmatch(shape, value)), f"a text of the form {shape}"
-        case range():
-            good, what = type(value) is int and value in shape, f"a whole number from {shape[0]} to {shape[-1]}"
-        case [*_]:  # [shape of each, most], or a tuple: the shape of each in turn
-            fixed, most = isinstance(shape, tuple), len(shape) if isinstance(shape, tuple) else shape[1]
-            good = isinstance(value, list | tuple) and (len(value) == most if fixed else len(value) <= most)
-            what, shapes = f"a list of {'' if fixed else 'at most '}{most} items", shape if fixed else [shape[0]] * most
-            parts = [(*pair, f"an item of {where}") for pair in zip(value, shapes, strict=False)] if good else []
-        case _:  # {key: shape}; behind a key that may be left out, or null, stands ?
-            good = isinstance(value, dict) and len(value) <= MAX_MEMBERS and all(isinstance(key, str) for key in value)
-            what, keys = "a moderate object", [(key, key.rstrip("?")) for key in shape] if good else []
-            parts = [(value.get(key), shape[name], f"{where}.{ascii(key[:40])[1:-1]}")
-                     for name, key in keys if key == name or value.get(key) is not None]  # fmt: skip
-    require(good, f"{where} has to be {what}.")
-    for part in parts:
-        check_shape(*part)
-
-
-def read_tokens(text: Any, where: str) -> tuple[str, ...]:
-    """The tokens of a formula, the last one empty, with B[1,0](x, y) for diff(B(x, y), x)."""
-
-    def rewritten(found: re.Match[str]) -> str:
-        names, by = ([name.strip() for name in part.split(",")] for part in (found[2], found[3]))
-        good = all(re.fullmatch(rf"{NAME}'?", name) for name in names) and {*by} <= {*names}
-        require(good and len({*names}) == len(names), f"{where}: diff takes a function and some of its distinct names.")
-        return f"{found[1]}[{','.join(str(by.count(name)) for name in names)}]({found[2]})"
-
-    check_shape(text, TEXT, where)
-    tokens = list(TOKEN.finditer(DERIVATIVE.sub(rewritten, text)))
-    strange = next((token.start(2) + 1 for token in tokens if token[2]), 0)
-    require(not strange, f"{where}: what stands at column {strange} is no part of a formula.")
-    return tuple(token[1] for token in tokens)
-
-
-class Reader:
-    """Reads one formula by operator precedence, computing in a ring; names in `bound` have these values."""
-
-    def __init__(self, ring: Expansion, formula: tuple[str, ...], **bound: Series) -> None:
-        self.ring, self.tokens, self.names, self.position = ring, formula, ring.names | bound, 0
-        self.value = self.expression(0, 0)
-        self.expect(not self.tokens[self.position], "an operator is expected")
-
-    def expect(self, condition: object, what: str) -> None:
-        require(condition, f"Formula {''.join(self.tokens[:9])[:40]}…: {what}, at token {self.position + 1}.")
-
-    def take(self, operator: str) -> bool:
-        """Whether the next token is this one; then it is passed."""
-        found = self.tokens[self.position] == operator
-        self.position += found
-        return found
-
-    def expression(self, floor: int, depth: int) -> Series:
-        """What stands before an operator that binds no tighter than `floor`; -x^2 is -(x^2), x^y^z is x^(y^z)."""
-        self.expect(depth <= MAX_DEPTH, f"at most {MAX_DEPTH} brackets and exponents may be nested")
-        minuses = 0
-        while self.take("-"):
-            minuses += 1
-        value = self.expression(3, depth) if minuses else self.atom(depth)
-        value = self.ring.add([value], [-1]) if minuses % 2 else value
-        while BINDING.get((operator := self.tokens[self.position])[:1], 0) > floor:
-            self.position += 1
-            if operator[1:]:
-                value = self.ring.power(value, int(operator[1:].strip("( \t\r\n)")))
-            else:
-                tower = operator == "^"
-                value = self.ring.joined(operator, value, self.expression(BINDING[operator] - tower, depth + tower))
-        return value
-
-    def atom(self, depth: int) -> Series:
-        token = self.tokens[self.position]
-        self.expect(token == "(" or token[:1].isalnum(), "a number, a name or '(' is expected")
-        self.position += token != "("
-        if token[0].isdigit():
-            return self.ring.arithmetic.settle({0: self.ring.arithmetic.number(Fraction(token))})
-        if not self.take("("):
-            self.expect(token in self.names, f"the name {token[:40]} is not known")
-            return self.names[token]
-        values = [self.expression(0, depth + 1)]
-        while token != "(" and self.take(","):
-            values.append(self.expression(0, depth + 1))
-        self.expect(self.take(")"), "')' is expected")
-        return values[0] if token == "(" else self.call(token, values)
-
-    def call(self, token: str, values: list[Series]) -> Series:
-        """A(u), A'(u), B(u, w), B[1,0](u, w) or an elementary function."""
-        if token in IRRATIONAL and len(values) == 1:
-            return self.ring.elementary(token, values[0])
-        name, _, listed = token.rstrip("]").partition("[")
-        orders = [int(order) for order in listed.split(",")] if listed else [name.count("'")]
-        name, orders = name.rstrip("'"), [0] * len(values) if orders == [0] else orders
-        if name in self.ring.question.integrals:
-            return self.ring.integral(name, orders, values)
-        good = len(values) == len(orders) == len(self.ring.question.functions.get(name, ()))
-        self.expect(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is no function of {len(values)} arguments")
-        return self.ring.function(name, tuple(orders), values)
-
-
-class Arithmetic:
-    """Residues modulo `prime`, or (prime 0) reals as integers scaled by `one` = 2^bits."""
-
-    def __init__(self, question: Question, prime: int = 0, bits: int = 0, cut: int = 0, gap: int = 0) -> None:
-        self.question, self.prime, self.bits, self.one = question, prime, bits, 1 << bits
-        self.cut, self.gap, self.noise = self.one >> cut, self.one >> gap, 1 << bits // 4
-
-    def draw(self) -> int:
-        return self.question.generator.randrange(*((self.prime,) if self.prime else (-self.one, self.one)))
-
-    def reduce(self, value: int) -> int:
-        """The number that a product of two numbers stands for."""
-        return value % self.prime if self.prime else value >> self.bits
-
-    def settle(self, raw: Series, shift: int = 0) -> Series:
-        """The numbers without zeros (reals: what is far below every threshold); `shift` is `bits` for products."""
-        if prime := self.prime:
-            return {key: rest for key, value in raw.items() if (rest := value % prime)}
-        return {key: rest for key, value in raw.items() if abs(rest := value >> shift) > self.noise}
-
-    def row(self, raw: Series, shift: int = 0, scale: int = 0) -> Series:
-        """`settle` for a row of an elimination; with a `scale` the largest entry is made 1, or all are zero."""
-        row = self.settle(raw, shift)
-        if row and scale and not self.prime:
-            largest = max(map(abs, row.values()))
-            row = {} if self.vanishes(largest, scale) else {key: (row[key] << self.bits) // largest for key in row}
-        return row if self.prime else {key: value for key, value in row.items() if not self.vanishes(value, self.one)}
-
-    def vanishes(self, value: int, scale: int) -> bool:
-        """Whether the number is zero; reals: beside numbers of the size of `scale`."""
-        if self.prime:
-            return value % self.prime == 0
-        if self.cut * scale < abs(value) << self.bits < self.gap * scale:
-            raise Ended("incomplete", "A number is too close to zero to judge.")
-        return abs(value) << self.bits <= self.cut * scale
-
-    def number(self, value: Fraction) -> int:
-        above, below = value.numerator, value.denominator
-        return above * self.inverse(below) % self.prime if self.prime else (above << self.bits) // below
-
-    def inverse(self, value: int, least: int = 30) -> int:
-        if abs(value) << least < self.one or (self.prime and value % self.prime == 0):
-            raise Undefined
-        return pow(value, -1, self.prime) if self.prime else (self.one << self.bits) // value
-
-    def power(self, value: int, exponent: int) -> int:
-        return pow(value, exponent, self.prime or None) << self.bits >> self.bits * exponent  # not for exponent < 0
-
-    def real(self, name: str, argument: int = 0) -> int:
-        """An elementary function, or pi, as mpmath computes it; refused unless real and of moderate size."""
-        if self.prime or abs(argument) >> 10 > self.one:
-            raise Undefined
-        given = [] if name == "pi" else [mpmath.ldexp(argument, -self.bits)]
-        value = getattr(mpmath, "ln" if name == "log" else name)(*given, prec=self.bits + 64)
-        if not isinstance(value, mpmath.mpf) or not -1 << 64 < value < 1 << 64:
-            raise Undefined
-        return int(mpmath.ldexp(value, self.bits))
-
-
-class Expansion:
-    """Power series about a point in the displacements of t (if any), q_1 … q_n, v_1 … v_n, and conditions."""
-
-    def __init__(self, arithmetic: Arithmetic, values: dict[str, int], degree: int) -> None:
-        self.question, self.arithmetic, self.degree = arithmetic.question, arithmetic, degree
-        self.n, m = len(self.question.coordinates), len(self.question.variables)
-        self.shift, self.units = 8 * m, [(1 << 8 * a) | (1 << 8 * m) for a in range(m)]
-        self.q, self.v = range(m - 2 * self.n, m - self.n), range(m - self.n, m)
-        self.jets = dict[tuple[str, tuple[int, ...], tuple[int, ...]], int]()
-        self.phi, self.table, self.unknowns = cache(self.curvature), cache(self.condition), cache(self.coefficients)
-        if math.comb(m + degree, degree) > MAX_MONOMIALS:
-            raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
-        self.names = {name: {0: value} for name, value in values.items()}
-        self.names |= {} if arithmetic.prime else {"pi": {0: arithmetic.real("pi")}}
-        for name, unit in zip(self.question.variables, self.units, strict=True):
-            self.names[name][unit] = arithmetic.one
-        self.forces = [Reader(self, force).value for force in self.question.forces]
-        self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
-        speeds = (self.names[name + "'"] for name in self.question.coordinates)
-        self.field = [*[{0: arithmetic.one}] * self.question.timed, *speeds, *self.forces]
-        self.scale = max([arithmetic.one, *(abs(value) for force in self.forces for value in force.values())])
-
-    def exponent(self, key: int, variable: int) -> int:
-        return (key >> 8 * variable) & 255
-
-    def monomials(self, degree: int) -> Iterator[int]:
-        return (sum(units) for units in combinations_with_replacement(self.units, degree)) if degree >= 0 else iter(())
-
-    def joined(self, operator: str, left: Series, right: Series) -> Series:
-        """left operator right, for ^ exp(right log(left))."""
-        self.question.check_time()
-        if operator in "+-":
-            return self.add([left, right], [1, 1 if operator == "+" else -1])
-        if operator == "^":
-            return self.elementary("exp", self.multiply(right, self.elementary("log", left), self.degree))
-        return self.multiply(left, self.power(right, -1) if operator == "/" else right, self.degree)
-
-    def add(self, terms: list[Series], weights: Iterable[int] = ()) -> Series:
-        """The sum of the series, each times a small integer."""
-        total: Series = {}
-        for term, weight in zip(terms, weights or [1] * len(terms), strict=True):
-            for key, value in term.items():
-                total[key] = total.get(key, 0) + value * weight
-        return self.arithmetic.settle(total)
-
-    def multiply(self, left: Series, right: Series, degree: int) -> Series:
-        """The product up to a total degree: the order of monomials is that of degrees first."""
-        total: Series = {}
-        terms, above = sorted(right.items()), (degree + 1) << self.shift
-        for first, value in left.items():
-            self.question.check_time()
-            for second, coefficient in terms[: bisect_left(terms, (above - first,))]:
-                total[first + second] = total.get(first + second, 0) + value * coefficient
-        return self.arithmetic.settle(total, self.arithmetic.bits)
-
-    def derivative(self, series: Series, variable: int) -> Series:
-        unit = self.units[variable]
-        return {key - unit: part * power for key, part in series.items() if (power := self.exponent(key, variable))}
-
-    def compose(self, arguments: list[Series], coefficient: Callable[..., int], *beta: int) -> Series:
-        """sum over beta of coefficient(beta) (u - u_0)^beta by Horner's rule, for arguments u with values u_0."""
-        if len(beta) == len(arguments):
-            return self.arithmetic.settle({0: coefficient(*beta)})
-        result, step = Series(), {key: value for key, value in arguments[len(beta)].items() if key}
-        for power in range(self.degree - sum(beta), -1, -1):
-            raised = self.multiply(result, step, self.degree - sum(beta) - power)
-            result = self.add([raised, self.compose(arguments, coefficient, *beta, power)])
-        return result
-
-    def power(self, u: Series, exponent: int) -> Series:
-        field, start = self.arithmetic, u.get(0, 0)
-        if abs(exponent) > MAX_EXPONENT or start.bit_length() * abs(exponent) > 1 << 21:
-            raise Undefined
-        start = start if exponent >= 0 else field.inverse(start)
-        binomial = [*accumulate(range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1)]
-        return self.compose([u], lambda k: binomial[k] and binomial[k] * field.power(start, abs(exponent - k)))
-
-    def elementary(self, name: str, u: Series) -> Series:
-        if name in DEFINED:
-            return Reader(self, read_tokens(DEFINED[name], name), u=u).value
-        value = (field := self.arithmetic).real(name, start := u.get(0, 0))
-        if name in ("log", "atan"):  # y with E(y) = w E(u), where E multiplies by the degree and w is the derivative
-            below = u if name == "log" else self.add([{0: field.one}, self.multiply(u, u, self.degree)])
-            growth = {key: part * (key >> self.shift) for key, part in u.items()}
-            growth = self.multiply(self.power(below, -1), growth, self.degree)
-            return {0: value} | {key: part // (key >> self.shift) for key, part in growth.items()}
-        cycle = [value] * 4 if name == "exp" else [value, cosine := field.real("cos", start), -value, -cosine]
-        return self.compose([u], lambda k: cycle[k % 4] // math.factorial(k))
-
-    def function(self, name: str, orders: tuple[int, ...], arguments: list[Series]) -> Series:
-        """A derivative of a declared function: its Taylor coefficients are random, but the same at equal arguments."""
-        field = self.arithmetic
-        near = tuple((argument.get(0, 0) + field.cut // 2) // field.cut for argument in arguments)
-
-        def coefficient(*beta: int) -> int:
-            value = self.jets.setdefault((name, near, tuple(map(sum, zip(beta, orders, strict=True)))), field.draw())
-            return field.reduce(value * field.number(Fraction(1, math.prod(map(math.factorial, beta)))))
-
-        return self.compose(arguments, coefficient)
-
-    def integral(self, name: str, orders: list[int], arguments: list[Series]) -> Series:
-        """A function with one given derivative: at equal arguments the same, random where nothing is given."""
-        (names, (known, slope)), field = self.question.integrals[name], self.arithmetic
-        good = arguments == [self.names.get(argument) for argument in names] and not any(orders)
-        require(good, f"{name} is to be written with its own arguments.")
-        axes = {self.question.variables.index(argument) for argument in names}
-        axis = self.question.variables.index(known)
-        free = [key for d in range(self.degree + 1) for key in self.monomials(d) if not self.exponent(key, axis)]
-        free = [key for key in free if all(a in axes or not self.exponent(key, a) for a in range(len(self.units)))]
-        series = {key: self.jets.setdefault((name, (), (key,)), field.draw()) for key in free}
-        for key, part in Reader(self, slope).value.items():
-            share = field.number(Fraction(1, self.exponent(key, axis) + 1))
-            series[key + self.units[axis]] = field.reduce(part * share)
-        return series
-
-    def coefficients(self, degree: int) -> list[int]:
-        """The unknowns of a degree: total degree two more, v-degree at least two."""
-        return [key for key in self.monomials(degree + 2) if sum(self.exponent(key, v) for v in self.v) >= 2]
-
-    def curvature(self, k: int, j: int) -> Series:
-        """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
-        pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
-        pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(self.n)]
-        terms = [self.derivative(self.forces[k], self.q[j]), *(self.multiply(*pair, self.degree) for pair in pairs)]
-        return self.add(terms, [-4] + [2] * len(self.field) + [-1] * self.n)
-
-    def condition(self, kind: str, i: int, j: int) -> Table:
-        """A condition as a sum of terms value x^part g_ab and value x^part d_c g_ab, by their parts; see row()."""
-        table, sign, nothing = Table(), -1 if kind == "H3" else 1, self.shift + 8  # no exponent stands there
-        terms = [(rate, i, j, 2, 8 * a, self.units[a]) for a, rate in enumerate(self.field) if kind == "H2"]
-        for k in range(self.n):
-            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in (j, i))
-            terms += [(left, i, k, 1, nothing, 0), (right, j, k, sign, nothing, 0)]
-        for factor, b, k, weight, along, unit in terms:
-            first, second, lift = self.v[b], self.v[k], self.units[self.v[b]] + self.units[self.v[k]] + unit
-            for part, value in factor.items():
-                table.setdefault(part, []).append((value * weight, lift, 8 * first, 8 * second, first == second, along))
-        return table
-
-    def row(self, kind: str, i: int, j: int, alpha: int) -> Series:
-        """The coefficient alpha of a condition, in the coefficients of L."""
-        table, row, exponents = self.table(kind, i, j), Series(), [alpha >> 8 * a & 255 for a in range(len(self.units))]
-        powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
-        for rest in (alpha - sum(choice) for choice in product(*powers)):
-            for value, lift, first, second, less, along in table.get(alpha - rest, ()):
-                key = rest + lift
-                times = (key >> first & 255) * ((key >> second & 255) - less) * ((rest >> along & 255) + 1)
-                row[key] = row.get(key, 0) + value * times
-        return self.arithmetic.row(row, scale=self.scale)
-
-    def rows(self, degree: int) -> Iterator[Row]:
-        """All rows whose unknowns have just this highest degree, in an order that fills in little."""
-        for kind, (j, i) in product(("H2", "H3"), combinations_with_replacement(range(self.n)[::-1], 2)):
-            if kind == "H2" or i < j:
-                yield from ((kind, i, j, alpha) for alpha in reversed([*self.monomials(degree - (kind == "H2"))]))
-
-    def extend(self, elimination: Elimination, degree: int, idle: set[Row]) -> None:
-        """Insert all rows of a degree but those that vanish on a random solution of the others.
-
-        A row that does not follow from the others does so with a chance of one in the prime. `idle`, the rows that
-        followed, only says which to try: they themselves at another point, and their derivatives.
-        """
-        likely = list[Row]()
-        for kind, i, j, alpha in self.rows(degree):
-            if not idle.isdisjoint((kind, i, j, alpha - unit) for unit in (0, *self.units)):
-                likely.append((kind, i, j, alpha))
-            elif not elimination.insert([self.row(kind, i, j, alpha)]):
-                idle.add((kind, i, j, alpha))
-        solution = elimination.solution([key for k in range(degree + 1) for key in self.unknowns(k)])
-        for name in likely:
-            self.question.check_time()
-            if self.solved(row := self.row(*name), solution, self.arithmetic.one) or not elimination.insert([row]):
-                idle.add(name)
-
-    def solved(self, row: Series, values: Series, least: int) -> bool:
-        """Whether the row vanishes on the values; reals: beside its largest term, or `least`."""
-        terms = [self.arithmetic.reduce(value * values.get(key, 0)) for key, value in row.items()]
-        return self.arithmetic.vanishes(sum(terms), max([least, *map(abs, terms)]))
-
-    def regular(self, series: Series) -> bool:
-        """Whether the matrix of the second v-derivatives at the point is regular."""
-        matrix = [{b: series.get(self.units[a] + self.units[b], 0) * (1 + (a == b)) for b in self.v} for a in self.v]
-        scale = max(abs(entry) for row in matrix for entry in row.values())
-        elimination = Elimination(self.arithmetic, 64, (self.arithmetic.row(row, scale=scale) for row in matrix))
-        return len(elimination.rows) == self.n
-
-
-class Elimination:
-    """Rows in echelon form without their pivots, which are 1; `order` numbers the rows by their pivots (monomials)."""
-
-    def __init__(self, arithmetic: Arithmetic, shift: int, rows: Iterable[Series] = ()) -> None:
-        self.arithmetic, self.shift = arithmetic, shift
-        self.rows, self.pivots, self.order = list[Series](), list[int](), dict[int, int]()
-        self.insert(rows)
-
-    def insert(self, rows: Iterable[Series]) -> bool:
-        """Reduce each row degree by degree until its part of the highest degree is new, then keep it; if any was."""
-        field, before = self.arithmetic, len(self.rows)
-        for row in rows:
-            field.question.check_time()
-            block: list[int] = []
-            while row and not block:
-                first = max(row) >> self.shift << self.shift  # keys of the highest degree are not below
-                queue = sorted([self.order[key] for key in row if key >= first and key in self.order])  # a heap
-                row = self.reduced(row, first, queue) if queue else row
-                block = [key for key in row if key >= first]
-            if block:
-                least = 0 if field.prime else max(abs(row[key]) for key in block) >> 20
-                pivot = min(key for key in block if abs(row[key]) >= least)
-                inverse, self.order[pivot] = field.inverse(row[pivot], 400), len(self.rows)
-                self.pivots.append(pivot)
-                rest = {key: value * inverse for key, value in row.items() if key != pivot}
-                self.rows.append(field.settle(rest, field.bits))
-        return len(self.rows) > before
-
-    def reduced(self, row: Series, first: int, queue: list[int]) -> Series:
-        """Without the pivots of one degree; a kept row holds no pivot of its degree older than itself."""
-        field, order = self.arithmetic, self.order
-        raw = {key: value << field.bits for key, value in row.items()}
-        while queue:
-            number = heappop(queue)
-            factor = field.reduce(raw.pop(self.pivots[number]))
-            if factor and not field.vanishes(factor, field.one):
-                field.question.check_time()
-                for key, value in self.rows[number].items():
-                    if key >= first and key not in raw and key in order:
-                        heappush(queue, order[key])
-                    raw[key] = raw.get(key, 0) - factor * value
-        return field.row(raw, field.bits)
-
-    def solution(self, columns: list[int]) -> Series:
-        """A random solution in the columns, which are all up to some degree."""
-        field, values = self.arithmetic, {column: self.arithmetic.draw() for column in columns}
-        kept = [pair for pair in zip(reversed(self.pivots), reversed(self.rows), strict=True) if pair[0] in values]
-        for pivot, row in sorted(kept, key=lambda pair: pair[0] >> self.shift):
-            values[pivot] = -field.reduce(sum([value * values[key] for key, value in row.items()]))
-        return field.settle(values)
+    zeros: list[tuple[Series, str]]
+    regular: list[tuple[list[list[Number]], str]]
 
 
 class Question:
-    """A system q'' = f as read, whether L may depend on t, and the checks of certificates that answer this."""
+    """A system q'' = f as read, whether L may depend on t, and the checks of certificates that answer this.
 
-    def __init__(self, tools: Tools, document: Any, timed: bool = True, near: Any = None) -> None:
-        (self.generator, self.deadline), self.timed, near = tools, timed, near or {}
+    `claim` gives the set of the claim: `near`, `conditions`, `roots`.
+    """
+
+    def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
+        (self.generator, self.deadline), self.timed, claim = tools, timed, claim or {}
         check_shape(document, SYSTEM, "system")
         self.coordinates, self.parameters = document["coordinates"], document.get("parameters") or []
         self.functions, equations = document.get("functions") or {}, document["equations"]
@@ -490,50 +83,180 @@ class Question:
         good = self.coordinates and all(self.functions.values()) and {*equations} == {*self.coordinates}
         good = good and len({*names} - RESERVED) == len(names)
         require(good, "system has to declare names once, none with a meaning of its own, and an equation for each.")
-        self.forces = [read_tokens(equations[name], f"system.equations.{name}") for name in self.coordinates]
-        self.content = (self.coordinates, {*self.parameters}, self.functions, self.forces)
-        self.rational = all(IRRATIONAL.isdisjoint(force) for force in self.forces)
-        self.contains_time = any("t" in force for force in self.forces)
+        self.force_texts = [read_tokens(equations[name], f"system.equations.{name}") for name in self.coordinates]
+        self.content = (self.coordinates, {*self.parameters}, self.functions, self.force_texts)
+        self.contains_time = any("t" in force for force in self.force_texts)
         require(timed or not self.contains_time, "f contains t: the question has to be time_dependent.")
-        self.variables = ["t"] * timed + [*self.coordinates] + [name + "'" for name in self.coordinates]
+        self.variables = ["t"] * timed + self.coordinates + [name + "'" for name in self.coordinates]
         self.names = {"t", *self.variables, *self.parameters}
+        self.set_of_claim(claim)
+        self.integrals = dict[str, tuple[list[str], tuple[str, tuple[str, ...]]]]()
+        self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
+
+    def set_of_claim(self, claim: dict[str, Any]) -> None:
+        near, shape = claim.get("near") or {}, {"conditions?": [TEXT, MAX_LISTED], "roots?": [{}, MAX_LISTED]}
         check_shape(near, dict.fromkeys(near, NUMBER), "near")
         require({*near} <= self.names, "near holds a name that the system does not know.")
         self.near = {name: Fraction(value) for name, value in near.items()}
-        self.integrals = dict[str, tuple[list[str], tuple[str, tuple[str, ...]]]]()
+        check_shape(claim, shape, "certificate")
+        self.conditions, self.roots = list[tuple[tuple[str, ...], ...]](), list[tuple[tuple[str, ...], ...]]()
+        for text in claim.get("conditions") or []:
+            sides = re.split("[<>]", text)
+            require(len(sides) == 2, "A condition has to be of the form A > B or A < B.")
+            self.conditions.append(
+                tuple(read_tokens(side, "conditions") for side in sides[:: 1 if ">" in text else -1])
+            )
+        for entry in claim.get("roots") or []:
+            check_shape(entry, {"root": TEXT, "is": TEXT}, "roots")
+            self.roots.append((read_tokens(entry["root"], "roots.root"), read_tokens(entry["is"], "roots.is")))
 
     def check_time(self) -> None:
         if not time.monotonic() < self.deadline:
             raise Ended("incomplete", "The time limit ended the check.")
 
-    def at_point(self, arithmetic: Arithmetic, degree: int, work: Callable[[Expansion], None]) -> None:
-        """Do the work at a random point where f is defined; a real one lies near what the certificate names."""
-        for attempt in range(60):
-            values = {name: arithmetic.draw() for name in ("pi", *sorted(self.names))}
-            for name, value in values.items() if not arithmetic.prime else ():
-                spread = (3, 6, 10, 1)[attempt % 4] if name in self.near else 0
-                values[name] = arithmetic.number(self.near.get(name, Fraction(attempt % 2))) + (value >> spread)
+    def read_all(self, ring: Any) -> list[Any]:
+        """The conditions and roots, as logarithms of what they say is positive; then the right sides f."""
+        hinted = not self.rational or isinstance(getattr(ring, "arithmetic", None), Balls)
+        degree, ring.degree = ring.degree, 0
+        for more, less in self.conditions if hinted else ():
+            ring.elementary("log", ring.add([Reader(ring, more).value, Reader(ring, less).value], [1, -1]))
+        for root, found in self.roots if hinted else ():
+            ring.elementary("log", value := Reader(ring, found).value)
+            ring.ties.append(
+                ring.multiply(ring.add([Reader(ring, root).value, value], [1, -1]), ring.constant(Fraction(1)), 0)
+            )
+        ring.degree = degree
+        return [Reader(ring, force).value for force in self.force_texts]
+
+    def prepare(
+        self, read: Callable[[Any], object], formulas: Iterable[tuple[str, ...]] = (), rational: bool = True
+    ) -> None:
+        """Bounds by a count; where not all is rational in everything, a point and a plan of the atoms first.
+
+        `read` reads what the certificate has beside f, and is called with rings of all kinds.
+        """
+        texts = [*self.force_texts, *formulas, *(side for pair in (*self.conditions, *self.roots) for side in pair)]
+        self.rational, self.read = rational and not any(map(is_irrational, texts)), read
+        if self.conditions or not self.rational:
+            trace = self.locate()
+        if not self.rational:
+            self.make_plan(trace)
+        else:
+            self.modulo(0, read, 1)
+        self.read(Count(self))
+        if self.roots:
+            self.settle(
+                0, lambda ring: Claims([(tie, "A root is not what it is said to be.") for tie in ring.ties], [])
+            )
+
+    def locate(self) -> list[tuple[bool, bool, arb]]:
+        """A real point where all is defined and the conditions hold: the one named, as far as it is named."""
+        free = self.names - {*self.near} or self.functions
+        for attempt in range(60 if free else 1):
+            values = {name: Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 30) + attempt % 2
+                      for name in sorted(self.names)}  # fmt: skip
+            self.place = Place(self.generator, values | self.near)
             try:
-                return work(Expansion(arithmetic, values, degree))
+                trace: list[tuple[bool, bool, arb]] = self.in_balls(0, self.traced)
+                return trace
+            except (Undefined, Unsettled):
+                self.check_time()
+        raise Ended("incomplete", "No point was found at which every formula is defined and every condition holds.")
+
+    def traced(self, ring: Expansion) -> list[tuple[bool, bool, arb]]:
+        self.read(ring)
+        trace: list[tuple[bool, bool, arb]] = ring.arithmetic.trace
+        return trace
+
+    def make_plan(self, trace: list[tuple[bool, bool, arb]]) -> None:
+        distinct = min(MAX_ATOMS, len({(imaginary, value.str(20, radius=False)) for _, imaginary, value in trace}))
+        bits, center = min(600 + 60 * distinct, 4000), self.place
+        with ctx.workprec(bits):
+            traces = [self.traced(Expansion(Balls(self, center, None), 0))]
+            for _ in range(20 * distinct + 200):
+                if len(traces) > distinct + SPARE:
+                    break
+                try:
+                    traces.append(self.traced(Expansion(Balls(self, center.neighbour(), None), 0)))
+                except (Undefined, Unsettled):
+                    self.check_time()
+            self.plan = Plan(traces, bits)
+        if self.plan.halved and not self.halves:
+            self.halves = True
+            self.make_plan(trace)
+
+    def in_balls(self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None) -> Any:
+        """The work in balls at the point, with more digits until they suffice."""
+        for bits in PRECISIONS:
+            self.check_time()
+            with ctx.workprec(bits):
+                try:
+                    return work(Expansion(Balls(self, self.place, classes), degree))
+                except Unsettled:
+                    pass
+        raise Unsettled
+
+    def proven_in_balls(self, degree: int, work: Callable[[Expansion], Any], sentence: str) -> Any:
+        try:
+            return self.in_balls(degree, work, self.plan.classes)
+        except (Undefined, Unsettled):
+            raise Ended("incomplete", sentence) from None
+
+    def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
+        """What the work gives at random points modulo so many random primes, where f is defined and all roots split."""
+        found, prime = list[Any](), 0
+        for attempt in range(2000):
+            prime = prime if attempt % 8 else self.prime()
+            try:
+                seed = self.generator.getrandbits(64)
+                if degree and self.plan.choices > 1:
+                    self.read(Expansion(Residues(self, prime, seed), 0))
+                ring = Expansion(Residues(self, prime, seed), degree)
+                found.append(work(ring))
             except Undefined:
                 self.check_time()
+                continue
+            if self.plan.classes not in (None, ring.arithmetic.classes):
+                raise Ended("incomplete", "Arguments of a function agree at one point and not at another.")
+            self.plan.classes, prime = ring.arithmetic.classes, self.prime()
+            if len(found) == count:
+                return found
         raise Ended("incomplete", "No point was found at which every formula is defined.")
 
-    def settle(self, degree: int, work: Callable[[Expansion], None], lagrangian: tuple[str, ...] = ()) -> None:
-        """The work modulo two primes or in reals, with more digits where unsettled; of a Lagrangian three, both."""
-        if self.rational and IRRATIONAL.isdisjoint(lagrangian):
-            for _ in range(3 if lagrangian else 2):
-                prime = next(filter(mpmath.libmp.isprime, iter(lambda: self.generator.randrange(1 << 60, 1 << 61), 0)))
-                self.at_point(Arithmetic(self, prime), degree, work)
-            return
-        for precision in PRECISIONS:
-            try:
-                self.at_point(Arithmetic(self, 0, *precision), degree, work)
-                if not lagrangian:
-                    return
-            except Ended as end:
-                if end.args[0] == "invalid" or precision == PRECISIONS[-1]:
-                    raise
+    def prime(self) -> int:
+        """A random prime of 61 bits modulo which all numbers have the roots that the plan takes of them."""
+        step = 24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm])
+        roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
+        for _ in range(1_000_000):
+            prime = self.generator.randrange((1 << 60) // step, (1 << 61) // step) * step + 1
+            if fmpz(prime).is_probable_prime() and all(pow(q, (prime - 1) // n, prime) == 1 for q, n in roots):
+                return prime
+            self.check_time()
+        raise Ended("incomplete", "No prime was found modulo which all numbers have their roots.")
+
+    def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
+        """Zeros by algebra, regular matrices by balls; what is not zero in the ring may be refuted by balls."""
+        doubts = dict[int, str]()
+
+        def exact(ring: Expansion) -> None:
+            found = claims(ring)
+            doubts.update({k: text for k, (value, text) in enumerate(found.zeros) if ring.arithmetic.settle(value)})
+            for matrix, sentence in found.regular:
+                require(ring.arithmetic.regular(matrix), sentence)
+
+        def real(ring: Expansion) -> None:
+            found = claims(ring)
+            for k, sentence in doubts.items():
+                require(all(value.contains(0) for value in found.zeros[k][0].values()), sentence)
+            if doubts or not all(ring.arithmetic.regular(matrix) for matrix, _ in found.regular):
+                raise Unsettled
+
+        self.modulo(degree, exact, count)
+        require(not (doubts and self.rational), next(iter(doubts.values()), ""))
+        if not self.rational:
+            told = f"It could not be settled whether this is so: {next(iter(doubts.values()))}" if doubts else (
+                "Balls at the real point do not show that a matrix is regular.")  # fmt: skip
+            self.proven_in_balls(degree, real, told)
 
     def lagrangian(self, document: dict[str, Any]) -> str:
         """L_(v_i v_j) f^j + L_(v_i q_j) v^j + L_(v_i t) = L_(q_i), and the matrix L_(v_i v_j) is regular."""
@@ -541,15 +264,18 @@ class Question:
         tokens = formula + self.read_integrals(document.get("integrals") or {})
         require(self.timed or "t" not in tokens, "The Lagrangian contains t, but the question does not.")
 
-        def work(ring: Expansion) -> None:
-            lagrangian, one = Reader(ring, formula).value, ring.arithmetic.one
-            rates = {unit: rate.get(0, 0) for unit, rate in zip(ring.units, ring.field, strict=True)} | {0: one}
+        def claims(ring: Expansion) -> Claims:
+            lagrangian, zeros = Reader(ring, formula).value, list[tuple[Series, str]]()
+            rates = {unit: rate.get(0, 0) for unit, rate in zip(ring.units, ring.field, strict=True)}
             for v, q, name in zip(ring.v, ring.q, self.coordinates, strict=True):
-                terms = ring.derivative(lagrangian, v) | {0: -lagrangian.get(ring.units[q], 0)}
-                require(ring.solved(terms, rates, one >> 60), f"The Euler-Lagrange equation of {name} does not hold.")
-            require(ring.regular(lagrangian), "The Hessian of the Lagrangian is singular.")
+                slope = ring.derivative(lagrangian, v)
+                terms = [value * rates[key] for key, value in slope.items() if key in rates]
+                residual = ring.arithmetic.settle({0: sum(terms, -lagrangian.get(ring.units[q], 0))})
+                zeros.append((residual, f"The Euler-Lagrange equation of {name} does not hold."))
+            return Claims(zeros, [(ring.hessian(lagrangian), "The Hessian of the Lagrangian is singular.")])
 
-        self.settle(2, work, tokens)
+        self.prepare(lambda ring: Reader(ring, formula).value, [tokens])
+        self.settle(2, claims, 3 if self.rational else 2)
         return "The Euler-Lagrange equations of the Lagrangian hold and its Hessian is regular."
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
@@ -578,6 +304,15 @@ class Question:
         require(sum(exponents) <= most, f"A multi-index has to have a total of at most {most}.")
         return sum(exponent << 8 * a for a, exponent in enumerate([*exponents, sum(exponents)]))
 
+    def agreed(self, scripts: Iterable[list[Step]]) -> list[Step]:
+        """The rows and pivots of eliminations at several points, which have to be the same."""
+        first, *others = scripts
+        for other in others:
+            if [step[:2] for step in other] != [step[:2] for step in first]:
+                raise Ended("incomplete", "The elimination takes different pivots at different points.")
+            first = [(*step[:2], step[2] | more[2]) for step, more in zip(first, other, strict=True)]
+        return first
+
     def nonexistence(self, document: dict[str, Any]) -> str:
         index, exponents, m = range(len(self.coordinates)), range(MAX_ORDER + 1), len(self.variables)
         shape = {"order": exponents, "rows": [("H2|H3", index, index, (exponents,) * m), MAX_ROWS]}
@@ -589,11 +324,23 @@ class Question:
         degree = {row: (row[3] >> 8 * m) + (row[0] == "H2") for row in rows}
         rows.sort(key=lambda row: (degree[row], row[0], *(-index for index in row[1:])))  # this fills in least
 
-        def work(ring: Expansion) -> None:
-            echelon = Elimination(ring.arithmetic, ring.shift, (ring.row(*row) for row in rows))
-            require(not ring.regular(echelon.solution(ring.unknowns(0))), "The rows leave a regular multiplier g(p).")
+        def work(ring: Expansion) -> tuple[list[Step], bool]:
+            echelon = Elimination(ring.arithmetic, ring.shift)
+            for row in rows:
+                echelon.insert(ring.row(*row), row)
+            return echelon.script(), ring.arithmetic.regular(ring.hessian(echelon.solution(ring.unknowns(0))))
 
-        self.settle(max((degree[row] + 2 * (row[0] == "H3") for row in rows), default=0), work)
+        def real(ring: Expansion) -> None:
+            echelon = followed(ring, steps)
+            regular and ring.arithmetic.regular(ring.hessian(echelon.solution(ring.unknowns(0))))
+
+        self.prepare(lambda ring: None)
+        most = max((degree[row] + 2 * (row[0] == "H3") for row in rows), default=0)
+        scripts, singular = zip(*self.modulo(most, work), strict=True)
+        steps, regular = self.agreed(scripts), any(singular)
+        if not self.rational:
+            self.proven_in_balls(most, real, "Balls at the real point do not show that the rows are independent.")
+        require(not regular, "The rows leave a regular multiplier g(p).")
         return f"{len(rows)} rows leave no regular multiplier g(p)."
 
     def existence(self, document: dict[str, Any]) -> str:
@@ -603,21 +350,47 @@ class Question:
         check_shape(document, shape, "certificate")
         order, degree, dimensions = document["order"], document["degree"], list(document["dimensions"])
         require(degree <= order, "degree has to be at most order.")
-        idle = set[Row]()
+        idle, degrees = set[Row](), range(degree + 1)
+        directions: list[list[int]] = []
+        while not directions or fmpz_mat(directions).det() == 0:
+            directions = [[self.generator.randrange(1, 1 << 20) for _ in self.variables] for _ in self.variables]
 
-        def work(ring: Expansion) -> None:
-            elimination, degrees = Elimination(ring.arithmetic, ring.shift), range(degree + 1)
+        def work(ring: Expansion) -> tuple[Any, ...]:
+            elimination, found = Elimination(ring.arithmetic, ring.shift), list[list[int]]()
             for step in range(order + 2):
                 ring.extend(elimination, step, idle)
                 kept = [pivot >> ring.shift for pivot in elimination.pivots]
-                found = list(accumulate(len(ring.unknowns(k)) - kept.count(k + 2) for k in degrees))
-                require(step < order or found == dimensions, "The dimensions are not those of this and the next order.")
-            require(ring.regular(elimination.solution(ring.unknowns(0))), "No multiplier g(p) that is left is regular.")
-            test_symbol(elimination, ring, degree, document["symbol"])
+                found.append([*accumulate(len(ring.unknowns(k)) - kept.count(k + 2) for k in degrees)])
+            regular = ring.arithmetic.regular(ring.hessian(elimination.solution(ring.unknowns(0))))
+            sizes, killed = symbol_of(elimination, ring, degree, directions)
+            return elimination.script(), killed.script(), found[order:], regular, sizes
 
-        self.settle(order + 3, work)
-        found = "The projected system is involutive and leaves a regular multiplier g(p)."
-        return found if document.get("series") is None else found + self.series(document["series"])
+        def real(ring: Expansion) -> None:
+            echelon = followed(ring, steps)
+            killed = Elimination(ring.arithmetic, ring.shift)
+            names = dict(symbol_rows(echelon, ring, degree, directions))
+            for step in killing:
+                killed.follow(names[step[0]], step)
+            regular and ring.arithmetic.regular(ring.hessian(echelon.solution(ring.unknowns(0))))
+
+        self.prepare(lambda ring: None)
+        results = self.modulo(order + 3, work)
+        steps, killing = (self.agreed(result[k] for result in results) for k in (0, 1))
+        found, regular, sizes = results[0][2:]
+        if any(result[2:] != results[0][2:] for result in results):
+            raise Ended("incomplete", "The dimensions are different at different points.")
+        if not self.rational:
+            self.proven_in_balls(
+                order + 3, real, "Balls at the real point do not show that the ranks are the generic ones."
+            )
+        require(found == [dimensions] * 2, "The dimensions are not those of this and the next order.")
+        require(regular, "No multiplier g(p) that is left is regular.")
+        claimed = document["symbol"]
+        given = [claimed["dimension"], claimed["prolonged"], *claimed["characters"]]
+        require([*given, *[0] * (len(sizes) - len(given))] == sizes, "The symbol has other dimensions.")
+        require(sizes[1] == sum(k * a for k, a in enumerate(sizes[2:], 1)), "The symbol is not involutive.")
+        told = "The projected system is involutive and leaves a regular multiplier g(p)."
+        return told if document.get("series") is None else told + self.series(document["series"])
 
     def series(self, series: Any) -> str:
         """The rows of the order that it claims vanish on the given coefficients, and g(p) is regular."""
@@ -625,42 +398,26 @@ class Question:
         shape = {"order": range(MAX_ORDER + 1), "prime?": range(1 << 127), "point": {**point, "pi?": NUMBER},
                  "terms": [((range(MAX_ORDER + 3),) * len(self.variables), NUMBER), MAX_ROWS]}  # fmt: skip
         check_shape(series, shape, "certificate.series")
-        order, prime, given = series["order"], series.get("prime") or 0, series["point"]
-        good = not prime or (prime >> 30 and mpmath.libmp.isprime(prime) and self.rational)
-        require(good, "series.prime has to be null, or, if f is rational, a prime above 2^30.")
-        field = Arithmetic(self, prime) if prime else Arithmetic(self, 0, 480, 80, 79)
+        order, prime, given = series["order"], series.get("prime") or self.prime(), series["point"]
+        good = prime >> 30 and prime < 1 << 63 and fmpz(prime).is_probable_prime()
+        require(good, "series.prime has to be null, or a prime between 2^30 and 2^63.")
+        circular = any("pi" in force for force in self.force_texts)
+        if self.functions or not self.rational or (circular and not series.get("prime")):
+            return " The series was not compared: not all in it is rational, or functions are arbitrary."
+        require(not circular or given.get("pi") is not None, "series.point has to give a value of pi.")
+        field = Residues(self, prime, 0)
         try:
-            values = {name: field.number(Fraction(x)) for name in (*point, "pi") if (x := given.get(name)) is not None}
+            field.values |= {
+                name: field.number(Fraction(x)) for name in (*point, "pi") if (x := given.get(name)) is not None
+            }
             terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
-            ring = Expansion(field, values, order + 2)
+            ring = Expansion(field, order + 2)
         except Undefined:
             raise Ended("invalid", "The series stands at a point where f is not defined.") from None
-        if ring.jets:
-            return " The series was not compared: functions are arbitrary."
         for name in (name for degree in range(order + 1) for name in ring.rows(degree)):
-            require(ring.solved(ring.row(*name), terms, 1), "The series does not solve the rows.")
-        require(ring.regular(terms), "The series has a singular g(p).")
+            require(ring.solved(ring.row(*name), terms), "The series does not solve the rows.")
+        require(field.regular(ring.hessian(terms)), "The series has a singular g(p).")
         return " The series solves the rows."
-
-
-def test_symbol(system: Elimination, ring: Expansion, degree: int, claimed: dict[str, Any]) -> None:
-    """Cartan's test: dim of the prolongation = sum_k dim of what k random derivatives kill."""
-    field, top = system.arithmetic, degree + 2
-    tops = [{pivot: field.one} | {key: value for key, value in row.items() if key >> ring.shift == top}
-            for pivot, row in zip(system.pivots, system.rows, strict=True) if pivot >> ring.shift == top]  # fmt: skip
-    killed, above = Elimination(field, ring.shift, tops), Elimination(field, ring.shift)
-    above.insert(field.row({key + unit: row[key] * (ring.exponent(key, a) + 1) for key in row}, scale=field.one)
-                 for row in tops for a, unit in enumerate(ring.units))  # fmt: skip
-    left = [len(ring.unknowns(degree)) - len(killed.rows)]
-    for _ in ring.units:
-        direction = [(a, unit, field.draw()) for a, unit in enumerate(ring.units)]
-        killed.insert(field.row({key + unit: part * (ring.exponent(key, a) + 1) for a, unit, part in direction},
-                                scale=field.one) for key in ring.unknowns(degree - 1) if left[-1])  # fmt: skip
-        left.append(len(ring.unknowns(degree)) - len(killed.rows))
-    found = [left[0], len(ring.unknowns(degree + 1)) - len(above.rows), *(a - b for a, b in pairwise(left))]
-    given = [claimed["dimension"], claimed["prolonged"], *claimed["characters"]]
-    require([*given, *[0] * (len(found) - len(given))] == found, "The symbol has other dimensions.")
-    require(found[1] == sum(left[:-1]), "The symbol is not involutive.")
 
 
 def judged(work: Callable[[Tools], list[str]], time_limit: float, seed: int | None) -> CheckResult:
@@ -695,15 +452,21 @@ def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> 
     except (ValueError, TypeError, RecursionError):
         return CheckResult("invalid", ("The text is no JSON document, repeats a key, or is nested too deeply.",))
     kind = document.get("format") if isinstance(document, dict) else None
-    return (check_certificate if kind == FORMAT else check_result)(document, time_limit, seed)
+    return (check_certificate if kind in (FORMAT, OLD_FORMAT) else check_result)(document, time_limit, seed)
+
+
+def check_certificate_shape(document: Any) -> None:
+    if isinstance(document, dict) and document.get("format") == OLD_FORMAT:
+        raise Ended("incomplete", OLD)
+    check_shape(document, CERTIFICATE, "certificate")
 
 
 def certified(document: Any, tools: Tools) -> str:
     """Check a certificate; the sentence that says what was found."""
-    check_shape(document, CERTIFICATE, "certificate")
+    check_certificate_shape(document)
     kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
-    asked = Question(tools, document["system"], document["question"] == "time_dependent", document.get("near"))
+    asked = Question(tools, document["system"], document["question"] == "time_dependent", document)
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
     return checks[kind](document)
 
@@ -738,7 +501,7 @@ def agreed(answer: dict[str, Any], verdict: str | None, question: str, system: Q
     certificate, shown = answer.get("certificate"), answer.get("lagrangian")
     if certificate is None:
         return None
-    check_shape(certificate, CERTIFICATE, "certificate")
+    check_certificate_shape(certificate)
     require(proves(certificate, question, verdict), "A certificate does not claim the verdict that it stands beside.")
     require(system.content == Question(tools, certificate["system"]).content, "A certificate is about another system.")
     formula = None if shown is None else read_tokens(shown.get("text"), "lagrangian.text")

@@ -1,7 +1,7 @@
 """Whether the right sides of a certificate satisfy equations as they were given, unsolved.
 
-The given trees are evaluated, with q'' := f as the checker reads f, at random points: modulo primes where all is
-rational, else to 144 digits.
+The given trees are evaluated, with q'' := f as the checker reads f, in the checker's own rings: what has to vanish is
+zero by algebra, what has to be regular is so by balls at the real point (certificate/FORMAT.md).
 Nothing of the way from the given equations to f is used: no matrix inverted, no term collected. What the
 checker's reader understands too is read twice.
 """
@@ -9,17 +9,14 @@ checker's reader understands too is read twice.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from fractions import Fraction
+from dataclasses import dataclass, field
 from functools import reduce
-from operator import add, mul
+from typing import Any
 
-from mpmath import mp
-
-from inverse_service.certificate.checker import CheckResult, Ended, Undefined
-from inverse_service.certificate.places import Kind, Place, Value, tried
+from inverse_service.certificate.checker import CheckResult, Claims, Question, judged
+from inverse_service.certificate.formulas import MAX_POWER, Ended, Reader, is_irrational, read_tokens
+from inverse_service.certificate.numbers import Balls, Undefined
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
-from inverse_service.expressions.evaluation import NoRealValue, evaluate_once
 from inverse_service.expressions.tree import (
     Acceleration,
     Apply,
@@ -36,18 +33,17 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 
+Ring = Any  # one of the checker's, and an element of it
+Value = Any
 Table = dict[Expression, Value]
-
-# Larger arguments of functions, and logarithms of powers, are not looked at: another point is drawn.
-_FARTHEST = 10_000
 
 
 @dataclass(frozen=True, slots=True)
 class Canonical:
-    """What a certificate says of its system, as plain data, and the point that it names."""
+    """What a certificate says of its system, as plain data, and the set of its claim: near, conditions, roots."""
 
     system: object
-    near: object = None
+    claim: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +53,14 @@ class GivenText:
     left: str
     right: str
     values: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """Elements of a ring that have to vanish, each with what is wrong otherwise, and the matrix to be regular."""
+
+    zeros: list[tuple[Value, str]]
+    matrix: list[list[Value]]
 
 
 def equations_agree(
@@ -75,20 +79,21 @@ def equations_agree(
         return CheckResult("invalid", ("The number of equations as given is not that of the coordinates.",))
     slopes = [[differentiate(equation, Acceleration(name)) for name in coordinates] for equation in equations]
 
-    def trial(place: Place) -> str:
-        table = _table(place, coordinates, place.values)
+    def parts(ring: Ring) -> _Parts:
+        table, zeros = _table(ring, coordinates, ring.names), list[tuple[Value, str]]()
         for number, equation in enumerate(equations, 1):
-            (value,), size = _row([equation], place, table)
-            if not place.vanishes(value, size):
-                raise Ended("invalid", f"The accelerations do not satisfy equation {number} as given.")
-            second = _second_reading(texts[number - 1], place, table) if texts else None
-            if second is not None and not place.vanishes(second - value, size):
-                raise Ended("invalid", f"Two readers understand equation {number} as given differently.")
-        if not _regular(slopes, place, table):
-            raise Ended("invalid", "The equations as given do not determine the accelerations.")
-        return "The accelerations satisfy the equations as given, which determine them."
+            value = _value(equation, ring, table)
+            zeros.append((value, f"The accelerations do not satisfy equation {number} as given."))
+            second = _second_reading(texts[number - 1], ring, table) if texts else None
+            if second is not None:
+                difference = ring.add([second, value], [1, -1])
+                zeros.append((difference, f"Two readers understand equation {number} as given differently."))
+        return _Parts(zeros, [[_value(slope, ring, table) for slope in row] for row in slopes])
 
-    return tried(canonical.system, canonical.near, _defined(trial), _kind(equations), time_limit)
+    found = "The accelerations satisfy the equations as given, which determine them."
+    wrong = "The equations as given do not determine the accelerations."
+    plain = _is_rational(equations) and not any(_is_irrational(text) for text in texts if text is not None)
+    return _examined(canonical, parts, plain, (found, wrong), time_limit)
 
 
 def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
@@ -97,7 +102,7 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
     At points with w = 0: dw/dt = 0, and the Euler-Lagrange expressions of L are a combination of the
     rows of dw/dv; with M = d2L/dv2 the matrix (M, (dw/dv)^T; dw/dv, 0) is regular, so there is one such f.
     """
-    names, count = given.coordinates, len(given.constraints)
+    names = given.coordinates
     slopes = [[differentiate(each, Velocity(name)) for name in names] for each in given.constraints]
     momenta = [differentiate(given.lagrangian, Velocity(name)) for name in names]
     masses = [[differentiate(momentum, Velocity(name)) for name in names] for momentum in momenta]
@@ -106,99 +111,130 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
         subtract(differentiate_in_time(momentum, names), differentiate(given.lagrangian, Symbol(name)))
         for momentum, name in zip(momenta, names, strict=True)
     ]
+    pivots: list[int] = []
 
-    def trial(place: Place) -> str:
-        table = _table(place, names, _on_constraints(given, slopes, place))
-        for rate in (*given.constraints, *rates):
-            (value,), size = _row([rate], place, table)
-            if not place.vanishes(value, size):
-                raise Ended("invalid", "The accelerations leave the constraints as given.")
-        rows = [_row(row, place, table) for row in slopes]
-        if place.rank(*_columns([*rows, _row(forces, place, table)])) != place.rank(*_columns(rows)):
-            raise Ended("invalid", "On the constraints these are not the accelerations of the Lagrangian as given.")
-        if place.rank(*_columns(_bordered(masses, rows, place, table))) != len(names) + count:
-            raise Ended("invalid", "The Lagrangian and the constraints as given do not determine the motion.")
-        return "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
+    def parts(ring: Ring) -> _Parts:
+        table = _table(ring, names, _on_constraints(given, slopes, ring, pivots))
+        leaving = "The accelerations leave the constraints as given."
+        zeros = [(_value(each, ring, table), leaving) for each in (*given.constraints, *rates)]
+        rows = [[_value(entry, ring, table) for entry in row] for row in slopes]
+        reduced = _reduced(rows, ring, pivots)
+        left = [_value(force, ring, table) for force in forces]
+        for pivot, row in zip(pivots, reduced, strict=True):
+            left = [ring.add([a, ring.multiply(left[pivot], b, 0)], [1, -1]) for a, b in zip(left, row, strict=True)]
+        wrong = "On the constraints these are not the accelerations of the Lagrangian as given."
+        zeros += [(entry, wrong) for entry in left]
+        above = [[_value(entry, ring, table) for entry in row] for row in masses]
+        columns = [[row[k] for row in rows] for k in range(len(names))]
+        nothing = [ring.add([])] * len(rows)
+        return _Parts(zeros, [a + b for a, b in zip(above, columns, strict=True)] + [row + nothing for row in rows])
 
-    formulas = (given.lagrangian, *given.constraints)
-    return tried(canonical.system, canonical.near, _defined(trial), _kind(formulas), time_limit)
-
-
-_Row = tuple[list[Value], Value]  # values, and the size that rounding is measured against
-
-
-def _columns(rows: Sequence[_Row]) -> tuple[list[list[Value]], list[Value]]:
-    return [values for values, _ in rows], [size for _, size in rows]
-
-
-def _bordered(masses: list[list[Expression]], rows: list[_Row], place: Place, table: Table) -> list[_Row]:
-    """(M, W^T; W, 0)."""
-    zero = place.number(Fraction(0))
-    above = [_row(row, place, table) for row in masses]
-    columns = [[values[k] for values, _ in rows] for k in range(len(above))]
-    largest = max((size for _, size in rows), default=0)
-    top = [(values + column, max(size, largest)) for (values, size), column in zip(above, columns, strict=True)]
-    return top + [(values + [zero] * len(rows), size) for values, size in rows]
+    found = "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
+    wrong = "The Lagrangian and the constraints as given do not determine the motion."
+    plain = _is_rational((given.lagrangian, *given.constraints))
+    return _examined(canonical, parts, plain, (found, wrong), time_limit)
 
 
-def _on_constraints(given: NonholonomicSystem, slopes: list[list[Expression]], place: Place) -> dict[str, Value]:
-    """The point with some velocities moved to where the constraints hold."""
-    values = place.values
+def _examined(
+    canonical: Canonical,
+    parts: Callable[[Ring], _Parts],
+    rational: bool,
+    sentences: tuple[str, str],
+    time_limit: float,
+) -> CheckResult:
+    """The verdict on the parts by the checker's two rules; never raises."""
+
+    def claims(ring: Ring) -> Claims:
+        found = parts(ring)
+        matrix = [[entry.get(0, 0) for entry in row] for row in found.matrix]
+        return Claims(found.zeros, [(matrix, sentences[1])])
+
+    def work(tools: Any) -> list[str]:
+        question = Question(tools, canonical.system, True, canonical.claim)
+        question.prepare(parts, (), rational)
+        question.settle(0, claims)
+        return [sentences[0]]
+
+    return judged(work, time_limit, None)
+
+
+def _on_constraints(
+    given: NonholonomicSystem, slopes: list[list[Expression]], ring: Ring, pivots: list[int]
+) -> dict[str, Value]:
+    """The point with some velocities moved to where the constraints hold; they are affine in the velocities."""
+    values = dict(ring.names)
     table = _leaves(given.coordinates, values)
-    rows = [_row(row, place, table)[0] + _row([each], place, table)[0] for row, each in
-            zip(slopes, given.constraints, strict=True)]  # fmt: skip
-    for k, step in _solution(rows).items():
-        values[f"{given.coordinates[k]}'"] -= step
+    rows = [
+        [_value(entry, ring, table) for entry in (*row, each)]
+        for row, each in zip(slopes, given.constraints, strict=True)
+    ]
+    reduced = _reduced(rows, ring, pivots)
+    for k, row in zip(pivots, reduced, strict=True):
+        name = f"{given.coordinates[k]}'"
+        values[name] = ring.add([values[name], row[-1]], [1, -1])
     return values
 
 
-def _solution(rows: list[list[Value]]) -> dict[int, Value]:
-    """One solution of the linear equations (coefficients, right side), the other unknowns being 0."""
-    pivots: list[int] = []
-    for number, row in enumerate(rows):
-        pivot = max(range(len(row) - 1), key=lambda k: abs(row[k]))
-        if not abs(row[pivot]):
-            raise Undefined
-        rows[number] = row = [entry / row[pivot] for entry in row]
-        for other, line in enumerate(rows):
+def _reduced(rows: list[list[Value]], ring: Ring, pivots: list[int]) -> list[list[Value]]:
+    """The rows with 1 at their own pivot and 0 at those of the others; the first call chooses the pivots."""
+    found = list(rows)
+    for number in range(len(rows)):
+        if number == len(pivots):
+            pivots.append(_pivot(found[number], ring, pivots))
+        scale = ring.power(found[number][pivots[number]], -1)
+        row = [ring.multiply(entry, scale, 0) for entry in found[number]]
+        for other, line in enumerate(found):
+            factor = line[pivots[number]]
             if other != number:
-                rows[other] = [a - line[pivot] * b for a, b in zip(line, row, strict=True)]
-        pivots.append(pivot)
-    return {pivot: row[-1] for pivot, row in zip(pivots, rows, strict=True)}
+                pairs = zip(line, row, strict=True)
+                found[other] = [ring.add([a, ring.multiply(factor, b, 0)], [1, -1]) for a, b in pairs]
+        found[number] = row
+    return found
 
 
-def _second_reading(text: GivenText | None, place: Place, table: Table) -> Value | None:
+def _pivot(row: list[Value], ring: Ring, taken: list[int]) -> int:
+    """A column with an entry that is not zero, in balls the largest."""
+    entries = [(k, row[k][0]) for k in range(len(ring.question.coordinates)) if k not in taken and row[k]]
+    if isinstance(ring.arithmetic, Balls):
+        entries = sorted((pair for pair in entries if not pair[1].contains(0)), key=lambda pair: -abs(float(pair[1])))
+    if not entries:
+        raise Undefined
+    return entries[0][0]
+
+
+def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value | None:
     """left - right by the checker's reader; None where one of the texts is not in its grammar."""
     if text is None:
         return None
     given = {f"{node.coordinate}''": value for node, value in table.items() if isinstance(node, Acceleration)}
-    for name, written in text.values.items():
-        value = place.read(written, {})
-        if value is None:
-            return None
-        given[name] = value
-    left, right = (place.read(side, given) for side in (text.left, text.right))
-    return None if left is None or right is None else left - right
+    try:
+        given |= {name: Reader(ring, read_tokens(written, "formula")).value for name, written in text.values.items()}
+        sides = [Reader(ring, read_tokens(side, "formula"), **given).value for side in (text.left, text.right)]
+    except Ended as end:
+        if end.args[0] == "incomplete":
+            raise
+        return None
+    return ring.add(sides, [1, -1])
 
 
-def _kind(formulas: Iterable[Expression]) -> Kind:
-    """Whether they are rational in everything, and whether they have roots or other powers with a branch."""
+def _is_rational(formulas: Iterable[Expression]) -> bool:
+    """Whether they are rational in everything, with moderate exponents."""
     nodes = [node for formula in formulas for node in walk(formula)]
-    whole = [isinstance(node.exponent, Number) and node.exponent.value.denominator == 1
-             for node in nodes if isinstance(node, Power)]  # fmt: skip
-    return Kind(all(whole) and not any(isinstance(node, Apply) for node in nodes), not all(whole))
+    powers = [node.exponent for node in nodes if isinstance(node, Power)]
+    whole = [
+        isinstance(each, Number) and each.value.denominator == 1 and abs(each.value) <= MAX_POWER for each in powers
+    ]
+    return all(whole) and not any(isinstance(node, Apply) for node in nodes)
 
 
-def _defined(trial: Callable[[Place], str]) -> Callable[[Place], str]:
-    """The trial; where a given formula has no real value, another point is wanted."""
-
-    def tried_there(place: Place) -> str:
-        try:
-            return trial(place)
-        except NoRealValue:
-            raise Undefined from None
-
-    return tried_there
+def _is_irrational(text: GivenText) -> bool:
+    """Whether the checker's reader meets more than rational operations in it, or does not read it."""
+    try:
+        return any(
+            is_irrational(read_tokens(part, "formula")) for part in (text.left, text.right, *text.values.values())
+        )
+    except Ended:
+        return False
 
 
 def _leaves(coordinates: Iterable[str], values: dict[str, Value]) -> Table:
@@ -206,60 +242,36 @@ def _leaves(coordinates: Iterable[str], values: dict[str, Value]) -> Table:
     return {Velocity(velocities[name]) if name in velocities else Symbol(name): value for name, value in values.items()}
 
 
-def _table(place: Place, coordinates: Sequence[str], values: dict[str, Value]) -> Table:
+def _table(ring: Ring, coordinates: Sequence[str], values: dict[str, Value]) -> Table:
     """Values of all leaves, q'' := f."""
-    accelerations = place.accelerations({name: values[name] for name in values if name.endswith("'")})
-    solved = {Acceleration(name): f for name, f in zip(coordinates, accelerations, strict=True)}
-    return _leaves(coordinates, values) | solved
+    bound = {name: value for name, value in values.items() if name.endswith("'")}
+    forces = [Reader(ring, force, **bound).value for force in ring.question.force_texts]
+    return _leaves(coordinates, values) | {
+        Acceleration(name): force for name, force in zip(coordinates, forces, strict=True)
+    }
 
 
-def _row(trees: Sequence[Expression], place: Place, table: Table) -> _Row:
-    for tree in trees:
-        for node in reversed(list(walk(tree))):  # parts before what they are parts of
-            if node not in table:
-                if not place.exact:
-                    _refuse_far_values(node, table)
-                _evaluate(node, place, table)
-    return [table[tree] for tree in trees], 0 if place.exact else max(_size(tree, table) for tree in trees)
+def _value(tree: Expression, ring: Ring, table: Table) -> Value:
+    for node in reversed(list(walk(tree))):  # parts before what they are parts of
+        if node not in table:
+            table[node] = _evaluated(node, ring, table)
+    return table[tree]
 
 
-def _evaluate(node: Expression, place: Place, table: Table) -> None:
+def _evaluated(node: Expression, ring: Ring, table: Table) -> Value:
     match node:
-        case Arbitrary(name, arguments, orders):
-            table[node] = place.function(name, orders, [table[argument] for argument in arguments])
         case Number(value):
-            table[node] = place.number(value)
+            return ring.constant(value)
         case Sum(terms):
-            table[node] = reduce(add, [table[term] for term in terms])
+            return ring.add([table[term] for term in terms])
         case Product(factors):
-            table[node] = reduce(mul, [table[factor] for factor in factors])
-        case Power(base, Number(value)) if value.denominator == 1 and place.exact:
-            table[node] = table[base] ** value.numerator
-        case _:
-            evaluate_once(node, table)
-
-
-def _refuse_far_values(node: Expression, table: Table) -> None:
-    """NoRealValue where a function or a power would be far from 1: exp(exp(exp(9))) takes all memory there is."""
-    match node:
-        case Apply(_, argument) if abs(table[argument]) > _FARTHEST:
-            raise NoRealValue("an argument is too large to be compared")
-        case Power(base, exponent) if table[base] and abs(table[exponent] * mp.log(abs(table[base]))) > _FARTHEST:
-            raise NoRealValue("a power is too large to be compared")
-
-
-def _size(tree: Expression, table: Table) -> Value:
-    """A bound for the terms that are added up in a tree."""
-    match tree:
-        case Sum(terms):
-            return mp.fsum([_size(term, table) for term in terms])
-        case Product(factors):
-            return mp.fprod([_size(factor, table) for factor in factors])
-        case Power(base, Number(value)) if value.denominator == 1 and value > 0:
-            return _size(base, table) ** value.numerator
-        case _:
-            return abs(evaluate_once(tree, table))
-
-
-def _regular(matrix: list[list[Expression]], place: Place, table: Table) -> bool:
-    return place.rank(*_columns([_row(row, place, table) for row in matrix])) == len(matrix)
+            return reduce(lambda a, b: ring.multiply(a, b, 0), [table[factor] for factor in factors])
+        case Power(base, Number(value)) if value.denominator == 1:
+            return ring.power(table[base], value.numerator)
+        case Power(base, exponent):
+            return ring.joined("^", table[base], table[exponent])
+        case Apply(name, argument):
+            return ring.elementary(name, table[argument])
+        case Arbitrary(name, arguments, orders):
+            return ring.function(name, orders, [table[argument] for argument in arguments])
+    raise Undefined  # a leaf that the system does not know

@@ -77,7 +77,7 @@ def all_rows(coordinates: int, variables: int, order: int) -> list[list[Any]]:
 def certificate(name: str, kind: str, question: str = "autonomous", **content: Any) -> Document:
     """A certificate about a named system."""
     return {
-        "format": "inverse-service/certificate/1",
+        "format": "inverse-service/certificate/2",
         "system": system(name),
         "question": question,
         "claim": "not_variational" if kind == "nonexistence" else "variational",

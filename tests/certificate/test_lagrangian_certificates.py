@@ -103,5 +103,5 @@ def test_a_narrow_domain_is_found_by_the_point_that_the_certificate_names() -> N
 
 
 def test_a_lagrangian_that_is_nowhere_defined_is_incomplete() -> None:
-    for text in ("x'^2/(x - x)", "x'^2*sqrt(-1 - x^2)", "exp(exp(exp(9+x^2)))*x'^2", "9^9^9*x'^2*exp(x)"):
+    for text in ("x'^2/(x - x)", "x'^2*sqrt(-1 - x^2)", "log(-exp(x))*x'^2", "x'^2/(sin(x)^2+cos(x)^2-1)"):
         assert check_certificate(lagrangian("free", text), seed=1).verdict == "incomplete"

@@ -73,7 +73,10 @@ def test_dependent_atoms_refute_nothing(written: str, meant: str) -> None:
     extra = f"({written} - {meant})"
     document["system"]["equations"] = {"x": f"y + {extra}*x'*y", "y": f"x - {extra}*y'^2"}
     document["near"] = {"x": "1", "y": "1"}
+    document["conditions"] = ["x > 0"]
     assert check_certificate(document, seed=1).verdict == "invalid"
+    document["conditions"] = []
+    assert check_certificate(document, seed=1).verdict in ("invalid", "incomplete")
 
 
 def test_a_few_rows_that_suffice_are_valid_and_fewer_are_not() -> None:

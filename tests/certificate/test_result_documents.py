@@ -67,7 +67,7 @@ def test_existence_and_time_in_f_are_valid_results() -> None:
         ("certificate.system.equations.y", "-y"), ("certificate.system.coordinates", ["y", "x"]),
         ("certificate.claim", "not_variational"), ("certificate.kind", "nonexistence"), ("certificate", []),
         ("certificate.kind", "existence"), ("certificate.lagrangian", ...), ("certificate.question", "both"),
-        ("certificate.format", "inverse-service/certificate/2"), ("certificate.near", {"z": "1"}), ("question", "L"),
+        ("certificate.format", "inverse-service/certificate/3"), ("certificate.near", {"z": "1"}), ("question", "L"),
         ("certificate.near", {"x": "1e555"}), ("certificate.near", []), ("with_time", []),
         ("certificate.question", TIMED),
     ],

@@ -61,7 +61,7 @@ def test_a_fault_of_ours_counts_as_wrong(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_spoilt_certificate_that_is_right_after_all_is_told() -> None:
     """Guards the corrupted kind against counting nothing: a true certificate comes out as valid."""
     true = {
-        "format": "inverse-service/certificate/1", "question": "autonomous", "claim": "variational",
+        "format": "inverse-service/certificate/2", "question": "autonomous", "claim": "variational",
         "kind": "lagrangian", "system": {"coordinates": ["x"], "equations": {"x": "-x"}}, "lagrangian": "x'^2-x^2",
     }  # fmt: skip
     counts, wrong = found_valid(iter([("nothing", true), ("the sign", {**true, "lagrangian": "x'^2+x^2"})]))

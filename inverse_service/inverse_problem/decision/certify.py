@@ -20,18 +20,19 @@ from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.decision.power_series import count, is_rational, regular_series
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-FORMAT = "inverse-service/certificate/1"
+FORMAT = "inverse-service/certificate/2"
 _DIGITS = 20
 _SEED = 3
 # Series are written for so many coordinates, with so many coefficients.
 _MOST_COORDINATES = 4
 _MOST_COEFFICIENTS = 5_000
+_MOST_CONDITIONS = 100  # that a certificate may have
 
 
 def of_lagrangian(analysis: Analysis, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
     """L itself is the proof."""
     domain = domain_of(analysis, lagrangian)
-    head = _head(analysis.system, domain, with_time, "variational", "lagrangian")
+    head = _head(analysis, domain, with_time, "variational", "lagrangian")
     return head | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
 
 
@@ -107,13 +108,13 @@ def of_decision(
     """
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
-        head = _head(analysis.system, domain_of(analysis), decision.with_time, "not_variational", "nonexistence")
+        head = _head(analysis, domain_of(analysis), decision.with_time, "not_variational", "nonexistence")
         return head | {"order": decision.order, "rows": rows}
     if decision.verdict != "variational" or decision.symbol is None:
         raise ValueError("only a definite decision has a certificate")
     # The dimension stopped falling between order - 1 and order.
     order = decision.order - 1
-    head = _head(analysis.system, domain_of(analysis), decision.with_time, "variational", "existence")
+    head = _head(analysis, domain_of(analysis), decision.with_time, "variational", "existence")
     data = {
         "order": order,
         "degree": decision.degree,
@@ -141,20 +142,27 @@ def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> di
         return {}
 
 
-def _head(system: SecondOrderSystem, domain: Domain, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+def _head(analysis: Analysis, domain: Domain, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
     head = {
         "format": FORMAT,
-        "system": _system(system),
+        "system": _system(analysis.system),
         "question": "time_dependent" if with_time else "autonomous",
         "claim": claim,
         "kind": kind,
     }
+    system = analysis.system
     parts = {
         "near": _near(system, domain.point),
-        "conditions": [f"{to_text(tree)} > 0" for tree in domain.positive],
+        "conditions": _conditions(analysis, domain),
         "roots": _roots(system),
     }
     return head | {key: part for key, part in parts.items() if part}
+
+
+def _conditions(analysis: Analysis, domain: Domain) -> list[str]:
+    """The domain, and which factors of radicands are positive in it: so sqrt(u^2) is u or -u."""
+    signs = [f"{to_text(factor)} {'>' if sign > 0 else '<'} 0" for factor, sign in analysis.tower.signs]
+    return list(dict.fromkeys([*(f"{to_text(tree)} > 0" for tree in domain.positive), *signs]))[:_MOST_CONDITIONS]
 
 
 def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:

@@ -6,7 +6,8 @@ import time
 from collections.abc import Iterator
 from typing import Any, Final
 
-from inverse_service.certificate.checker import FORMAT, CheckResult, check_certificate, check_result, check_text
+from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text
+from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.service.documents.comparison import compared_with_document
@@ -45,7 +46,7 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
     """The same for a result or a certificate as plain data."""
     end = time.monotonic() + TIME_LIMIT
     result = inward(result) if isinstance(result, dict) else result
-    check = check_certificate if _object(result).get("format") == FORMAT else check_result
+    check = check_certificate if _object(result).get("format") in (FORMAT, OLD_FORMAT) else check_result
     return answer(_with_comparison(check(result), result, document, end))
 
 
@@ -108,16 +109,16 @@ def _compared(result: dict[str, Any], given: object, end: float) -> CheckResult 
 
 def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
     """The system that a result shows and those that its certificates are about, each once; none without one."""
-    if result.get("format") == FORMAT:
-        yield Canonical(_system(result), result.get("near"))
+    if result.get("format") in (FORMAT, OLD_FORMAT):
+        yield Canonical(_system(result), result)
         return
     listed = _object(result.get("nonholonomic")).get("associated")
     associated = listed if isinstance(listed, list) else []
     answers = (_object(each) for each in (result, result.get("with_time"), *associated))
     certificates = [found for each in answers if (found := _object(each.get("certificate")))]
-    shown = [Canonical(_system(result), each.get("near")) for each in certificates[:1]]
+    shown = [Canonical(_system(result), each) for each in certificates[:1]]
     seen: list[object] = []
-    for each in (*shown, *(Canonical(_system(found), found.get("near")) for found in certificates)):
+    for each in (*shown, *(Canonical(_system(found), found) for found in certificates)):
         if each.system not in seen:
             seen.append(each.system)
             yield each
@@ -125,7 +126,7 @@ def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
     for branch in branches[1:] if isinstance(branches, list) else []:
         found = _object(_object(branch).get("certificate"))
         if found:
-            yield Canonical(_system(found), found.get("near"))
+            yield Canonical(_system(found), found)
 
 
 def _system(holder: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,322 @@
+"""The two kinds of numbers: residues, which decide what is zero, and balls, which decide what is not."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from flint import arb, arb_mat, fmpq, fmpz, nmod_mat, nmod_poly
+
+from .formulas import MAX_POWER, Ended
+from .plan import PI, THREE, TWO, Entry
+
+if TYPE_CHECKING:
+    from .checker import Question
+
+Number = Any  # a residue (an int or a Vector) or a ball
+Series = dict[int, Number]  # coefficients of monomials: eight bits for each exponent, the total degree on top of them
+Table = dict[int, list[tuple[Number, int, int, int, int, int]]]  # of a condition: see Expansion.condition
+
+
+class Undefined(Exception):
+    """A formula is not defined at the point in hand."""
+
+
+class Unsettled(Exception):
+    """A ball does not say what is asked of it: more digits may."""
+
+
+class Vector:
+    """One residue for each choice of the roots: an element of F_p[r, …]/(r^N - w, …), F_p^D where all of them split."""
+
+    __slots__ = ("parts",)
+
+    def __init__(self, parts: list[int]) -> None:
+        self.parts = parts
+
+    def __add__(self, other: Vector | int) -> Vector:
+        if isinstance(other, Vector):
+            return Vector([a + b for a, b in zip(self.parts, other.parts, strict=True)])
+        return Vector([a + other for a in self.parts])
+
+    def __mul__(self, other: Vector | int) -> Vector:
+        if isinstance(other, Vector):
+            return Vector([a * b for a, b in zip(self.parts, other.parts, strict=True)])
+        return Vector([a * other for a in self.parts])
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __neg__(self) -> Vector:
+        return self * -1
+
+    def __sub__(self, other: Vector | int) -> Vector:
+        return self + -other
+
+    def __rsub__(self, other: int) -> Vector:
+        return -self + other
+
+    def __mod__(self, prime: int) -> Vector:
+        return Vector([a % prime for a in self.parts])
+
+    def __pow__(self, exponent: int, prime: int | None = None) -> Vector:
+        return Vector([pow(a, exponent, prime) for a in self.parts])
+
+    def __bool__(self) -> bool:
+        return any(self.parts)
+
+
+def parts_of(value: Number) -> tuple[int, ...]:
+    return tuple(value.parts) if isinstance(value, Vector) else (value,)
+
+
+class Residues:
+    """Numbers modulo a prime: random values of all generators, and of a root all its values at once."""
+
+    def __init__(self, question: Question, prime: int, seed: int) -> None:
+        self.question, self.prime, self.seed, self.plan = question, prime, seed, question.plan
+        self.generator, self.entries = random.Random(seed), iter(self.plan.entries)
+        self.powers, self.classes = dict[tuple[int, ...], tuple[int, int]](), list[int]()
+        self.known = dict[tuple[str, tuple[tuple[int, ...], ...]], int]()
+        self.jets = dict[tuple[str, int, tuple[int, ...]], int]()
+        self.values = {name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))}
+        self.pairs = list[tuple[Number, Number]]()  # of a pair (l, e) the values of l and of r, where r^N = e
+        self.stride = 1
+        if self.plan.pairs:
+            self.i = self.roots(-1, 2)[0]
+            for pair in self.plan.pairs:
+                free = self.generator.randrange(1, prime), self.generator.randrange(1, prime)
+                number = (free[0], self.roots(pair.number, pair.scale)[0]) if pair.number > 1 else (1, free[1])
+                self.pairs.append(number if pair.number else free)
+            two, three = (pow(self.pairs[k][1], self.plan.pairs[k].scale // 2, prime) for k in (TWO, THREE))
+            zeta = (two * three + two + self.i * (two * three - two)) * self.inverse(4)  # e^(pi i/12)
+            self.pairs[PI] = self.values["pi"], zeta % prime
+
+    def draw(self) -> int:
+        return self.question.generator.randrange(self.prime)
+
+    def settle(self, raw: Series) -> Series:
+        """The numbers without zeros."""
+        prime = self.prime
+        return {key: rest for key, value in raw.items() if (rest := value % prime)}
+
+    def number(self, value: Fraction) -> Number:
+        return value.numerator * self.inverse(value.denominator) % self.prime
+
+    def inverse(self, value: Number) -> Number:
+        if not all(parts_of(value % self.prime)):
+            raise Undefined
+        return pow(value, -1, self.prime)
+
+    def power(self, value: Number, exponent: int) -> Number:
+        """Beyond MAX_POWER a generator of its own, times a moderate power; it needs a base that is not zero."""
+        if abs(exponent) <= MAX_POWER:
+            return pow(value if exponent >= 0 else self.inverse(value), abs(exponent), self.prime)
+        inverse, key = self.inverse(value), parts_of(value)
+        if key not in self.powers or abs(exponent - self.powers[key][0]) > MAX_POWER:
+            self.powers[key] = exponent, self.generator.randrange(1, self.prime)
+        start, free = self.powers[key]
+        steps = exponent - start
+        return free * pow(value if steps >= 0 else inverse, abs(steps), self.prime) % self.prime
+
+    def roots(self, value: int, degree: int) -> list[int]:
+        """All solutions of r^degree = value, of which there have to be so many."""
+        if degree == 1:
+            return [value]
+        found = nmod_poly([-value % self.prime, *[0] * (degree - 1), 1], self.prime).roots()
+        if value % self.prime == 0 or len(found) < degree:
+            raise Undefined
+        return sorted(int(root) for root, _ in found)
+
+    def every_root(self, value: Number, degree: int) -> Number:
+        """A vector with all choices of the root, each beside all choices of the roots before it."""
+        if degree == 1:
+            return value
+        parts, stride = parts_of(value) * (1 if isinstance(value, Vector) else self.plan.choices), self.stride
+        listed = {part: self.roots(part, degree) for part in {*parts}}
+        self.stride *= degree
+        return Vector([listed[part][k // stride % degree] for k, part in enumerate(parts)])
+
+    def product(self, entry: Entry, times: int = 1) -> Number:
+        """The product of the e_j^(times a_j) of a combination, from their roots."""
+        value: Number = 1
+        for j, a in entry.parts:
+            exponent = a * self.plan.pairs[j].scale * times
+            factor = self.pairs[j][1] if exponent >= 0 else self.inverse(self.pairs[j][1])
+            value = value * pow(factor, abs(int(exponent)), self.prime) % self.prime
+        return value
+
+    def total(self, entry: Entry) -> Number:
+        return sum([self.pairs[j][0] * self.number(a) for j, a in entry.parts]) % self.prime
+
+    def same(self, left: Number, right: Number) -> None:
+        if (left - right) % self.prime:
+            raise Ended("incomplete", "A relation between functions was guessed that does not hold for all roots.")
+
+    def exponential(self, value: Number) -> Number:
+        """e^l for an l with this value; for an imaginary one i l."""
+        entry = next(self.entries)
+        if entry.pair:
+            self.pairs[entry.pair] = value, self.pairs[entry.pair][1]
+            return pow(self.pairs[entry.pair][1], self.plan.pairs[entry.pair].scale, self.prime)
+        self.same(value, self.total(entry))
+        return self.product(entry)
+
+    def logarithm(self, value: Number) -> Number:
+        """l with e^l of this value; for an imaginary one l/i."""
+        entry = next(self.entries)
+        self.inverse(value)
+        if entry.pair:
+            root = self.every_root(value, self.plan.pairs[entry.pair].scale)
+            self.pairs[entry.pair] = self.pairs[entry.pair][0], root
+            return self.pairs[entry.pair][0]
+        self.same(pow(value, entry.times, self.prime), self.product(entry, entry.times))
+        return self.total(entry)
+
+    exp, log = exponential, logarithm
+
+    def circle(self, value: Number) -> tuple[Number, Number]:
+        """(sin, cos) = ((E - 1/E)/2i, (E + 1/E)/2)."""
+        there = self.exponential(value)
+        back, half = self.inverse(there), self.inverse(2)
+        return (there - back) * half * self.inverse(self.i) % self.prime, (there + back) * half % self.prime
+
+    def angle(self, value: Number) -> Number:
+        """atan u = log((1 + iu)/(1 - iu))/2i, or where halves of it are angles, log((1 + iu)/sqrt(1 + u^2))/i."""
+        turn, half = value * self.i, self.inverse(2)
+        if self.question.halves:
+            length = self.exponential(self.logarithm((value * value + 1) % self.prime) * half % self.prime)
+            return self.logarithm((turn + 1) * self.inverse(length) % self.prime)
+        return self.logarithm((turn + 1) * self.inverse(1 - turn) % self.prime) * half % self.prime
+
+    def class_of(self, name: str, values: list[Number]) -> int:
+        """Arguments that are equal in the ring are in one class."""
+        key = name, tuple(parts_of(value % self.prime) for value in values)
+        self.classes.append(self.known.setdefault(key, len(self.known)))
+        return self.classes[-1]
+
+    def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
+        """A derivative of a function: random, the same for the same class."""
+        key = name, number, orders
+        if key not in self.jets:
+            self.jets[key] = random.Random(f"{self.seed} {key}").randrange(self.prime)
+        return self.jets[key]
+
+    def regular(self, matrix: list[list[Number]]) -> bool:
+        """Whether the determinant is not zero in the ring."""
+        width = max([len(parts_of(entry)) for row in matrix for entry in row])
+        spread = [[parts_of(entry % self.prime) * (1 if isinstance(entry, Vector) else width) for entry in row]
+                  for row in matrix]  # fmt: skip
+        slices = ([[int(entry[k]) for entry in row] for row in spread] for k in range(width))
+        return any(int(nmod_mat(one, self.prime).det()) for one in slices)
+
+
+@dataclass(slots=True)
+class Place:
+    """A real point, exactly, and at it derivatives of the arbitrary functions."""
+
+    generator: random.Random
+    values: dict[str, Fraction]
+    parent: Place | None = None
+    jets: dict[tuple[str, int, tuple[int, ...]], Fraction] = field(default_factory=dict)
+
+    def near(self, value: Fraction) -> Fraction:
+        """A number near another, beside its size."""
+        step = Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 35)
+        return value + step * (abs(value) or 1)
+
+    def jet(self, key: tuple[str, int, tuple[int, ...]]) -> Fraction:
+        if key not in self.jets:
+            fresh = Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 30)
+            self.jets[key] = self.near(self.parent.jet(key)) if self.parent else fresh
+        return self.jets[key]
+
+    def neighbour(self) -> Place:
+        return Place(self.generator, {name: self.near(value) for name, value in self.values.items()}, self)
+
+
+class Balls:
+    """Real numbers at a place as balls of the working precision (arb); `trace` keeps l of each atom that was met."""
+
+    prime = 0
+
+    def __init__(self, question: Question, place: Place, classes: list[int] | None) -> None:
+        self.question, self.place, self.classes = question, place, iter(classes or [])
+        self.guessing, self.trace = classes is None, list[tuple[bool, bool, arb]]()
+        self.known = dict[int, tuple[str, list[arb]]]()
+        self.values = {name: self.number(value) for name, value in place.values.items()} | {"pi": arb.pi()}
+
+    def draw(self) -> arb:
+        return arb(self.question.generator.randrange(-9999, 10_000)) / 1000
+
+    def settle(self, raw: Series) -> Series:
+        found = {key: value for key, value in raw.items() if not (type(value) is int or value.is_zero())}
+        if not all(value.is_finite() for value in found.values()):
+            raise Unsettled
+        return found
+
+    def number(self, value: Fraction) -> arb:
+        return arb(fmpq(value.numerator, value.denominator))
+
+    def inverse(self, value: arb) -> arb:
+        return 1 / self.nonzero(value)
+
+    def nonzero(self, value: arb) -> arb:
+        """The number, which is not zero, or nobody knows."""
+        if value == 0:
+            raise Undefined
+        if not value.is_finite() or value.contains(0):
+            raise Unsettled
+        return value
+
+    def power(self, value: arb, exponent: int) -> arb:
+        return (self.nonzero(value) if exponent < 0 or exponent > MAX_POWER else value) ** fmpz(exponent)
+
+    def note(self, source: bool, imaginary: bool, value: arb) -> arb:
+        if not value.is_finite():
+            raise Unsettled
+        self.trace.append((source, imaginary, value))
+        return value
+
+    def exp(self, value: arb) -> arb:
+        return self.note(False, False, value).exp()
+
+    def log(self, value: arb) -> arb:
+        if value <= 0:
+            raise Undefined
+        if not value > 0:
+            raise Unsettled
+        return self.note(True, False, value.log())
+
+    def circle(self, value: arb) -> tuple[arb, arb]:
+        return self.note(False, True, value).sin_cos()
+
+    def angle(self, value: arb) -> arb:
+        if self.question.halves:
+            self.exp(self.log(1 + value * value) / 2)
+            return self.note(True, True, value.atan())
+        return self.note(True, True, 2 * value.atan()) / 2
+
+    def class_of(self, name: str, values: list[arb]) -> int:
+        """The class that the ring found for this call; its arguments have to lie apart from those of all others."""
+        near = [number for number, (other, met) in self.known.items() if other == name
+                and all(a.overlaps(b) for a, b in zip(values, met, strict=True))]  # fmt: skip
+        number = (near[0] if near else len(self.known)) if self.guessing else next(self.classes)
+        if any(one != number for one in near):
+            raise Unsettled
+        self.known.setdefault(number, (name, values))
+        return number
+
+    def jet(self, name: str, number: int, orders: tuple[int, ...]) -> arb:
+        return self.number(self.place.jet((name, number, orders)))
+
+    def regular(self, matrix: list[list[Number]]) -> bool:
+        """The determinant is not zero, or nobody knows."""
+        determinant = arb_mat([[arb(entry) for entry in row] for row in matrix]).det()
+        if not determinant.is_finite() or determinant.contains(0):
+            raise Unsettled
+        return True
+
+
+Arithmetic = Any  # Residues or Balls

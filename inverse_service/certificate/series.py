@@ -1,0 +1,394 @@
+"""Power series about a point, the Helmholtz conditions in them, and elimination."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
+from functools import cache
+from heapq import heappop, heappush
+from itertools import accumulate, combinations_with_replacement, pairwise, product
+from typing import TYPE_CHECKING, Any
+
+from .formulas import DEFINED, MAX_POWER, Ended, Reader, read_tokens, require
+from .numbers import Arithmetic, Number, Series, Unsettled, parts_of
+
+if TYPE_CHECKING:
+    from .checker import Question
+
+MAX_MONOMIALS, MAX_DEGREE = 400_000, 1 << 20
+Table = dict[int, list[tuple[Number, int, int, int, int, int]]]  # of a condition: see Expansion.condition
+Row = tuple[str, int, int, int]  # the name of a row: kind, i, j, alpha
+Step = tuple[Any, int, frozenset[int]]  # of an elimination: the name of a row, its pivot, its other columns
+
+
+class Count:
+    """Reads formulas to bounds of (degree of numerator, of denominator, bits of the coefficients of both)."""
+
+    def __init__(self, question: Question) -> None:
+        self.question, self.entries, self.weights = question, iter(question.plan.entries), dict[int, int]()
+        self.names = dict.fromkeys((*question.names, "pi"), (1, 0, 1, 0))
+        self.degree, self.ties = 0, list[Any]()
+        self.forces = question.read_all(self)
+
+    def bounded(self, *found: int) -> Any:
+        self.question.check_time()
+        if max(found) * self.question.plan.choices > MAX_DEGREE:
+            raise Ended("incomplete", f"A degree, or the bits of a coefficient, may be above {MAX_DEGREE}.")
+        return found
+
+    def constant(self, value: Fraction) -> Any:
+        return self.bounded(0, 0, value.numerator.bit_length(), value.denominator.bit_length())
+
+    def add(self, terms: list[Any], weights: Iterable[int] = ()) -> Any:
+        above, below, high, low = terms[0] if terms else (0, 0, 0, 0)
+        for a, b, c, d in terms[1:]:
+            high, low = max(high + d, low + c) + 1, low + d
+            above, below = max(above + b, below + a), below + b
+        return self.bounded(above, below, high, low)
+
+    def multiply(self, left: Any, right: Any, degree: int = 0) -> Any:
+        return self.bounded(*(a + b for a, b in zip(left, right, strict=True)))
+
+    def power(self, u: Any, exponent: int) -> Any:
+        u = u if exponent >= 0 else (u[1], u[0], u[3], u[2])
+        return self.bounded(*((abs(exponent) if abs(exponent) <= MAX_POWER else MAX_POWER + 1) * a for a in u))
+
+    def joined(self, operator: str, left: Any, right: Any) -> Any:
+        if operator == "^":
+            return self.elementary("exp", self.multiply(right, self.elementary("log", left)))
+        if operator in "+-":
+            return self.add([left, right])
+        return self.multiply(left, self.power(right, -1) if operator == "/" else right)
+
+    def atom(self, u: Any, logarithm: bool) -> Any:
+        """The degrees of all powers that occur in what Residues makes of it."""
+        entry, size = next(self.entries), max(*u, 1)
+        if entry.pair:
+            self.weights[entry.pair] = size if logarithm else 1
+        pairs = self.question.plan.pairs
+        weight = sum([math.ceil(abs(a) * pairs[j].scale) * self.weights.get(j, 1) for j, a in entry.parts])
+        if logarithm:
+            self.bounded(size * entry.times, weight * entry.times, 0, 0)
+            return self.bounded(1, 0, entry.times, entry.times)
+        weight = weight or (pairs[entry.pair].scale if entry.pair else 1)
+        return self.bounded(weight, weight, 1, 1)
+
+    def elementary(self, name: str, u: Any) -> Any:
+        if name in DEFINED:
+            return Reader(self, read_tokens(DEFINED[name], name), u=u).value
+        if name == "atan" and self.question.halves:
+            length = self.atom(self.multiply(self.atom(self.add([(0, 0, 1, 0), self.multiply(u, u)]), True), u), False)
+            return self.atom(self.multiply(u, length), True)
+        found = self.atom(self.multiply(u, u) if name == "atan" else u, name in ("log", "atan"))
+        return self.multiply(found, found) if name in ("sin", "cos") else found
+
+    def function(self, name: str, orders: tuple[int, ...], arguments: list[Any]) -> Any:
+        return 1, 0, 1, 0
+
+    def integral(self, name: str, orders: list[int], arguments: list[Any]) -> Any:
+        return self.add([(1, 0, 1, 0), Reader(self, self.question.integrals[name][1][1]).value])
+
+
+class Expansion:
+    """Power series about a point in the displacements of t (if any), q_1 … q_n, v_1 … v_n, and conditions."""
+
+    def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
+        self.question, self.arithmetic, self.degree = arithmetic.question, arithmetic, degree
+        self.settle: Callable[[Series], Series] = arithmetic.settle
+        self.n, m = len(self.question.coordinates), len(self.question.variables)
+        self.shift, self.units = 8 * m, [(1 << 8 * a) | (1 << 8 * m) for a in range(m)]
+        self.q, self.v = range(m - 2 * self.n, m - self.n), range(m - self.n, m)
+        self.phi, self.table, self.unknowns = cache(self.curvature), cache(self.condition), cache(self.coefficients)
+        if math.comb(m + degree, degree) > MAX_MONOMIALS:
+            raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
+        self.names = {name: {0: value} for name, value in arithmetic.values.items()}
+        for name, unit in zip(self.question.variables, self.units, strict=True) if degree else ():
+            self.names[name][unit] = arithmetic.number(Fraction(1))
+        self.ties = list[Series]()
+        self.forces = self.question.read_all(self)
+        self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
+        speeds = (self.names[name + "'"] for name in self.question.coordinates)
+        self.field = [*[self.constant(Fraction(1))] * self.question.timed, *speeds, *self.forces]
+
+    def constant(self, value: Fraction) -> Series:
+        return self.settle({0: self.arithmetic.number(value)})
+
+    def exponent(self, key: int, variable: int) -> int:
+        return (key >> 8 * variable) & 255
+
+    def monomials(self, degree: int) -> Iterator[int]:
+        return (sum(units) for units in combinations_with_replacement(self.units, degree)) if degree >= 0 else iter(())
+
+    def joined(self, operator: str, left: Series, right: Series) -> Series:
+        """left operator right, for ^ exp(right log(left))."""
+        self.question.check_time()
+        if operator in "+-":
+            return self.add([left, right], [1, 1 if operator == "+" else -1])
+        if operator == "^":
+            return self.elementary("exp", self.multiply(right, self.elementary("log", left), self.degree))
+        return self.multiply(left, self.power(right, -1) if operator == "/" else right, self.degree)
+
+    def add(self, terms: list[Series], weights: Iterable[int] = ()) -> Series:
+        """The sum of the series, each times a small integer."""
+        total: Series = {}
+        for term, weight in zip(terms, weights or [1] * len(terms), strict=True):
+            for key, value in term.items():
+                total[key] = total.get(key, 0) + value * weight
+        return self.settle(total)
+
+    def multiply(self, left: Series, right: Series, degree: int) -> Series:
+        """The product up to a total degree: the order of monomials is that of degrees first."""
+        total: Series = {}
+        terms, above = sorted(right.items()), (degree + 1) << self.shift
+        for first, value in left.items():
+            self.question.check_time()
+            for second, coefficient in terms[: bisect_left(terms, (above - first,))]:
+                total[first + second] = total.get(first + second, 0) + value * coefficient
+        return self.settle(total)
+
+    def derivative(self, series: Series, variable: int) -> Series:
+        unit = self.units[variable]
+        return {key - unit: part * power for key, part in series.items() if (power := self.exponent(key, variable))}
+
+    def compose(self, arguments: list[Series], coefficient: Callable[..., Number], *beta: int) -> Series:
+        """sum over beta of coefficient(beta) (u - u_0)^beta by Horner's rule, for arguments u with values u_0."""
+        if len(beta) == len(arguments):
+            return self.settle({0: coefficient(*beta)})
+        result, step = Series(), {key: value for key, value in arguments[len(beta)].items() if key}
+        for power in range(self.degree - sum(beta) if step else 0, -1, -1):
+            raised = self.multiply(result, step, self.degree - sum(beta) - power)
+            result = self.add([raised, self.compose(arguments, coefficient, *beta, power)])
+        return result
+
+    def power(self, u: Series, exponent: int) -> Series:
+        start = u[0] if 0 in u else self.arithmetic.number(Fraction(0))
+        binomial = [*accumulate(range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1)]
+        return self.compose([u], lambda k: binomial[k] and self.arithmetic.power(start, exponent - k) * binomial[k])
+
+    def elementary(self, name: str, u: Series) -> Series:
+        if name in DEFINED:
+            found: Series = Reader(self, read_tokens(DEFINED[name], name), u=u).value
+            return found
+        number = self.arithmetic.number
+        start = u[0] if 0 in u else number(Fraction(0))
+        if name in ("log", "atan"):  # y with E(y) = w E(u), where E multiplies by the degree and w is the derivative
+            value = self.arithmetic.log(start) if name == "log" else self.arithmetic.angle(start)
+            if not self.degree:
+                return self.settle({0: value})
+            below = u if name == "log" else self.add([self.constant(Fraction(1)), self.multiply(u, u, self.degree)])
+            growth = {key: part * (key >> self.shift) for key, part in u.items() if key}
+            growth = self.multiply(self.power(below, -1), growth, self.degree)
+            parts = {key: part * number(Fraction(1, key >> self.shift)) for key, part in growth.items()}
+            return self.settle({0: value} | parts)
+        if name == "exp":
+            cycle = [self.arithmetic.exp(start)] * 4
+        else:
+            sine, cosine = self.arithmetic.circle(start)
+            cycle = [sine, cosine, -sine, -cosine, sine][name == "cos" :]
+        return self.compose([u], lambda k: cycle[k % 4] * number(Fraction(1, math.factorial(k))))
+
+    def function(self, name: str, orders: tuple[int, ...], arguments: list[Series]) -> Series:
+        """A derivative of a declared function: its Taylor coefficients are random, but the same at equal arguments."""
+        field, zero = self.arithmetic, self.arithmetic.number(Fraction(0))
+        place = field.class_of(name, [argument.get(0, zero) for argument in arguments])
+
+        def coefficient(*beta: int) -> Number:
+            value = field.jet(name, place, tuple(map(sum, zip(beta, orders, strict=True))))
+            return value * field.number(Fraction(1, math.prod(map(math.factorial, beta))))
+
+        return self.compose(arguments, coefficient)
+
+    def integral(self, name: str, orders: list[int], arguments: list[Series]) -> Series:
+        """A function with one given derivative: at equal arguments the same, random where nothing is given."""
+        names, (known, slope) = self.question.integrals[name]
+        written = len(arguments) == len(names) and not any(orders)
+        written = written and all(a is self.names[b] for a, b in zip(arguments, names, strict=True))
+        require(written, f"{name} is to be written with its own arguments.")
+        axes = {self.question.variables.index(argument) for argument in names}
+        axis = self.question.variables.index(known)
+        free = [key for d in range(self.degree + 1) for key in self.monomials(d) if not self.exponent(key, axis)]
+        free = [key for key in free if all(a in axes or not self.exponent(key, a) for a in range(len(self.units)))]
+        series = {key: self.arithmetic.jet(name, 0, (key,)) for key in free}
+        for key, part in Reader(self, slope).value.items():
+            if key >> self.shift < self.degree:
+                share = self.arithmetic.number(Fraction(1, self.exponent(key, axis) + 1))
+                series[key + self.units[axis]] = part * share
+        return self.settle(series)
+
+    def coefficients(self, degree: int) -> list[int]:
+        """The unknowns of a degree: total degree two more, v-degree at least two."""
+        return [key for key in self.monomials(degree + 2) if sum(self.exponent(key, v) for v in self.v) >= 2]
+
+    def curvature(self, k: int, j: int) -> Series:
+        """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
+        pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
+        pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(self.n)]
+        terms = [self.derivative(self.forces[k], self.q[j]), *(self.multiply(*pair, self.degree) for pair in pairs)]
+        return self.add(terms, [-4] + [2] * len(self.field) + [-1] * self.n)
+
+    def condition(self, kind: str, i: int, j: int) -> Table:
+        """A condition as a sum of terms value x^part g_ab and value x^part d_c g_ab, by their parts; see row()."""
+        table, sign, nothing = Table(), -1 if kind == "H3" else 1, self.shift + 8  # no exponent stands there
+        terms = [(rate, i, j, 2, 8 * a, self.units[a]) for a, rate in enumerate(self.field) if kind == "H2"]
+        for k in range(self.n):
+            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in (j, i))
+            terms += [(left, i, k, 1, nothing, 0), (right, j, k, sign, nothing, 0)]
+        for factor, b, k, weight, along, unit in terms:
+            first, second, lift = self.v[b], self.v[k], self.units[self.v[b]] + self.units[self.v[k]] + unit
+            for part, value in factor.items():
+                table.setdefault(part, []).append((value * weight, lift, 8 * first, 8 * second, first == second, along))
+        return table
+
+    def row(self, kind: str, i: int, j: int, alpha: int) -> Series:
+        """The coefficient alpha of a condition, in the coefficients of L."""
+        table, row, exponents = self.table(kind, i, j), Series(), [alpha >> 8 * a & 255 for a in range(len(self.units))]
+        powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
+        for rest in (alpha - sum(choice) for choice in product(*powers)):
+            for value, lift, first, second, less, along in table.get(alpha - rest, ()):
+                key = rest + lift
+                times = (key >> first & 255) * ((key >> second & 255) - less) * ((rest >> along & 255) + 1)
+                row[key] = row.get(key, 0) + value * times
+        return self.settle(row)
+
+    def rows(self, degree: int) -> Iterator[Row]:
+        """All rows whose unknowns have just this highest degree, in an order that fills in little."""
+        for kind, (j, i) in product(("H2", "H3"), combinations_with_replacement(range(self.n)[::-1], 2)):
+            if kind == "H2" or i < j:
+                yield from ((kind, i, j, alpha) for alpha in reversed([*self.monomials(degree - (kind == "H2"))]))
+
+    def extend(self, elimination: Elimination, degree: int, idle: set[Row]) -> None:
+        """Insert all rows of a degree but those that vanish on a random solution of the others.
+
+        A row that does not follow from the others does so with a chance of one in the prime. `idle`, the rows that
+        followed, only says which to try: they themselves at another point, and their derivatives.
+        """
+        likely = list[Row]()
+        for kind, i, j, alpha in self.rows(degree):
+            if not idle.isdisjoint((kind, i, j, alpha - unit) for unit in (0, *self.units)):
+                likely.append((kind, i, j, alpha))
+            elif not elimination.insert(self.row(kind, i, j, alpha), (kind, i, j, alpha)):
+                idle.add((kind, i, j, alpha))
+        solution = elimination.solution([key for k in range(degree + 1) for key in self.unknowns(k)])
+        for name in likely:
+            self.question.check_time()
+            if self.solved(row := self.row(*name), solution) or not elimination.insert(row, name):
+                idle.add(name)
+
+    def solved(self, row: Series, values: Series) -> bool:
+        """Whether the row vanishes on the values."""
+        return not self.settle({0: sum([value * values.get(key, 0) for key, value in row.items()])})
+
+    def hessian(self, series: Series) -> list[list[Number]]:
+        """The second v-derivatives at the point."""
+        return [[series.get(self.units[a] + self.units[b], 0) * (1 + (a == b)) for b in self.v] for a in self.v]
+
+
+class Elimination:
+    """Rows in echelon form without their pivots, which are 1; `order` numbers the rows by their pivots (monomials)."""
+
+    def __init__(self, arithmetic: Arithmetic, shift: int) -> None:
+        self.arithmetic, self.shift, self.names = arithmetic, shift, list[Any]()
+        self.settle: Callable[[Series], Series] = arithmetic.settle
+        self.rows, self.pivots, self.order = list[Series](), list[int](), dict[int, int]()
+
+    def insert(self, row: Series, name: Any = None) -> bool:
+        """Reduce a row degree by degree until its part of the highest degree is new, then keep it; if it was."""
+        field = self.arithmetic
+        field.question.check_time()
+        block: list[int] = []
+        while row and not block:
+            first = max(row) >> self.shift << self.shift  # keys of the highest degree are not below
+            row = self.reduced(row, first) if any(key in self.order for key in row if key >= first) else row
+            block = [key for key in row if key >= first]
+        if block:
+            units = [key for key in block if all(parts_of(row[key]))]
+            if not units:
+                raise Ended("incomplete", "Different choices of the roots need different pivots.")
+            self.keep(row, min(units), row, name)
+        return bool(block)
+
+    def keep(self, row: Series, pivot: int, support: Iterable[int], name: Any) -> None:
+        inverse, self.order[pivot] = self.arithmetic.inverse(row[pivot]), len(self.rows)
+        self.pivots.append(pivot)
+        self.names.append(name)
+        kept = {key: row[key] * inverse for key in support if key != pivot and key in row}
+        self.rows.append(self.settle(kept))
+
+    def reduced(self, row: Series, first: int) -> Series:
+        """Without the pivots from `first` on; a kept row holds no pivot of its degree older than itself."""
+        field, order, raw = self.arithmetic, self.order, dict(row)
+        queue = [(-(key >> self.shift), order[key]) for key in row if key >= first and key in order]
+        queue.sort()  # a heap
+        while queue:
+            number = heappop(queue)[1]
+            factor = self.settle({0: raw.pop(self.pivots[number])}).get(0)
+            if factor is not None:
+                field.question.check_time()
+                for key, value in self.rows[number].items():
+                    if key >= first and key not in raw and key in order:
+                        heappush(queue, (-(key >> self.shift), order[key]))
+                    raw[key] = raw.get(key, 0) - factor * value
+        return self.settle(raw)
+
+    def follow(self, row: Series, step: Step) -> None:
+        """In balls: the same as another elimination did, without what it found to be zero."""
+        row = self.reduced(row, step[1] >> self.shift << self.shift)
+        if step[1] not in row:
+            raise Unsettled
+        self.keep(row, step[1], step[2], step[0])
+
+    def script(self) -> list[Step]:
+        return [
+            (name, pivot, frozenset(row)) for name, pivot, row in zip(self.names, self.pivots, self.rows, strict=True)
+        ]
+
+    def solution(self, columns: list[int]) -> Series:
+        """A random solution in the columns, which are all up to some degree."""
+        field, values = self.arithmetic, {column: self.arithmetic.draw() for column in columns}
+        kept = [pair for pair in zip(reversed(self.pivots), reversed(self.rows), strict=True) if pair[0] in values]
+        for pivot, row in sorted(kept, key=lambda pair: pair[0] >> self.shift):
+            values[pivot] = -sum([value * values[key] for key, value in row.items()], field.number(Fraction(0)))
+            values[pivot] = self.settle({0: values[pivot]}).get(0, field.number(Fraction(0)))
+        return self.settle(values)
+
+
+def followed(ring: Expansion, steps: list[Step]) -> Elimination:
+    """The elimination of rows in balls with the pivots of another."""
+    echelon = Elimination(ring.arithmetic, ring.shift)
+    for step in steps:
+        ring.question.check_time()
+        echelon.follow(ring.row(*step[0]), step)
+    return echelon
+
+
+def symbol_rows(
+    system: Elimination, ring: Expansion, degree: int, directions: list[list[int]]
+) -> Iterator[tuple[Any, Series]]:
+    """The equations of the symbol, by their pivots, then those of the parts that derivatives along directions kill."""
+    one, top = ring.arithmetic.number(Fraction(1)), degree + 2
+    for pivot, row in zip(system.pivots, system.rows, strict=True):
+        if pivot >> ring.shift == top:
+            yield pivot, {pivot: one} | {key: value for key, value in row.items() if key >> ring.shift == top}
+    for number, direction in enumerate(directions):
+        for key in ring.unknowns(degree - 1):
+            parts = zip(range(len(ring.units)), ring.units, direction, strict=True)
+            yield (number, key), {key + unit: one * (part * (ring.exponent(key, a) + 1)) for a, unit, part in parts}
+
+
+def symbol_of(
+    system: Elimination, ring: Expansion, degree: int, directions: list[list[int]]
+) -> tuple[list[int], Elimination]:
+    """Dimension, that of the prolongation, characters; its dimension is sum_k k a_k if involutive."""
+    field, unknown = system.arithmetic, len(ring.unknowns(degree))
+    killed, above, left = Elimination(field, ring.shift), Elimination(field, ring.shift), list[int]()
+    for name, row in symbol_rows(system, ring, degree, directions):
+        number = name[0] + 1 if isinstance(name, tuple) else 0
+        left += [unknown - len(killed.rows)] * (number - len(left))
+        killed.insert(field.settle(row), name)
+        for a, unit in enumerate(ring.units) if not number else ():
+            above.insert(field.settle({key + unit: row[key] * (ring.exponent(key, a) + 1) for key in row}))
+    left += [unknown - len(killed.rows)] * (len(directions) + 1 - len(left))
+    prolonged = len(ring.unknowns(degree + 1)) - len(above.rows)
+    return [left[0], prolonged, *(a - b for a, b in pairwise(left))], killed

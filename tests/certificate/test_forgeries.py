@@ -1,0 +1,204 @@
+"""Certificates made to deceive: none of them is valid, at any point, scale, precision or form of the text.
+
+Three families of false claims, each with every trick: a term that is not zero but looks so (to reals of any number
+of digits, at one chosen root, modulo a known prime), a term that is zero but does not look so, and points far away.
+"""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from inverse_service import check
+from inverse_service.certificate.checker import check_certificate
+from tests.certificate.documents import Document, all_rows
+
+FORMAT = "inverse-service/certificate/2"
+# 1 - D is 0; to 480 bits D was 0 and to 1440 bits 1.
+D = "(0." + "0" * 149 + "1*1" + "0" * 150 + ")"
+KNOWN_PRIME = 2**61 - 1
+
+# What is not zero on the component of the point: (text, near).
+TINY = {
+    "a short number": ("1/10^390", {}),
+    "a number below every precision": ("(1/2)^(10^30)", {}),
+    "a number of the form exp": ("exp(-10^9)", {}),
+    "a bell far out": ("exp(-x^2)", {"x": "30"}),
+    "a tail": ("exp(-x)", {"x": "900"}),
+    "a double exponential": ("exp(-exp(x))", {"x": "9"}),
+    "a switch": ("exp(-445-245*tanh(1000*x))", {"x": "0"}),
+    "one minus a saturated function": ("1-tanh(1000*x)", {"x": "5"}),
+    "a steep power": ("x^4000", {"x": "1/1000"}),
+    "a huge power": ("x^(10^30)", {"x": "1/2"}),
+    "a small power of sin": ("sin(x)^999", {"x": "0.001"}),
+    "a small coordinate": ("sin(x)", {"x": "1e-90"}),
+    "a small parameter": ("a*exp(x)", {"a": "1e-90", "x": "0"}),
+    "a huge parameter beside it": ("exp(x)/a", {"a": "1e90", "x": "0"}),
+    "a long argument": ("sin(x/10^300)", {"x": "1/3"}),
+    "a cosine near one": ("cos(x/10^200)-1", {"x": "1/3"}),
+    "an exponential near one": ("exp(x/10^300)-1", {"x": "1/3"}),
+    "a number that knows the precision": (f"exp(-200-490*{D})", {}),
+    "Fermat for a known prime": (f"x^{KNOWN_PRIME - 1}-1", {"x": "1/3"}),
+    "Fermat written as powers": ("(x^3990)^4050-1", {"x": "1/3"}),
+    "the other branch of a square root": ("sqrt(x^2)-x", {"x": "-2"}),
+    "the sum that vanishes on the other branch": ("sqrt(x^2)+x", {"x": "2"}),
+    "the same of a third root": ("((x^3)^(2/3)+x*(x^3)^(1/3)+x^2)*exp(x)", {"x": "2"}),
+    "roots of products": ("sqrt(x)*sqrt(y)+sqrt(x*y)", {"x": "2", "y": "3"}),
+    "roots of quotients": ("y*sqrt(x/y)-sqrt(x*y)", {"x": "-2", "y": "-3"}),
+    "an absolute value": ("abs(x)-x", {"x": "-2"}),
+    "a sign": ("sign(x)-1", {"x": "-2"}),
+    "the wrong branch of arcsin": ("asin(sin(x))-x", {"x": "2"}),
+    "the wrong branch of arctan": ("atan(x)+atan(1/x)-pi/2", {"x": "-2"}),
+    "the wrong sheet of arctan": ("atan(tan(x))-x", {"x": "3"}),
+    "a root of numbers with the wrong sign": ("sqrt(2)*sqrt(3)+sqrt(6)+0*exp(x)", {}),
+    "almost a root of unity": ("cos(pi/5)-sin(pi/5)", {}),
+    "a shift below the digits": ("log(x^2)-2*log(x)-1/10^300", {"x": "2"}),
+    "two values of one function": ("A(x)-A(x+1/10^200)+0*exp(x)", {"x": "2"}),
+    "a parameter under a root": ("sqrt(a^2)-a", {"a": "-2"}),
+}  # fmt: skip
+
+# What is zero: (text, near).
+HIDDEN = {
+    "Pythagoras": ("sin(x)^2+cos(x)^2-1", {}),
+    "half an angle": ("sin(2*x)-2*sin(x)*cos(x)", {}),
+    "exponents added": ("exp(x+y)-exp(x)*exp(y)", {}),
+    "logarithms added": ("log(x*y)-log(x)-log(y)", {"x": "2", "y": "3"}),
+    "roots of a power": ("x^(1/2)*x^(1/3)-x^(5/6)", {"x": "2"}),
+    "a square root of a square": ("sqrt(x^2)-x", {"x": "2"}),
+    "a root with a square in it": ("sqrt(x^2*y^2+x^2)-x*sqrt(y^2+1)", {"x": "1", "y": "1"}),
+    "arcsin of sin": ("asin(sin(x))-x", {"x": "0.3"}),
+    "two arctangents": ("atan(x)+atan(1/x)-pi/2", {"x": "2"}),
+    "arcsin and arccos": ("asin(x)+acos(x)-pi/2", {"x": "0.3"}),
+    "hyperbolic functions": ("cosh(x)^2-sinh(x)^2-1", {}),
+    "roots of numbers": ("sqrt(8)-2*sqrt(2)", {}),
+    "nested roots of numbers": ("sqrt(3+2*sqrt(2))-1-sqrt(2)", {}),
+    "logarithms of numbers": ("log(6)-log(2)-log(3)", {}),
+    "cosine of a fifth": ("cos(pi/5)-(1+sqrt(5))/4", {}),
+    "a huge power twice": ("x^5000-x^2500*x^2500*1", {"x": "2"}),
+    "a huge power of a power": ("x^20000-(x^4000)^5", {"x": "2"}),
+    "one function at one place": ("A(sqrt(x^2))-A(x)", {"x": "2"}),
+    "one function at places added": ("A(x+y)-A(y+x)+0*exp(x)", {}),
+    "a number that is one": (f"1-{D}+0*exp(1)", {}),
+}  # fmt: skip
+
+
+def about(equations: dict[str, str], near: dict[str, str], **content: object) -> Document:
+    system = {"coordinates": ["x", "y"], "equations": equations, "parameters": ["a"], "functions": {"A": ["x"]}}
+    return {"format": FORMAT, "system": system, "question": "autonomous", "near": near, **content}
+
+
+@pytest.mark.parametrize("trick", TINY)
+def test_a_term_that_looks_like_zero_is_none(trick: str) -> None:
+    """Two oscillators with a coupling that has no Lagrangian, times what looks like zero."""
+    text, near = TINY[trick]
+    equations = {"x": f"-x+({text})*y", "y": f"-2*y+({text})*x'*x"}
+    claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": "(x'^2-x^2)/2+y'^2/2-y^2"}
+    found = check_certificate(about(equations, near, **claim))
+    assert found.verdict != "valid", found.reasons
+
+
+@pytest.mark.parametrize("trick", TINY)
+def test_a_false_lagrangian_times_what_looks_like_zero_is_refused(trick: str) -> None:
+    text, near = TINY[trick]
+    claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": f"({text})*(x'^2+y'^2)/2"}
+    found = check_certificate(about({"x": "x^2+y^2", "y": "0"}, near, **claim))
+    assert found.verdict != "valid", found.reasons
+
+
+@pytest.mark.parametrize("trick", HIDDEN)
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_term_that_is_zero_excludes_nothing(trick: str, order: int) -> None:
+    """With the term these are two oscillators, whatever a coupling by something else would be."""
+    text, near = HIDDEN[trick]
+    equations = {"x": f"-x-({text})*y'", "y": f"-2*y+({text})*x*x'"}
+    rows = all_rows(2, 4, order)
+    claim = {"claim": "not_variational", "kind": "nonexistence", "order": order, "rows": rows}
+    found = check_certificate(about(equations, near, **claim))
+    assert found.verdict != "valid", found.reasons
+
+
+NOT_VARIATIONAL = {
+    "sine": {"x": "-sin(x)-y'", "y": "-y"},
+    "product": {"x": "x*cos(x)+y", "y": "-sin(y)*x'"},
+    "cubic": {"x": "-sin(x)-x+y*x'", "y": "-y^3+x'"},
+    "rational in disguise": {"x": "-y'+0*exp(1)", "y": "-y"},
+    "Douglas IIIb": {"x": "x^2+y^2+0*sin(x)", "y": "0"},
+}
+DATA = {"order": 1, "degree": 1, "dimensions": [3, 10],
+        "symbol": {"dimension": 7, "prolonged": 12, "characters": [3, 3, 1, 0]}}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NOT_VARIATIONAL)
+@pytest.mark.parametrize("near", [{"y": "1" + "0" * 80}, {"y": "1" + "0" * 300}, {"x'": "1e90"}, {"x": "1e-90"}, {}])
+def test_numbers_from_far_away_prove_no_existence(name: str, near: dict[str, str]) -> None:
+    document = about(NOT_VARIATIONAL[name], near, claim="variational", kind="existence", **DATA)
+    assert check_certificate(document).verdict != "valid"
+
+
+def test_rows_near_a_special_place_prove_no_nonexistence() -> None:
+    """x'' = x x'^2 + y', y'' = -exp(-x^2) x' - 2 y has a Lagrangian; near x = 20 it looks like one that has none."""
+    equations = {"x": "x*x'^2+y'", "y": "-exp(-x^2)*x'-2*y"}
+    for order in (1, 2, 3):
+        claim = {"claim": "not_variational", "kind": "nonexistence", "order": order, "rows": all_rows(2, 4, order)}
+        assert check_certificate(about(equations, {"x": "20"}, **claim)).verdict != "valid"
+
+
+def test_a_document_is_compared_by_the_same_rules() -> None:
+    """Near x = 30 these two differ by 1e-391."""
+    certificate = about({"x": "-x*sqrt(1+x^2)", "y": "-2*y"}, {"x": "30"}, claim="variational", kind="lagrangian",
+                        lagrangian="x'^2/2-(1+x^2)^(3/2)/3+y'^2/2-y^2")  # fmt: skip
+    certificate["system"]["functions"], certificate["system"]["parameters"] = {}, []
+    assert check_certificate(certificate).verdict == "valid"
+    other = {"equations": {"x": "-x*sqrt(1+x^2)+y'*exp(-x^2)", "y": "-2*y+exp(-x^2)*x"}}
+    assert check(certificate, other)["verdict"] == "invalid"
+
+
+KINETIC = {"claim": "variational", "kind": "lagrangian", "lagrangian": "x'^2/2+y'^2/2"}
+SQUARE = {"x": "(sqrt(x^2)-x)*y'", "y": "0"}
+
+
+@pytest.mark.parametrize(
+    ("parts", "verdict"),
+    [
+        ({"conditions": ["x > 0"]}, "valid"),
+        ({"roots": [{"root": "sqrt(x^2)", "is": "x"}]}, "valid"),
+        ({}, "incomplete"),
+        ({"conditions": ["x < 0"]}, "incomplete"),  # does not hold at the point
+        ({"conditions": ["x > 2"]}, "incomplete"),  # nor does equality
+        ({"conditions": ["0 > 0", "x > 0"]}, "incomplete"),
+        ({"conditions": ["x != 0"]}, "invalid"),
+        ({"conditions": ["x > 0 > y"]}, "invalid"),
+        ({"roots": [{"root": "sqrt(x^2)", "is": "-x"}]}, "incomplete"),
+        ({"roots": [{"root": "sqrt(x^2)", "is": "x+1/10^300"}]}, "incomplete"),
+        ({"roots": [{"root": "sqrt(x^2)", "is": "2*x"}]}, "invalid"),
+        ({"roots": [{"root": "0*y", "is": "x"}]}, "invalid"),
+        ({"near": {"x": "-2"}, "conditions": ["x > 0"]}, "incomplete"),
+        ({"near": {"x": "-2"}, "roots": [{"root": "sqrt(x^2)", "is": "x"}]}, "incomplete"),
+        ({"near": {"x": "-2"}, "conditions": ["x < 0"]}, "invalid"),
+        ({"near": {"x": "-2"}, "roots": [{"root": "sqrt(x^2)", "is": "-x"}]}, "invalid"),
+    ],
+    ids=str,
+)
+def test_conditions_and_roots_have_to_hold(parts: Document, verdict: str) -> None:
+    found = check_certificate({**about(SQUARE, {"x": "2"}, **KINETIC), **parts})
+    assert found.verdict == verdict, found.reasons
+
+
+def test_a_certificate_of_format_1_proves_too_little() -> None:
+    document = {**about({"x": "0", "y": "0"}, {}, **KINETIC), "format": "inverse-service/certificate/1"}
+    found = check_certificate(document)
+    assert (found.verdict, found.reasons) == ("incomplete", ("Format 1 proves too little; solve again.",))
+
+
+@pytest.mark.nightly
+def test_forgeries_put_together_at_random_are_refused() -> None:
+    """Sums and products of tricks, at points of all sizes."""
+    chance = random.Random(7)
+    for _ in range(400):
+        first, second = (TINY[chance.choice(list(TINY))] for _ in range(2))
+        text = chance.choice(["({})*({})", "({})+({})*exp(-7)", "({})^2-3*({})^3"]).format(first[0], second[0])
+        near = first[1] | second[1] | {"y'": chance.choice(["1e-80", "1e80", "3/7"])}
+        equations = {"x": f"-x+({text})*y", "y": f"-2*y+({text})*x'*x"}
+        claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": "(x'^2-x^2)/2+y'^2/2-y^2"}
+        assert check_certificate(about(equations, near, **claim)).verdict != "valid", (text, near)
