@@ -66,10 +66,11 @@ def test_schemas_know_nothing_of_the_engine(path: Path) -> None:
 
 
 def test_checker_imports_nothing_of_the_project() -> None:
-    path = ROOT / "inverse_service" / "certificate" / "checker.py"
-    names = list(imported(path.read_text(encoding="utf-8"), "inverse_service.certificate"))
-    assert names
-    assert [name for name in names if name.split(".")[0] in {"inverse_service", "api_schemas"}] == []
+    """Its own folder only, relatively, so that it runs wherever it is copied to."""
+    for path in sorted((ROOT / "inverse_service/certificate").glob("*.py")):
+        source = path.read_text(encoding="utf-8")
+        found = [name for name in imported(source, "certificate") if room(name) or "inverse_service" in name]
+        assert found == []
 
 
 def test_every_package_has_a_floor() -> None:
