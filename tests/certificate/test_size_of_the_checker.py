@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 
 from inverse_service.certificate import checker
@@ -9,8 +10,16 @@ from inverse_service.certificate import checker
 FILES = sorted(Path(checker.__file__).parent.glob("*.py"))
 
 
+def lines_of_code(source: str) -> int:
+    """Lines that hold more than a comment or a docstring."""
+    plain = {number for number, line in enumerate(source.splitlines(), 1) if line.strip() and line.strip()[0] != "#"}
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            plain -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    return len(plain)
+
+
 def test_the_checker_has_at_most_thirteen_hundred_lines_of_code() -> None:
-    lines = [line for path in FILES for line in path.read_text(encoding="utf-8").splitlines()]
-    code = [line for line in lines if line.strip() and not line.strip().startswith("#")]
-    assert 0 < len(code) <= 1300
-    assert max(map(len, lines)) <= 120
+    sources = [path.read_text(encoding="utf-8") for path in FILES]
+    assert 0 < sum(map(lines_of_code, sources)) <= 1300
+    assert max(len(line) for source in sources for line in source.splitlines()) <= 120
