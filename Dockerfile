@@ -1,5 +1,8 @@
+# The base image by its tag; to pin it: docker buildx imagetools inspect python:3.11-slim --format '{{.Manifest.Digest}}',
+# and then --build-arg BASE=python:3.11-slim@sha256:...
+ARG BASE=python:3.11-slim
 # Two stages: wheels are built where there is a compiler's worth of tools, the image that runs has none.
-FROM python:3.11-slim AS build
+FROM ${BASE} AS build
 WORKDIR /source
 COPY pyproject.toml constraints.txt README.md LICENSE ./
 COPY inverse_service inverse_service
@@ -11,13 +14,14 @@ RUN python -m venv /opt/inverse-service \
     && /opt/inverse-service/bin/pip install --no-cache-dir -c constraints.txt ".${EXTRAS:+[$EXTRAS]}"
 # The modular kernels, compiled for the processor of this machine; on another one the service compiles its own.
 WORKDIR /
-RUN for name in sho douglas-iiib nonholonomic-particle-second van-der-pol; do \
-      /opt/inverse-service/bin/inverse-service catalogue "$name" | /opt/inverse-service/bin/inverse-service solve - >/dev/null \
-      || exit 1; \
-    done
+RUN /opt/inverse-service/bin/inverse-service warm
+# What runs installs nothing.
+RUN /opt/inverse-service/bin/python -m pip uninstall --yes --quiet pip setuptools
 
-FROM python:3.11-slim
-RUN useradd --system --uid 10001 --home-dir /nonexistent --shell /usr/sbin/nologin inverse \
+FROM ${BASE}
+RUN python -m pip uninstall --yes --quiet pip setuptools wheel \
+    && groupadd --system --gid 10001 inverse \
+    && useradd --system --uid 10001 --gid 10001 --home-dir /nonexistent --shell /usr/sbin/nologin inverse \
     && install -d -o 10001 -g 10001 -m 0700 /var/lib/inverse-service
 COPY --from=build /opt/inverse-service /opt/inverse-service
 # Works with `docker run --init --read-only --tmpfs /tmp`: compiled kernels and sockets go to /tmp (nothing there has to be

@@ -25,10 +25,7 @@ $(SERVICE): pyproject.toml constraints.txt
 	@# Sources and modular kernels are compiled once, here, and not in the first call of a user: where Python may write
 	@# no bytecode (PYTHONDONTWRITEBYTECODE), every call would compile the sources again, which takes 0.2 s.
 	.venv/bin/python -m compileall -q inverse_service api_schemas
-	@# These four systems need all of them.
-	@for name in sho douglas-iiib nonholonomic-particle-second van-der-pol; do \
-	  .venv/bin/inverse-service catalogue $$name | .venv/bin/inverse-service solve - >/dev/null || exit 1; \
-	done
+	@.venv/bin/inverse-service warm
 	@touch $(SERVICE)
 
 $(STAMP): $(SERVICE)

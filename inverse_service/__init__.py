@@ -10,6 +10,7 @@ dictionaries. The engine is loaded by the first call.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,9 +28,11 @@ def solve(document: Mapping[str, Any], *, time_limit: float = 60.0, seed: int = 
     from inverse_service.inverse_problem.options import SolveOptions
     from inverse_service.service.documents.documents import solve_document
     from inverse_service.service.jobs.options import JobOptions, read_options, split_options
+    from inverse_service.service.jobs.warming import warm_first, warm_up
 
     alone, given = split_options(_plain(document))
     asked = read_options(given, JobOptions(time_limit=time_limit, seed=seed))
+    warm_first(logging.getLogger(__name__).warning, warm_up)
     return solve_document(alone, SolveOptions(seed=asked.seed, time_limit=asked.time_limit))
 
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import ipaddress
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from inverse_service.errors import InputError
 
 PREFIX = "INVERSE_SERVICE_"
 LOG_LEVELS = ("debug", "info", "warning", "error")
+# Read elsewhere: where compiled code is kept.
+OTHERS = ("CACHE",)
+_KEYS = "it is a list such as alice:HASH, bob:HASH with the SHA-256 of each key (printf %s KEY | sha256sum)"
 _KEY_NAME = re.compile(r"[A-Za-z0-9._-]{1,40}")
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 
@@ -24,7 +28,8 @@ class Settings:
     `database`: a path or an address, None for the file of this user. `queue` and `client_queue` jobs
     may be open, `client_running` of one client run at a time (None: no bound); `waiting` requests may
     wait for a process without being jobs. `retention_days` and `store_size` (MiB) say how long answers
-    are kept. `api_keys`: SHA-256 of each key by the name of its client; empty: no keys are asked for.
+    are kept. `api_keys`: SHA-256 of each key by the name of its client, `api_keys_file`: a file with more of them,
+    read again when it changes; with neither, no keys are asked for.
     `cluster`: the address of a Dask scheduler. `connections` may be open, `client_connections` from one address;
     `proxies` are addresses or networks that are believed who asks them, `hosts` the names that are answered to
     (empty: any).
@@ -43,6 +48,7 @@ class Settings:
     retention_days: float = 365.0
     store_size: int = 10_240
     api_keys: tuple[tuple[str, str], ...] = ()
+    api_keys_file: str | None = None
     cors_origins: tuple[str, ...] = ()
     cluster: str | None = None
     connections: int = 2000
@@ -61,8 +67,10 @@ def default_workers() -> int:
 def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
     """The settings of the environment, defaults for what is not set.
 
-    Raises InputError with one sentence that names the variable and the values it takes.
+    Raises InputError with one sentence that names the variable and the values it takes, or a variable that is none:
+    a misspelt key or limit must not go unnoticed.
     """
+    _refuse_unknown(environment)
     return Settings(
         workers=_whole(environment, "WORKERS", default_workers(), 1, 256),
         time_limit=_seconds(environment, "TIME_LIMIT", 60.0, 0.1, 86_400.0),
@@ -77,6 +85,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         retention_days=_seconds(environment, "RETENTION_DAYS", 365.0, 0.001, 100_000.0, "days"),
         store_size=_whole(environment, "STORE_SIZE", 10_240, 1, 100_000_000),
         api_keys=_api_keys(environment),
+        api_keys_file=environment.get(PREFIX + "API_KEYS_FILE", "").strip() or None,
         cors_origins=_origins(environment),
         cluster=environment.get(PREFIX + "CLUSTER", "").strip() or None,
         connections=_whole(environment, "CONNECTIONS", 2000, 10, 1_000_000),
@@ -144,18 +153,29 @@ def _origins(environment: Mapping[str, str]) -> tuple[str, ...]:
 
 def _api_keys(environment: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     """`name:HASH, ...`; HASH is the SHA-256 of the key in hexadecimal digits, and names the client where no name is."""
-    text = environment.get(PREFIX + "API_KEYS", "")
-    found = []
-    for part in (part.strip() for part in text.split(",") if part.strip()):
-        name, _, digest = part.lower().rpartition(":")
-        name = name or digest[:8]
-        if not _KEY_NAME.fullmatch(name) or not _DIGEST.fullmatch(digest):
-            raise InputError(
-                f"The setting {PREFIX}API_KEYS must be a list such as alice:HASH, bob:HASH with the SHA-256 of each "
-                "key in hexadecimal digits (printf %s KEY | sha256sum)."
-            )
-        found.append((name, digest))
-    return tuple(found)
+    text = environment.get(PREFIX + "API_KEYS")
+    found = tuple(read_key(part.strip()) for part in (text or "").split(",") if part.strip())
+    if text is not None and not found:
+        raise InputError(f"The setting {PREFIX}API_KEYS holds no key; {_KEYS}. Unset it to ask for none.")
+    return found
+
+
+def read_key(text: str) -> tuple[str, str]:
+    """(client, SHA-256 of the key) from `name:HASH`; raises InputError."""
+    name, _, digest = text.lower().rpartition(":")
+    name = name or digest[:8]
+    if not _KEY_NAME.fullmatch(name) or not _DIGEST.fullmatch(digest):
+        raise InputError(f"The setting {PREFIX}API_KEYS holds something that is no key; {_KEYS}.")
+    return name, digest
+
+
+def _refuse_unknown(environment: Mapping[str, str]) -> None:
+    known = [field.name.upper() for field in fields(Settings)] + list(OTHERS)
+    for name in environment:
+        if name.startswith(PREFIX) and name.removeprefix(PREFIX) not in known:
+            near = difflib.get_close_matches(name.removeprefix(PREFIX), known, 1)
+            hint = f"did you mean {PREFIX}{near[0]}?" if near else "the README lists all."
+            raise InputError(f"There is no setting {name[:80]}; {hint}")
 
 
 def _log_level(environment: Mapping[str, str]) -> str:

@@ -19,6 +19,7 @@ application = typer.Typer(
     help="Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["--help", "-h"]},
     rich_markup_mode=None,
 )
 
@@ -47,10 +48,17 @@ def _version(wanted: bool) -> None:
 @application.callback()
 def options(
     version: Annotated[
-        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+        bool, typer.Option("--version", "-V", help="Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
     """Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."""
+
+
+def _names(incomplete: str) -> list[str]:
+    """The names of the catalogue that begin so, for the shell."""
+    from inverse_service import catalogue
+
+    return [name for name in catalogue.names() if name.startswith(incomplete)]
 
 
 Seconds = Annotated[float | None, typer.Option("--time-limit", help="Seconds; default from the settings, 60.")]
@@ -161,7 +169,9 @@ def work_precision(
 
 @application.command()
 def catalogue(
-    name: Annotated[str | None, typer.Argument(help="One system; without it, all names.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="One system; without it, all names.", autocompletion=_names)
+    ] = None,
     format: Annotated[CatalogueFormat | None, typer.Option(help="Default: text for the list, json for one.")] = None,
 ) -> None:
     """The named systems.
@@ -171,6 +181,15 @@ def catalogue(
     from inverse_service.cli.listing import list_catalogue
 
     sys.exit(list_catalogue(name, None if format is None else format.value))
+
+
+@application.command()
+def warm() -> None:
+    """Compile what this machine needs, once, after an installation, so that no question waits for it."""
+    from inverse_service.cli.solving import warm_alone
+    from inverse_service.settings import read_settings
+
+    sys.exit(warm_alone(read_settings().memory_limit))
 
 
 @application.command()

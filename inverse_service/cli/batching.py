@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.solving import time_limit_or
+from inverse_service.cli.solving import time_limit_or, warm_alone
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch import AGAIN, BatchPlan, Summary, run_batch
 from inverse_service.service.jobs.batch_files import Line, count_lines
@@ -41,6 +41,7 @@ def batch_file(
     # Schedulers end a job by SIGTERM: it is the same as Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     total = count_lines(source)
+    warm_alone(settings.memory_limit)
     try:
         with _progress(summary, total) as report:
             run_batch(plan, summary, report)

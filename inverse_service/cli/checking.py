@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.files import read_bytes
+from inverse_service.cli.files import read_bytes, write
 from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import decode, read_document, read_json
 from inverse_service.service.jobs import tasks
@@ -30,10 +30,10 @@ def check_file(name: str, document: str | None = None) -> ExitCode:
         text = write_json({"document": given, "result": result})
     outcome = run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
     if outcome.status in ("deadline", "memory"):
-        print(f"incomplete\nThe check was stopped at its {outcome.status} limit.")
+        write(f"incomplete\nThe check was stopped at its {outcome.status} limit.\n")
         return ExitCode.OPEN
     from inverse_service.service.documents.answers import value_of
 
     found = value_of(outcome)
-    print("\n".join([found["verdict"], *found["reasons"]]))
+    write("\n".join([found["verdict"], *found["reasons"]]) + "\n")
     return ExitCode.DONE if found["verdict"] == "valid" else ExitCode.OPEN

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from collections.abc import Iterator
 from enum import IntEnum
@@ -32,8 +33,9 @@ def exit_codes() -> Iterator[None]:
     except KeyboardInterrupt:
         stop("Interrupted.", ExitCode.INTERRUPTED)
     except BrokenPipeError:
-        # The reader of our output went away: not worth a word, but Python must not flush again.
-        sys.stdout = None
+        # The reader of our output went away: not worth a word, but Python must not flush again at its end.
+        if sys.stdout is not None:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(ExitCode.DONE)
     except Exception as error:  # the last boundary: a person gets a sentence, never a traceback
         stop(f"The program failed ({type(error).__name__}); that is a fault of the program.", ExitCode.FAULT)

@@ -13,6 +13,8 @@ MAX_BYTES = 10_000_000
 def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     """The bytes of a file or of standard input; raises InputError where there is none or too much."""
     try:
+        if name == "-" and sys.stdin is None:
+            raise InputError("Standard input is closed; name a file.")
         if name == "-":
             data = sys.stdin.buffer.read(limit + 1)
         else:
@@ -27,3 +29,16 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     if len(data) > limit:
         raise LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
     return data
+
+
+def write(text: str) -> None:
+    """Write to standard output; raises InputError where it takes no more: a full disk, or closed."""
+    if sys.stdout is None:
+        raise InputError("Standard output is closed; send it to a file.")
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise InputError(f"The output cannot be written: {(error.strerror or 'it is closed').lower()}.") from None

@@ -6,12 +6,13 @@ import json
 
 from inverse_service import catalogue
 from inverse_service.cli.exits import ExitCode
+from inverse_service.cli.files import write
 from inverse_service.errors import InputError
 
 
 def list_catalogue(name: str | None, form: str | None) -> ExitCode:
     """Print the list of names, or one system; raises InputError for a name that is not there."""
-    print(_all(form or "text") if name is None else _one(name, form or "json"))
+    write((_all(form or "text") if name is None else _one(name, form or "json")) + "\n")
     return ExitCode.DONE
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.files import read_bytes
+from inverse_service.cli.files import read_bytes, write
 from inverse_service.cli.simulating import made_folder, value_in_time
 from inverse_service.cli.solving import time_limit_or
 from inverse_service.service.documents.reading import read_document
@@ -29,7 +29,7 @@ def measure_file(name: str, output: Path | None, time_limit: float | None) -> Ex
     folder = None if output is None else made_folder(output)
     result = value_in_time(simulation_tasks.work_precision_task, document, limit)
     if folder is None:
-        print(json.dumps(result, ensure_ascii=False, indent=2))
+        write(json.dumps(result, ensure_ascii=False, indent=2) + "\n")
         return ExitCode.DONE
     from inverse_service.service.figures.precision import precision_figure
     from inverse_service.service.figures.style import save
@@ -41,7 +41,7 @@ def measure_file(name: str, output: Path | None, time_limit: float | None) -> Ex
     (folder / "work-precision.csv").write_text(comma_table(result), encoding="utf-8")
     page = text_table(result)
     (folder / "work-precision.txt").write_text(page, encoding="utf-8")
-    print(page, end="")
+    write(page)
     print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
     return ExitCode.DONE
 

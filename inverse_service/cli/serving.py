@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ipaddress
+import logging
 import os
 import signal
 import socket
@@ -10,10 +12,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, cast
 
+from inverse_service import __version__
 from inverse_service.cli.exits import ExitCode
 from inverse_service.errors import InputError
 from inverse_service.settings import read_settings
 
+log = logging.getLogger(__name__)
 # Of the web process itself, in MiB and in times MAX_BODY: no request can make it take the memory of the others.
 WEB_MEMORY = 1024
 SHARE_OF_BODIES = 128
@@ -30,6 +34,8 @@ EXAMPLE = '{"coordinates": ["x"], "equations": {"x": "-x"}}'
 def serve_http(host: str, port: int) -> ExitCode:
     """Serve until stopped; raises InputError where the address cannot be listened on."""
     settings = read_settings()
+    # Documents of clients are in the database and in temporary folders: they are nobody else's on this machine.
+    os.umask(0o077)
     if not settings.hosts and host in LOOPBACK_ADDRESSES:
         # Another name would be a page elsewhere that lets its own name point here.
         settings = replace(settings, hosts=LOOPBACK)
@@ -37,6 +43,7 @@ def serve_http(host: str, port: int) -> ExitCode:
     import uvicorn
 
     from inverse_service.service.jobs.isolation import bound_data
+    from inverse_service.service.jobs.warming import SENTENCE, is_warm
     from inverse_service.web import journal
     from inverse_service.web.application import create_application
     from inverse_service.web.connections import KEEP_ALIVE, Connections
@@ -44,6 +51,10 @@ def serve_http(host: str, port: int) -> ExitCode:
 
     journal.begin(settings.log_level)
     connections = Connections(_most_connections(settings.connections), settings.client_connections, settings.proxies)
+    if not (settings.api_keys or settings.api_keys_file or _is_local(listener)):
+        log.warning("no keys are set: whoever reaches %s may use this service and see all its jobs", host)
+    if not is_warm():
+        log.warning(SENTENCE)
     application = create_application(settings)
     application.state.engine.connections = connections
     # Opened here so that a database that cannot be used is one sentence, and before the address is told.
@@ -68,7 +79,9 @@ def serve_http(host: str, port: int) -> ExitCode:
     _tell_of_the_end(server, application.state.engine.close_streams)
     # uvicorn ends in order and then raises the signal once more, which is no fault.
     signal.signal(signal.SIGTERM, lambda number, frame: None)
+    log.info("started", extra={"version": __version__, "address": address, "workers": settings.workers})
     server.run(sockets=[listener])
+    log.info("stopped")
     return ExitCode.DONE
 
 
@@ -83,6 +96,10 @@ def _most_connections(wanted: int) -> int:
     if soft < largest:
         resource.setrlimit(resource.RLIMIT_NOFILE, (largest, hard))
     return max(10, min(wanted, max(soft, largest) - OWN_DESCRIPTORS))
+
+
+def _is_local(listener: socket.socket) -> bool:
+    return ipaddress.ip_address(listener.getsockname()[0].partition("%")[0]).is_loopback
 
 
 def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:

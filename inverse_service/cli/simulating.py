@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.files import read_bytes
+from inverse_service.cli.files import read_bytes, write
 from inverse_service.cli.solving import time_limit_or
 from inverse_service.errors import InputError, WorkerFailed
 from inverse_service.service.documents.reading import read_document
@@ -32,10 +32,10 @@ def simulate_file(name: str, output: Path | None, time_limit: float | None, figu
     found = value_in_time(simulation_tasks.simulate_task, document, limit)
     summary = without_points(found["result"])
     if folder is None:
-        print(json.dumps(summary, ensure_ascii=False, indent=2))
+        write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")
     else:
         write_files(folder, summary, found["tables"], found["truth"], figures)
-        print(page(summary), end="")
+        write(page(summary))
         print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
     completed = any(method["outcome"] == "completed" for method in summary["methods"])
     return ExitCode.DONE if completed else ExitCode.OPEN

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 from inverse_service import catalogue
 from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.files import read_bytes
+from inverse_service.cli.files import read_bytes, write
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.document_names import AND_GUESS, GUESS
@@ -17,6 +18,7 @@ from inverse_service.service.documents.reading import read_document
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.alone import run_alone
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
+from inverse_service.service.jobs.warming import PATIENCE, warm_first, warm_task
 from inverse_service.settings import read_settings
 
 MAX_TIME_LIMIT = 86_400.0
@@ -39,13 +41,20 @@ def solve_file(
     asked = read_options(given, JobOptions(limit, settings.memory_limit, seed))
     if special_cases and isinstance(document, dict):
         document = {**document, "special_cases": True}
+    warm_alone(settings.memory_limit)
     result = _solve(document, SolveOptions(seed=asked.seed, time_limit=asked.time_limit), asked.memory_limit)
-    sys.stdout.write(_written(result, form, explain))
-    sys.stdout.flush()
+    write(_written(result, form, explain))
     if result.get("guessed") and form != "text":
         print(f"Not declared, taken as constants: {', '.join(result['guessed'])}.", file=sys.stderr)
     open_ = any(branch.get("verdict") == "undetermined" for branch in (result, *result.get("branches", ())))
     return ExitCode.OPEN if open_ else ExitCode.DONE
+
+
+def warm_alone(memory_limit: int) -> ExitCode:
+    """Compile what is missing in a process of its own, before any clock starts; said on standard error."""
+    say = functools.partial(print, file=sys.stderr, flush=True)
+    warm_first(say, lambda: run_alone(warm_task, (), PATIENCE, memory_limit))
+    return ExitCode.DONE
 
 
 def given_document(name: str, guess: bool | None) -> Any:

@@ -8,13 +8,15 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 _MAGIC = b"inverse-service/kernel/1\n"
 _VARIABLE = "INVERSE_SERVICE_CACHE"
 _MOST_ENTRIES = 2000
+# Rights to write for others than the owner, which a folder of compiled code must not give.
+_WRITABLE = 0o022
 
 
 def cache_directory(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> Path:
@@ -39,21 +41,42 @@ def read(digest: str, kind: str = "kernel", with_program: bool = False) -> tuple
     It is sought in the cache, and `with_program` also beside the program.
     """
     name = f"{digest}.{kind}"
-    beside = _entry(program_directory() / name, digest, _owner_of_program()) if with_program else None
-    if beside is not None:
+    content = _content(program_directory(), name, _owner_of_program(), 0) if with_program else None
+    if (beside := _unpacked(content, digest)) is not None:
         return beside
     try:
-        return _entry(cache_directory() / name, digest, _user())
+        return _unpacked(_content(cache_directory(), name, _user(), _WRITABLE), digest)
     except RuntimeError:  # there is no home
         return None
 
 
-def _entry(path: Path, digest: str, owner: int) -> tuple[dict[str, Any], bytes] | None:
-    """Machine code is run only where nobody else could have put it: of the user, or of who owns the program."""
+def _content(directory: Path, name: str, owner: int, forbidden: int) -> bytes | None:
+    """The bytes of an entry. Machine code is run only where nobody but its owner could have put it.
+
+    Folder and file are opened once, not through links, and what was opened is looked at: both are the owner's, and
+    the folder has none of the `forbidden` rights.
+    """
     try:
-        return _unpacked(path.read_bytes(), digest) if owner in (-1, path.stat().st_uid) else None
-    except (OSError, ValueError):
+        if owner == -1:
+            return (directory / name).read_bytes()
+        with _opened_folder(directory) as folder:
+            found = os.fstat(folder)
+            if found.st_uid != owner or found.st_mode & forbidden:
+                return None
+            entry = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
+            with os.fdopen(entry, "rb") as stream:
+                return stream.read() if os.fstat(entry).st_uid == owner else None
+    except OSError:
         return None
+
+
+@contextlib.contextmanager
+def _opened_folder(directory: Path) -> Iterator[int]:
+    folder = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    try:
+        yield folder
+    finally:
+        os.close(folder)
 
 
 def _user() -> int:
@@ -65,13 +88,19 @@ def _owner_of_program() -> int:
     return Path(__file__).stat().st_uid if hasattr(os, "getuid") else -1
 
 
-def _unpacked(content: bytes, digest: str) -> tuple[dict[str, Any], bytes] | None:
+def _unpacked(content: bytes | None, digest: str) -> tuple[dict[str, Any], bytes] | None:
+    """The parts of an entry, None where it is damaged or another one."""
     head = len(_MAGIC)
+    if content is None:
+        return None
     seal, body = content[head : head + 64], content[head + 64 :]
     if content[:head] != _MAGIC or _seal(digest, body) != seal:
         return None
     length = int.from_bytes(body[:8], "little")
-    noted = json.loads(body[8 : 8 + length])
+    try:
+        noted = json.loads(body[8 : 8 + length])
+    except ValueError:
+        return None
     return (noted, body[8 + length :]) if isinstance(noted, dict) else None
 
 

@@ -55,7 +55,7 @@ def create_application(settings: Settings) -> FastAPI:
             allow_origins=list(settings.cors_origins),
             allow_methods=["GET", "POST", "DELETE"],
             allow_headers=CORS_HEADERS,
-            expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After"],
+            expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After", "X-Request-ID"],
             max_age=600,
         )
     for part in (routes, routes_jobs, routes_simulation, routes_batches, routes_operations):

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import base64
 import binascii
-import hmac
 
 from starlette.requests import Request
 
 from inverse_service.service.jobs.ownership import Viewer
-from inverse_service.settings import Settings, hash_of_key
+from inverse_service.web.keys import LARGEST_KEY, Keys
 from inverse_service.web.problems import Refusal
 
-LARGEST_KEY = 200
 # Holds the key after a person logged in on the page; scripts cannot read it, and other sites never send it.
 COOKIE = "inverse-service-key"
 OWN_PAGES = ("same-origin", "none", "")
@@ -20,9 +18,9 @@ OWN_PAGES = ("same-origin", "none", "")
 
 def require_client(request: Request) -> None:
     """A dependency of every call under /v1: notes who asks; 401 without a good key where keys are set."""
-    settings = request.app.state.engine.settings
-    request.state.client_name = _client(request, settings)
-    request.state.viewer = Viewer(request.state.client_name, not settings.api_keys)
+    keys = request.app.state.engine.keys
+    request.state.client_name = _client(request, keys)
+    request.state.viewer = Viewer(request.state.client_name, not keys.are_asked)
 
 
 def viewer_of(request: Request) -> Viewer:
@@ -42,13 +40,6 @@ def address_of(request: Request) -> str:
     return request.client.host if request.client else ""
 
 
-def client_of_key(key: str, settings: Settings) -> str | None:
-    """The client whose key this is, None where it is nobody's; takes as long for a wrong key as for a right one."""
-    digest = hash_of_key(key[:LARGEST_KEY])
-    names = [name for name, expected in settings.api_keys if hmac.compare_digest(digest, expected)]
-    return names[0] if names and key else None
-
-
 def cookie_of_key(key: str) -> str:
     """A key as the value of a cookie, which takes no spaces, commas or umlauts."""
     return base64.urlsafe_b64encode(key.encode()).decode().rstrip("=")
@@ -65,12 +56,12 @@ def key_of_cookie(request: Request) -> str:
         return ""
 
 
-def _client(request: Request, settings: Settings) -> str:
-    if not settings.api_keys:
+def _client(request: Request, keys: Keys) -> str:
+    if not keys.are_asked:
         return address_of(request)
     scheme, _, token = request.headers.get("authorization", "").partition(" ")
     key = token.strip() if scheme.lower() == "bearer" else request.headers.get("x-api-key", "")
-    name = client_of_key(key or key_of_cookie(request), settings)
+    name = keys.client_of(key or key_of_cookie(request))
     if name is None:
         detail = "This service asks for a key: send 'Authorization: Bearer KEY' or 'X-API-Key: KEY'; people use /login."
         raise Refusal(401, "key", detail, headers={"WWW-Authenticate": 'Bearer realm="inverse-service"'})

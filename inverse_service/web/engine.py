@@ -31,6 +31,7 @@ from inverse_service.service.jobs.workers import Executor, Workers
 from inverse_service.settings import Settings
 from inverse_service.web.budget import LARGEST_FACTOR, ByteBudget
 from inverse_service.web.hub import Hub, until_set
+from inverse_service.web.keys import Keys
 from inverse_service.web.problems import Refusal
 
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
@@ -66,6 +67,7 @@ class Engine:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
+        self.keys = Keys(settings)
         self.started = time.time()
         self.counters = Counters()
         self._working: Executor = _executor(settings)

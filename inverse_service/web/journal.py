@@ -61,3 +61,4 @@ def begin(level: str) -> None:
     # What strangers can make these write has no end: bad requests, and connections where descriptors run out.
     for name in ("asyncio", "uvicorn.error"):
         logging.getLogger(name).addFilter(Seldom())
+    logging.captureWarnings(True)

@@ -39,3 +39,21 @@ def test_a_bad_value_names_its_variable(name: str, value: str) -> None:
         return
     with pytest.raises(InputError, match=f"INVERSE_SERVICE_{name}"):
         read_settings({"INVERSE_SERVICE_" + name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("API_KEY", "INVERSE_SERVICE_API_KEYS"), ("TIMELIMIT", "INVERSE_SERVICE_TIME_LIMIT"), ("WORKER", "WORKERS"),
+        ("ZZZZZZ", "README"),
+    ],
+)  # fmt: skip
+def test_a_misspelt_setting_stops_the_start(name: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        read_settings({f"INVERSE_SERVICE_{name}": "1"})
+
+
+@pytest.mark.parametrize("value", ["", " , ", "alice", "alice:123", ":" + "g" * 64])
+def test_keys_that_are_none_stop_the_start(value: str) -> None:
+    with pytest.raises(InputError, match="SHA-256"):
+        read_settings({"INVERSE_SERVICE_API_KEYS": value})

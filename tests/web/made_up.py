@@ -51,6 +51,79 @@ def document(dice: random.Random) -> Any:
     return found if dice.random() < 0.98 else dice.choice(ODD)
 
 
+NUMBERS = (
+    "1e-39",
+    "1e300",
+    "100000000000000000001",
+    "10^40",
+    "1/10^30",
+    "3.7e-8",
+    "2^64",
+    "1/61",
+    "200",
+    "0.1",
+    "-7",
+    "1",
+)
+SHAPES = (
+    "exp({n}*x)", "exp(x/{n})", "x^({m})", "y^{m}", "sin({n}*x')", "cosh({n}*y)", "atan({n}*x')", "log({n}+x^2)",
+    "{n}*y",     "sqrt({n}+y'^2)", "{n}*x'*y'", "x/({n}+y)", "y'^{m}", "tan({n}*x)", "(x+{n}*y)^(1/{m})",
+)  # fmt: skip
+METHODS = (
+    "variational",
+    "nonholonomic",
+    "modified",
+    "exact",
+    "reference",
+    "stormer-verlet",
+    "adaptive",
+    "stiff",
+    "nothing",
+)
+EXTREMES = (0, 1, -1, 0.1, 0.5, "1/3", 2, 1e-300, 1e300, 1e8, -1e8, 1e-8)
+
+
+def with_extreme_numbers(dice: random.Random) -> dict[str, Any]:
+    """A system of two coordinates whose formulas hold very large and very small numbers."""
+
+    def one() -> str:
+        shape = dice.choice(SHAPES)
+        return dice.choice(("", "-")) + shape.format(n=dice.choice(NUMBERS), m=dice.choice((2, 3, 61, 200, 300, 10**6)))
+
+    found: dict[str, Any] = {
+        "coordinates": ["x", "y"],
+        "equations": {name: "+".join(one() for _ in range(dice.randint(1, 2))) for name in "xy"},
+    }
+    if dice.random() < 0.15:
+        found = {"coordinates": ["x", "y", "z"], "lagrangian": f"x'^2/2+y'^2/2+z'^2/2+{one()}"}
+        found["constraints"] = [f"z'=({one()})*x'"]
+    return found
+
+
+def scene(dice: random.Random) -> dict[str, Any]:
+    """A scene with numbers of all sizes, methods that fit or do not, and now and then a key of another shape."""
+    system: dict[str, Any] = {"coordinates": ["x", "y"], "equations": with_extreme_numbers(dice).get("equations", "x")}
+    potential = dice.choice(SHAPES).format(n=dice.choice(NUMBERS), m=2).replace("'", "")
+    free = {"coordinates": ["x", "y"], "lagrangian": f"x'^2/2+y'^2/2-({potential})"}
+    number = dice.choice
+    found: dict[str, Any] = {
+        "system": number(
+            (system, free, {"catalogue": "vertically-rolling-disk"}, {"catalogue": "nonholonomic-particle"})
+        ),
+        "initial": {
+            "positions": {name: number(EXTREMES) for name in "xy" if dice.random() < 0.9},
+            "velocities": {name: number(EXTREMES) for name in "xy" if dice.random() < 0.9},
+        },
+        "step": number((0.1, 0.1, 0.01, 1, 1e-12, 1e12, -0.1, 0)),
+        "steps": number((1, 10, 10, 100, 1000, 0)),
+        "methods": [{"method": number(METHODS)} for _ in range(dice.randint(1, 2))],
+        "observe": dice.sample(["trajectory", "energy", "constraints", "error", "matching_circle"], 2),
+    }
+    if dice.random() < 0.1:
+        found[number(("step", "observe", "methods", "initial", "effects", "colour"))] = number(ODD)
+    return found
+
+
 def lines(count: int, seed: int) -> Iterator[bytes]:
     """Lines of a batch; some are cut off or hold a byte that does not belong there."""
     dice = random.Random(seed)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import random
 from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import httpx
 import pytest
@@ -13,22 +16,29 @@ from tests.web import made_up
 VERDICTS = {"variational", "not_variational", "undetermined"}
 
 
-def ask(service: str, count: int, seed: int) -> Counter[str]:
+def ask(service: str, lines: Iterable[bytes], kind: str = "solve") -> Counter[str]:
     """Send a batch; what came back, counted. Every line is a result or a refusal of the document."""
+    sent = list(lines)
+    count = len(sent)
     with httpx.Client(base_url=service, timeout=None) as client:
-        body = b"\n".join(made_up.lines(count, seed))
         headers = {"Content-Type": "application/x-ndjson"}
-        response = client.post("/v1/batches?time_limit=3", content=body, headers=headers)
+        response = client.post(f"/v1/batches?time_limit=3&kind={kind}", content=b"\n".join(sent), headers=headers)
         assert response.status_code == 202, response.text
-        answers = [json.loads(line) for line in client.get(response.headers["location"] + "/results").text.splitlines()]
+        stream = client.get(response.headers["location"] + "/results").text.splitlines()
+    answers = [json.loads(line) for line in stream if line]
     assert len({answer["line"] for answer in answers}) == len(answers) == count
-    faults = [answer for answer in answers if "verdict" not in answer and answer["status"] != 422]
-    assert faults == []
-    return Counter(answer.get("verdict", "refused") for answer in answers)
+    faults = [answer for answer in answers if answer.get("status", 422) != 422]
+    assert [(answer["line"], sent[answer["line"] - 1]) for answer in faults] == []
+    return Counter("refused" if "error" in answer else answer.get("verdict", "done") for answer in answers)
+
+
+def made(count: int, seed: int, make: Callable[[random.Random], Any]) -> list[bytes]:
+    dice = random.Random(seed)
+    return [json.dumps(make(dice)).encode() for _ in range(count)]
 
 
 def test_a_hundred_and_fifty_documents(service: str) -> None:
-    found = ask(service, 150, seed=1)
+    found = ask(service, made_up.lines(150, seed=1))
     assert set(found) - {"refused"} <= VERDICTS
     assert found["refused"] > 50
     assert found.total() - found["refused"] > 5
@@ -37,4 +47,36 @@ def test_a_hundred_and_fifty_documents(service: str) -> None:
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", range(2, 22))
 def test_a_hundred_thousand_documents(service: str, seed: int) -> None:
-    assert ask(service, 5_000, seed).total() == 5_000
+    assert ask(service, made_up.lines(5_000, seed)).total() == 5_000
+
+
+def test_numbers_of_all_sizes_are_an_answer_or_a_refusal(service: str) -> None:
+    assert ask(service, made(40, 1, made_up.with_extreme_numbers))["undetermined"] < 40
+    assert ask(service, made(40, 1, made_up.scene), "simulate")["done"] > 0
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", range(2, 12))
+def test_five_thousand_documents_and_two_thousand_scenes_with_numbers_of_all_sizes(service: str, seed: int) -> None:
+    assert ask(service, made(500, seed, made_up.with_extreme_numbers)).total() == 500
+    assert ask(service, made(200, seed, made_up.scene), "simulate").total() == 200
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {"coordinates": ["x"], "equations": "x''=exp(x)+exp(100000000000000000001*x)"},
+        {"coordinates": ["x", "y"], "equations": {"x": "exp(x')+y^200", "y": "y"}},
+        {"coordinates": ["x", "y"], "equations": {"x": "atan(x')+y^300", "y": "y"}},
+        {
+            "coordinates": ["x", "y", "z"],
+            "lagrangian": "x'^2/2+y'^2/2+z'^2/2",
+            "constraints": ["z'=cosh(1e-39*x)*x'"],
+        },
+    ],
+)
+def test_documents_that_were_a_fault_of_the_program_have_an_answer(service: str, document: dict[str, Any]) -> None:
+    answer = httpx.post(f"{service}/v1/solve", json=document, headers={"Prefer": "wait=20"}, timeout=60)
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["verdict"] in VERDICTS
+    assert answer.json()["verdict"] != "undetermined" or answer.json()["reason"]

@@ -6,29 +6,61 @@ Processes that serve many import all before the first (`tasks.load_engine`).
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import logging
+import traceback
 from collections.abc import Callable
 from decimal import Decimal
 from typing import Any
 
-from inverse_service.errors import InputError
+from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.answers import undetermined
 from inverse_service.service.documents.document_kinds import is_forward, is_motion, is_nonholonomic
 from inverse_service.service.documents.preparing import prepared
 from inverse_service.service.documents.refusals import DocumentRefused
 
 CHECKING = "inverse_service.service.documents.checking"
 FOLDER = "inverse_service.service.documents"
+# What ends the mathematics of a document that is well written, and what is said of it then.
+REASONS = {
+    OverflowError: "A number of the calculation, most often an exponent, has more than 64 bits; nothing was decided.",
+    CertificateRefused: "The independent checker refused the certificate of this answer, so there is none; that is a "
+    "fault of the program.",
+}
+ENDED: tuple[type[Exception], ...] = tuple(REASONS)
+log = logging.getLogger(__name__)
 
 
 def solve_document(
     document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
 ) -> dict[str, Any]:
-    """The result of a document of any kind; see `solving`, `nonholonomic` and `forward` for what it raises."""
-    found = _called("solve", document, options, progress)
+    """The result of a document of any kind. Raises InputError for one that cannot be accepted.
+
+    Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault` names the error.
+    """
+    try:
+        found = _called("solve", document, options, progress)
+    except ENDED as error:
+        if is_forward(document):
+            raise
+        return _undetermined(document, error, options)
     if isinstance(found.get("system"), dict):
         found["system"]["given"] = _as_given(document)
     return found
+
+
+def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dict[str, Any]:
+    understood = None
+    with contextlib.suppress(*ENDED):
+        understood = understand_document(document)
+    reason = next(text for kind, text in REASONS.items() if isinstance(error, kind))
+    result = undetermined(understood, reason, options)
+    trace = "".join(traceback.format_exception(error))[-4000:]
+    result["provenance"] |= {"fault": type(error).__name__}
+    log.error("no verdict: %s", trace)
+    return result
 
 
 def parse_document(document: Any) -> dict[str, Any]:

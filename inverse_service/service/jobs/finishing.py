@@ -47,10 +47,12 @@ def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
         return "again"
     options = stored_options(job.options)
     if outcome.status == "done":
-        label: str = outcome.value.label
+        label, fault = outcome.value.label, outcome.value.fault
+        if fault:
+            log.error("no verdict for a fault of the program (%s)", fault, extra={"job": job.id})
         by_clock = label == "undetermined" and usage.wall > CLOCK_SHARE * options.time_limit
-        store.finish(job.id, job.attempt, outcome.value.body, usage, TRANSIENT if by_clock else None)
-        return label
+        store.finish(job.id, job.attempt, outcome.value.body, usage, TRANSIENT if by_clock or fault else None)
+        return str(label)
     if is_undetermined(job, outcome):
         result = undetermined(outcome, options)
         store.finish(job.id, job.attempt, json.dumps(result, ensure_ascii=False).encode(), usage, TRANSIENT)

@@ -51,7 +51,10 @@ def _default_store() -> JobStore:
         return _store_at(path)
     kept = contextlib.ExitStack()
     atexit.register(kept.close)
-    log.warning("the database of this user cannot be used now; jobs are kept in the temporary folder")
+    log.warning(
+        "the database of this user cannot be used now (another service has it, or it cannot be written): jobs are "
+        "kept in the temporary folder and forgotten at the end"
+    )
     return _store_at(kept.enter_context(temporary_database()))
 
 
@@ -65,7 +68,12 @@ def _postgres_store(address: str) -> JobStore:
 
 
 def _store_at(path: Path) -> SqliteStore:
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    # Documents of clients are in it; SQLite gives its other files the same rights.
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+    for each in (path, *(path.with_name(path.name + end) for end in ("-wal", "-shm"))):
+        with contextlib.suppress(OSError):
+            each.chmod(0o600)
     return SqliteStore(path)
 
 

@@ -14,7 +14,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.reading import read_json
 from inverse_service.service.jobs.kinds import KINDS, label_of
 from inverse_service.service.jobs.options import stored_options
-from inverse_service.service.jobs.outcome import Outcome, faults_of
+from inverse_service.service.jobs.outcome import Outcome, Place, faults_of
 
 ENGINE = tuple(
     f"inverse_service.service.documents.{name}" for name in ("documents", "solving", "nonholonomic", "checking")
@@ -29,10 +29,11 @@ def load_engine() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A result as it is stored and sent, and what it is counted as."""
+    """A result as it is stored and sent, what it is counted as, and the fault of ours that ended it, if one did."""
 
     body: bytes
     label: str
+    fault: str = ""
 
 
 def job_task(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Outcome:
@@ -72,7 +73,8 @@ def ping_task() -> Outcome:
 
 def _job(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Answer:
     result = KINDS[kind].work(read_json(document), stored_options(options), report)
-    return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result))
+    fault = result.get("provenance", {}).get("fault", "") if isinstance(result, dict) else ""
+    return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result), fault)
 
 
 def _guarded(name: str, *arguments: Any) -> Outcome:
@@ -93,6 +95,9 @@ def guard(function: Callable[..., Any], *arguments: Any) -> Outcome:
         return Outcome("refused", places=faults_of(error))
     except MemoryError:
         return Outcome("memory")
+    except OverflowError:
+        detail = "A number of this document leaves the range that can be computed with; write smaller numbers."
+        return Outcome("refused", places=(Place(detail, code="limit"),))
     except Exception as error:  # the boundary of the process: a fault of ours becomes data for the log
         trace = "".join(traceback.format_exception(error))[-8000:]
         return Outcome("fault", value=f"{type(error).__name__}", detail=trace)

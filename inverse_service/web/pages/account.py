@@ -6,8 +6,9 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from inverse_service.web.clients import COOKIE, LARGEST_KEY, client_of_key, cookie_of_key
+from inverse_service.web.clients import COOKIE, cookie_of_key
 from inverse_service.web.engine import Engine
+from inverse_service.web.keys import LARGEST_KEY
 from inverse_service.web.pages.receiving import SMALL_FORM, read_form
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.visitor import THEME_COOKIE, THEMES, local_address
@@ -19,7 +20,7 @@ A_YEAR = 365 * 86_400
 @router.get("/login")
 async def login_form(request: Request) -> Response:
     """The form for a key; the start page where no keys are asked for."""
-    if not _engine(request).settings.api_keys:
+    if not _engine(request).keys.are_asked:
         return RedirectResponse("/", 303)
     return _form(local_address(request.query_params.get("next", "/")))
 
@@ -29,7 +30,7 @@ async def login(request: Request) -> Response:
     """The key, checked as in the header, kept in a cookie until the browser is closed."""
     sent = await read_form(request, SMALL_FORM)
     place, key = local_address(sent.text("next")), sent.text("key")
-    if len(key) > LARGEST_KEY or client_of_key(key, _engine(request).settings) is None:
+    if len(key) > LARGEST_KEY or _engine(request).keys.client_of(key) is None:
         return _form(place, "This key is not known here.", 401)
     answer = RedirectResponse(place, 303)
     answer.set_cookie(COOKIE, cookie_of_key(key), httponly=True, samesite="strict", secure=_is_secure(request))

@@ -11,6 +11,8 @@ from typing import Any
 import httpx
 from starlette.requests import Request
 
+from inverse_service.web.journal import REQUEST
+
 # What says who asks; everything else of the browser's request is the page's own business.
 PASSED_ON = ("authorization", "x-api-key", "cookie", "host")
 ORIGIN = "http://pages.invalid"
@@ -42,6 +44,7 @@ async def call(
 ) -> Answer:
     """One call of this service, made inside the process; `document` is sent as JSON, bytes as they are."""
     sent = {name: request.headers[name] for name in PASSED_ON if name in request.headers} | dict(headers or {})
+    sent["X-Request-Id"] = REQUEST.get()
     content = document
     if document is not None and not isinstance(document, bytes):
         content = json.dumps(document, default=str).encode()

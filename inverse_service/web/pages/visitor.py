@@ -42,7 +42,7 @@ def note_visitor_of(request: Request) -> None:
 
 async def require_visitor(request: Request) -> None:
     """A dependency of the pages that ask the service: on to /login without a good key, where keys are set."""
-    keys = request.app.state.engine.settings.api_keys
+    keys = request.app.state.engine.keys.are_asked
     try:
         require_client(request)
     except Refusal:

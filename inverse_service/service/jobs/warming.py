@@ -1,0 +1,67 @@
+"""Compiles the modular kernels of this installation before any clock runs, once for a machine and a version."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import itertools
+import platform
+import sys
+from collections.abc import Callable
+
+from inverse_service import __version__, catalogue
+from inverse_service.machine_code import store
+from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.tasks import guard
+
+# Together these systems need all kernels.
+SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
+SENTENCE = "Compiling for this machine, once; this takes some 15 seconds of processor time."
+# Far more than it takes on a slow machine that does other work, s.
+PATIENCE = 900.0
+KIND = "warm"
+
+
+def is_warm() -> bool:
+    """Whether the kernels were compiled here, or cannot be kept here so that it is of no use."""
+    stamp = _stamp()
+    found = store.read(stamp, KIND, with_program=True)
+    if found is None:
+        store.write(stamp, {"done": False}, b"", KIND, with_program=True)
+        found = store.read(stamp, KIND, with_program=True)
+    return found is None or bool(found[0].get("done"))
+
+
+def warm_up() -> None:
+    """Solve the systems; each kernel is kept as soon as it is compiled."""
+    from inverse_service.inverse_problem.options import SolveOptions
+    from inverse_service.service.documents.documents import solve_document
+
+    for name in SYSTEMS:
+        solve_document(catalogue.document(name), SolveOptions(time_limit=PATIENCE))
+    store.write(_stamp(), {"done": True}, b"", KIND, with_program=True)
+
+
+def warm_task() -> Outcome:
+    """The same in a process of its own."""
+    return guard(warm_up)
+
+
+def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:
+    """Compile what is missing before the clock of a question starts, and say so."""
+    if not is_warm():
+        say(SENTENCE)
+        work()
+
+
+def _stamp() -> str:
+    about = (__version__, sys.implementation.cache_tag or "", platform.machine(), _processor())
+    return hashlib.sha256("\x00".join(about).encode()).hexdigest()
+
+
+def _processor() -> str:
+    """What tells processors apart that need other code."""
+    with contextlib.suppress(OSError), open("/proc/cpuinfo") as stream:
+        lines = itertools.takewhile(str.strip, stream)  # of the first core
+        return "".join(line for line in lines if line.startswith(("model", "flags", "Features", "CPU part")))
+    return platform.processor()

@@ -1,0 +1,73 @@
+"""A clock that went forward forgets nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from inverse_service.service.jobs import cleaning
+from inverse_service.service.jobs.cleaning import Cleaner
+from inverse_service.service.jobs.model import Job
+
+DAY = 86_400.0
+
+
+@dataclass
+class Clock:
+    """The wall clock may jump; the monotonic one goes by what passes."""
+
+    wall: float = 1e9
+    passed: float = 1000.0
+
+    def time(self) -> float:
+        return self.wall
+
+    def monotonic(self) -> float:
+        return self.passed
+
+    def go(self, seconds: float, jump: float = 0.0) -> None:
+        self.passed += seconds
+        self.wall += seconds + jump
+
+
+class Store:
+    """Its newest job was asked for at some time."""
+
+    def __init__(self, newest: float) -> None:
+        self._newest = newest
+
+    def jobs(self, **wanted: Any) -> tuple[list[Job], None]:
+        return [Job("a", "solve", "{}", "{}", "successful", created=self._newest)], None
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    found = Clock()
+    monkeypatch.setattr(cleaning, "time", found)
+    return found
+
+
+def cleaner(newest: float) -> Cleaner:
+    store: Any = Store(newest)
+    found = Cleaner(store, 365 * DAY, 1)
+    found.stop()
+    return found
+
+
+def test_a_service_in_use_forgets_by_age_from_the_start(clock: Clock) -> None:
+    assert cleaner(clock.wall - 60)._oldest() == clock.wall - 365 * DAY
+
+
+@pytest.mark.parametrize("jump_at_start", [True, False])
+def test_after_a_jump_of_the_clock_nothing_is_forgotten_by_age_for_a_day(clock: Clock, jump_at_start: bool) -> None:
+    found = cleaner(clock.wall - (400 * DAY if jump_at_start else 0.0))
+    if not jump_at_start:
+        found._oldest()
+        clock.go(600.0, jump=400 * DAY)
+    for _ in range(3):
+        assert found._oldest() == 0.0
+        clock.go(DAY / 4)
+    clock.go(DAY)
+    assert found._oldest() == clock.wall - 365 * DAY
