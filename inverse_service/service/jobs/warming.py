@@ -5,9 +5,11 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import itertools
+import os
 import platform
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 from inverse_service import __version__, catalogue
 from inverse_service.machine_code import store
@@ -16,6 +18,8 @@ from inverse_service.service.jobs.tasks import guard
 
 # Together these systems need all kernels.
 SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
+# Where kernels are defined.
+FOLDERS = ("algebra", "inverse_problem/search", "inverse_problem/search/darboux", "linear_pde")
 SENTENCE = "Compiling for this machine, once; this takes some 15 seconds of processor time."
 # Far more than it takes on a slow machine that does other work, s.
 PATIENCE = 900.0
@@ -55,7 +59,11 @@ def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:
 
 
 def _stamp() -> str:
-    about = (__version__, sys.implementation.cache_tag or "", platform.machine(), _processor())
+    """Other code, another Python or another processor need other kernels."""
+    root = Path(store.__file__).parents[1]
+    files = [entry for folder in FOLDERS for entry in os.scandir(root / folder) if entry.name.endswith(".py")]
+    newest = max(entry.stat().st_mtime_ns for entry in files)
+    about = (__version__, str(newest), sys.implementation.cache_tag or "", platform.machine(), _processor())
     return hashlib.sha256("\x00".join(about).encode()).hexdigest()
 
 
