@@ -108,8 +108,11 @@ class Plan:
             return known | {PI: turns}
         if (simple := self.fraction(constant)) is not None:
             return known | {unit: simple}
-        primes = None if imaginary or abs(constant) > 500 else self.factored(constant.exp())
-        return None if primes is None else known | {j: a + known.get(j, 0) for j, a in primes.items()}
+        for times in () if imaginary or abs(constant) > 50 else (1, 2, 3, 4, 6):
+            primes = self.factored((constant * times).exp())
+            if primes is not None:
+                return known | {j: a / times + known.get(j, 0) for j, a in primes.items()}
+        return None
 
     def factored(self, value: arb) -> dict[int, Fraction] | None:
         """{pair of a prime number: exponent} for a rational number."""

@@ -68,6 +68,7 @@ class _Work:
     outcome: SearchOutcome | None = None
     autonomous: Decision | None = None
     reasons: tuple[Step, ...] = ()
+    refused: set[tuple[str, bool]] = field(default_factory=set)
 
     def add_seconds(self, stage: str, began: float) -> None:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.monotonic() - began
@@ -126,6 +127,8 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
         "conditions_left_out": left_out,
     }
+    if work.refused:
+        provenance["refused_lagrangians"] = len(work.refused)
     return Solution(system, autonomous, with_time, printed, provenance)
 
 
@@ -320,13 +323,17 @@ def _searched(work: _Work, decision: Decision) -> SearchOutcome:
 
 
 def _is_confirmed(work: _Work, tree: Expression, with_time: bool) -> bool:
-    """Whether the checker finds the Lagrangian valid; that it refuses one is a fault of ours, and logged."""
+    """Whether the checker finds the Lagrangian valid; one that it refused is logged, counted and not offered again."""
     try:
         certificate = certify.of_lagrangian(work.analysis, tree, with_time)
     except IrreducibleAtoms:
         return False  # no connected set was found on which it is defined
+    offered = (certificate["lagrangian"], with_time)
+    if offered in work.refused:
+        return False
     found = _verdict(work, certificate)
-    if found.verdict == "invalid":
+    if found.verdict != "valid":
+        work.refused.add(offered)
         log.warning("The checker refused the Lagrangian %s: %s", to_text(tree), "; ".join(found.reasons))
     return found.verdict == "valid"
 

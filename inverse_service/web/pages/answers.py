@@ -8,6 +8,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from inverse_service.certificate.formulas import FORMAT
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.glossary import Term, terms_of
@@ -96,9 +97,15 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
         part["solution_space"],
         steps,
         max(0, len(part["explanation"]) - MAX_STEPS),
-        part["checked"],
+        proof_of(part),
         [typesetting.formula(condition, names) for condition in part.get("domain", ())],
     )
+
+
+def proof_of(part: Mapping[str, Any]) -> str | None:
+    """What the checker said of a stored answer; "old" where its certificate has a format that proved too little."""
+    certificate = part.get("certificate") or {}
+    return "old" if certificate.get("format", FORMAT) != FORMAT else part.get("checked")
 
 
 def branches_of(result: Mapping[str, Any]) -> list[tuple[ShownAnswer, ShownAnswer | None]]:

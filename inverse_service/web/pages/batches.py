@@ -14,6 +14,7 @@ from inverse_service.service.jobs.line_answers import answer_line
 from inverse_service.service.jobs.model import BatchAnswer
 from inverse_service.web.budget import FACTORS
 from inverse_service.web.clients import viewer_of
+from inverse_service.web.pages.answers import proof_of
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.receiving import SMALL_FORM, read_form
 from inverse_service.web.pages.rendering import page
@@ -128,4 +129,4 @@ def row_of(answer: BatchAnswer) -> Row:
     lagrangian = found.get("lagrangian")
     text = f"L = {lagrangian['text']}" if lagrangian else found.get("reason", "")
     # Results of other kinds have no verdict.
-    return Row(answer.number, name, found.get("verdict") or "done", text, found.get("checked") or "")
+    return Row(answer.number, name, found.get("verdict") or "done", text, proof_of(found) or "")
