@@ -52,10 +52,16 @@ class ParseAnswer(Document):
 
 
 class CheckAnswer(Document):
-    """The independent checker's verdict on a result."""
+    """The independent checker's verdict on a result, or on a Lagrangian of the user for given equations.
+
+    For the latter, `residual` has d/dt(dL/dq') - dL/dq along the equations for each coordinate, all zero where L is
+    right, and `equations` the accelerations that L gives instead where it is regular and wrong.
+    """
 
     verdict: Literal["valid", "incomplete", "invalid"]
     reasons: list[str]
+    residual: dict[str, dict[str, str]] | None = None
+    equations: dict[str, dict[str, str]] | None = None
 
 
 class LimitsAnswer(Document):

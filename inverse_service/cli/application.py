@@ -113,11 +113,14 @@ def check(
     document: Annotated[
         str | None, typer.Option("--document", help="The system that was given; default the one in the result.")
     ] = None,
+    lagrangian: Annotated[
+        str | None, typer.Option("--lagrangian", help="A Lagrangian of yours for the document in FILE: is it one?")
+    ] = None,
 ) -> None:
-    """The independent checker on a result. Exit 0 valid, 1 invalid or incomplete, 2 unreadable."""
-    from inverse_service.cli.checking import check_file
+    """The independent checker on a result, or on a Lagrangian. Exit 0 valid, 1 invalid or incomplete, 2 unreadable."""
+    from inverse_service.cli.checking import check_file, check_own
 
-    sys.exit(check_file(file, document))
+    sys.exit(check_file(file, document) if lagrangian is None else check_own(file, lagrangian))
 
 
 @application.command()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.files import read_bytes, write
 from inverse_service.errors import InputError
@@ -20,7 +22,6 @@ def check_file(name: str, document: str | None = None) -> ExitCode:
 
     `document` names the file of the system that was given; left out, it is the one that the result carries.
     """
-    settings = read_settings()
     text = decode(read_bytes(name, MAX_RESULT_BYTES))
     result = read_json(text)
     if not isinstance(result, dict):
@@ -28,12 +29,37 @@ def check_file(name: str, document: str | None = None) -> ExitCode:
     if document is not None:
         given, _ = split_options(read_document(read_bytes(document), document))
         text = write_json({"document": given, "result": result})
+    found = _checked(text)
+    write(_lines(found))
+    return _exit(found)
+
+
+def check_own(name: str, lagrangian: str) -> ExitCode:
+    """Whether a Lagrangian has the equations of the document in the file; prints what is left."""
+    given, _ = split_options(read_document(read_bytes(name), name))
+    found = _checked(write_json({"system": given, "lagrangian": lagrangian}))
+    residual = (found.get("residual") or {}) if found["verdict"] != "valid" else {}
+    left = [f"  d/dt(dL/d{x}') - dL/d{x} = {part['text']}, where it should be 0" for x, part in residual.items()]
+    own = [f"  this L gives {x}'' = {part['text']}" for x, part in (found.get("equations") or {}).items()]
+    write(_lines(found, *left, *own))
+    return _exit(found)
+
+
+def _lines(found: dict[str, Any], *more: str) -> str:
+    return "\n".join([found["verdict"], *found["reasons"], *more]) + "\n"
+
+
+def _checked(text: str) -> dict[str, Any]:
+    """The verdict of the checker in a process of its own."""
+    settings = read_settings()
     outcome = run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
     if outcome.status in ("deadline", "memory"):
-        write(f"incomplete\nThe check was stopped at its {outcome.status} limit.\n")
-        return ExitCode.OPEN
+        return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
     from inverse_service.service.documents.answers import value_of
 
-    found = value_of(outcome)
-    write("\n".join([found["verdict"], *found["reasons"]]) + "\n")
+    found: dict[str, Any] = value_of(outcome)
+    return found
+
+
+def _exit(found: dict[str, Any]) -> ExitCode:
     return ExitCode.DONE if found["verdict"] == "valid" else ExitCode.OPEN

@@ -40,7 +40,8 @@ async def parse(request: Request) -> Response:
 async def check(request: Request) -> Response:
     """The independent checker's verdict on a result or a certificate, or on {"document": …, "result": …}.
 
-    The system of a result is compared with the document that it carries, or with the one beside it.
+    The system of a result is compared with the document that it carries, or with the one given with it.
+    {"system": …, "lagrangian": "…"} asks whether a Lagrangian of yours has these equations: verdict and residual.
     """
     engine = engine_of(request)
     async with json_body_of(request, FACTORS["check"] * engine.settings.max_body) as body:

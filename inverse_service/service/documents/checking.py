@@ -24,13 +24,18 @@ def check_document(text: str) -> dict[str, Any]:
     """The verdict on the JSON text of a result, of a certificate, or of {"document": …, "result": …}.
 
     The document is that of the user; without one, a result is compared with the document that it
-    carries as `system.given`.
+    carries as `system.given`. {"system": …, "lagrangian": "…"} asks whether a Lagrangian of the user has the equations
+    of a document (`own_lagrangian`); InputError where one of these cannot be read.
     """
     end = time.monotonic() + TIME_LIMIT
     try:
         found = read_json(text)
     except InputError:  # the checker says what is wrong with it
         return answer(check_text(text))
+    if isinstance(found, dict) and found.keys() == {"system", "lagrangian"} and isinstance(found["lagrangian"], str):
+        from inverse_service.service.documents.own_lagrangian import check_lagrangian  # brings the engine
+
+        return check_lagrangian(found["system"], found["lagrangian"], end - time.monotonic())
     if isinstance(found, dict) and "document" in found and "result" in found:
         from inverse_service.service.jobs.identity import write_json  # brings all that jobs are made of
 

@@ -129,6 +129,37 @@ def headline(part: Mapping[str, Any], question: str) -> str:
     return f"These equations come from a regular Lagrangian {kind}."
 
 
+@dataclass(frozen=True, slots=True)
+class OwnLagrangian:
+    """What is said of a visitor's own L: a sentence, formulas, and reasons."""
+
+    lagrangian: str
+    headline: str
+    lines: list[Markup]
+    reasons: list[str]
+
+
+OWN = {
+    "valid": "Yes: the Euler-Lagrange equations of this L are these equations.",
+    "invalid": "No: this L has other equations.",
+    "incomplete": "This could not be settled.",
+}
+
+
+def own_of(check: Mapping[str, Any], names: Names) -> OwnLagrangian:
+    """The verdict on a visitor's L, with what is left of the Euler-Lagrange equations and what L gives instead."""
+    lines: list[Markup] = []
+    if check["verdict"] != "valid":
+        left = {name: f["text"] for name, f in (check["residual"] or {}).items() if f["text"] != "0"}
+        own = {name: f["text"] for name, f in (check["equations"] or {}).items()}
+        lines += [
+            typesetting.of_theory(f"d/dt dL/d{name}' - dL/d{name} = ") + typesetting.formula(text, names)
+            for name, text in left.items()
+        ]
+        lines += [Markup("it gives ") + typesetting.formula(f"{name}'' = {text}", names) for name, text in own.items()]
+    return OwnLagrangian(check["lagrangian"], OWN[check["verdict"]], lines, list(check["reasons"]))
+
+
 def equations_of(system: Mapping[str, Any]) -> list[Markup]:
     """The equations of motion, solved for the accelerations."""
     names = typesetting.names_of(system)

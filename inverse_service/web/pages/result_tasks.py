@@ -9,7 +9,9 @@ from typing import Any
 
 from starlette.responses import HTMLResponse
 
+from inverse_service.errors import InputError
 from inverse_service.service.documents import documents
+from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.stored_answers import stored_answer
 from inverse_service.service.jobs.tasks import guard
@@ -31,8 +33,13 @@ class Look:
 
 
 def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mapping[str, Any] | None) -> Outcome:
-    """The page of a successful job, with the verdict of the checker where it was asked again."""
+    """The page of a successful job, with the verdict of the checker, or that on a visitor's own L."""
     return guard(_page, store, id, job, look, check)
+
+
+def own_lagrangian_task(store: str, id: str, text: str) -> Outcome:
+    """The verdict on a visitor's Lagrangian for the equations of a stored result, with the `lagrangian` itself."""
+    return guard(_own_lagrangian, store, id, text)
 
 
 def figure_data_task(store: str, id: str) -> Outcome:
@@ -90,6 +97,15 @@ def _file(store: str, id: str, label: str, ending: str) -> bytes | None:
     return simulations.csv_of(method) if ending == "csv" else simulations.npz_of(method)
 
 
+def _own_lagrangian(store: str, id: str, text: str) -> dict[str, Any]:
+    given = _result(store, id)["system"]["given"]
+    try:
+        found = documents.check_document(write_json({"system": given, "lagrangian": text}))
+    except InputError as error:
+        found = {"verdict": "incomplete", "reasons": [error.detail], "residual": None, "equations": None}
+    return {**found, "lagrangian": text}
+
+
 def _fields(store: str, id: str) -> dict[str, str] | None:
     given = (_result(store, id).get("system") or {}).get("given")
     return lean_fields(given) if isinstance(given, dict) else None
@@ -125,6 +141,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         job=job,
         result=found,
         check=check,
+        own=answers.own_of(check, typesetting.names_of(system)) if check and "lagrangian" in check else None,
         equations=[] if system is None else answers.equations_of(system),
         main=main,
         other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,

@@ -29,6 +29,7 @@ from inverse_service.web.pages.result_tasks import (
     check_stored_task,
     figure_data_task,
     file_task,
+    own_lagrangian_task,
     page_task,
     picture_task,
 )
@@ -77,6 +78,18 @@ async def check(request: Request, identifier: str) -> Response:
     except Refusal as refusal:
         verdict = {"verdict": "incomplete", "reasons": [refusal.detail]}
     return await shown(request, answer.value, verdict)
+
+
+@router.post("/results/{identifier}/lagrangian")
+async def own_lagrangian(request: Request, identifier: str) -> Response:
+    """A visitor's own L against the equations of the result, the verdict on the page."""
+    sent = await read_form(request, SMALL_FORM)
+    answer = await successful(request, identifier)
+    if answer is None or answer.value["kind"] != "solve":
+        return missing()
+    return await shown(
+        request, answer.value, await made(request, identifier, own_lagrangian_task, sent.text("lagrangian"))
+    )
 
 
 @router.post("/results/{identifier}/again")

@@ -282,3 +282,17 @@ def test_a_printed_result_is_light_and_whole(browser: Browser, service: str) -> 
     expect(page.locator("#matrix-Phi mtable")).to_be_visible()
     expect(page.locator(".print-only")).to_contain_text(re.compile(r"/results/[0-9a-f]{40}.*20\d\d-"))
     page.context.close()
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_a_students_own_lagrangian_is_judged_on_the_page(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/?equations=x''+%3D+-x")
+    at.page.get_by_role("button", name="Find out").click()
+    at.page.get_by_label("Your L", exact=True).fill("x'^2/2 + x^2/2")
+    at.page.get_by_role("button", name="Does it give these equations?").click()
+    expect(at.page.locator("#own")).to_contain_text("No: this L has other equations.")
+    expect(at.page.get_by_label("Your L", exact=True)).to_have_value("x'^2/2 + x^2/2")
+    at.page.get_by_label("Your L", exact=True).fill("x'^2/2 - x^2/2")
+    at.page.get_by_role("button", name="Does it give these equations?").click()
+    expect(at.page.locator("#own")).to_contain_text("Yes: the Euler-Lagrange equations")

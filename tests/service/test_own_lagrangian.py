@@ -1,0 +1,69 @@
+"""A user's own L is told to have the equations or not, with what is left of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from typer.testing import CliRunner
+
+from inverse_service.cli.application import application
+from inverse_service.service.documents.checking import check_document
+
+OSCILLATOR = {"equations": "x'' = -k*x", "parameters": ["k"]}
+KEPLER = {"equations": "x'' = -x/(x^2+y^2)^(3/2); y'' = -y/(x^2+y^2)^(3/2)"}
+
+
+def verdict(document: dict[str, Any], lagrangian: str) -> dict[str, Any]:
+    return check_document(json.dumps({"system": document, "lagrangian": lagrangian}))
+
+
+@pytest.mark.parametrize(
+    ("document", "lagrangian"),
+    [
+        (OSCILLATOR, "x'^2/2 - k*x^2/2"),
+        (OSCILLATOR, "-3*x'^2 + 3*k*x^2 + x*x'"),
+        (KEPLER, "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"),
+        ({"equations": "x'' = -x - x'/10"}, "exp(t/10)*(x'^2 - x^2)/2"),
+        ({"equations": "x'' = -x'"}, "x'*log(x') - x"),
+        ({"equations": "x'' = 0"}, "x'^4"),
+    ],
+)
+def test_a_right_lagrangian_is_confirmed_and_leaves_nothing(document: dict[str, Any], lagrangian: str) -> None:
+    found = verdict(document, lagrangian)
+    assert found["verdict"] == "valid"
+    assert {part["text"] for part in found["residual"].values()} == {"0"}
+
+
+def test_a_wrong_sign_is_shown_with_the_equations_that_l_has() -> None:
+    found = verdict(OSCILLATOR, "x'^2/2 + k*x^2/2")
+    assert found["verdict"] == "invalid"
+    assert found["residual"]["x"]["text"] == "-2*k*x"
+    assert found["equations"]["x"]["text"] == "k*x"
+
+
+def test_a_singular_lagrangian_is_none_even_where_its_equations_hold() -> None:
+    found = verdict({"equations": "x'' = 0"}, "x*x'")
+    assert (found["verdict"], found["equations"]) == ("invalid", None)
+    assert "singular" in found["reasons"][0]
+
+
+def test_the_command_says_what_is_left_and_what_l_gives(tmp_path: Path) -> None:
+    path = tmp_path / "system.json"
+    path.write_text(json.dumps(OSCILLATOR))
+    wrong = CliRunner().invoke(application, ["check", "--lagrangian", "x'^2/2", str(path)])
+    assert wrong.exit_code == 1
+    assert "= -k*x, where it should be 0" in wrong.output
+    assert "this L gives x'' = 0" in wrong.output
+    assert CliRunner().invoke(application, ["check", "--lagrangian", "x'^2 - k*x^2", str(path)]).exit_code == 0
+
+
+def test_http_answers_and_refuses_a_name_that_the_system_does_not_have(service: str) -> None:
+    body = {"system": OSCILLATOR, "lagrangian": "x'^2/2 - k*x^2/2"}
+    assert httpx.post(f"{service}/v1/check", json=body, timeout=60).json()["verdict"] == "valid"
+    refused = httpx.post(f"{service}/v1/check", json={**body, "lagrangian": "m*x'^2/2"}, timeout=60)
+    assert refused.status_code == 422
+    assert "'m' is not declared" in refused.json()["detail"]
