@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence, Sized
@@ -11,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from typing import Any, ParamSpec, TypeVar
 
+from inverse_service import __version__
 from inverse_service.service.documents.answers import value_of
 from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs import body_tasks, tasks
@@ -34,6 +36,7 @@ from inverse_service.web.hub import Hub, until_set
 from inverse_service.web.keys import Keys
 from inverse_service.web.problems import Refusal
 
+log = logging.getLogger(__name__)
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
 QUICK_DEADLINE = 1.0
 SECONDS_FOR_A_BYTE = 2e-6
@@ -48,7 +51,9 @@ LOOK_AGAIN = 0.5
 STORE_THREADS = 32
 # A database that is away is waited for by whoever asks it, never by the loop; s.
 STORE_PATIENCE = 20.0
-READY_PATIENCE = 5.0
+READY_PATIENCE = 10.0
+READY_KEPT = 1.0
+LAG_EVERY = 0.25
 START_PATIENCE = 10.0
 PAGE_TASKS = ("inverse_service.web.pages.form_tasks", "inverse_service.web.pages.result_tasks")
 P = ParamSpec("P")
@@ -75,6 +80,9 @@ class Engine:
         self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
         self._cleaner: Cleaner | None = None
         self._waiting: Counter[str] = Counter()
+        self._store_check: asyncio.Future[list[str]] | None = None
+        self._store_checked = 0.0
+        self._lag: asyncio.Task[None] | None = None
         self.bytes = ByteBudget(2 * LARGEST_FACTOR * settings.max_body, LARGEST_FACTOR * settings.max_body)
         # Those of the server that runs this application, where it counts them.
         self.connections: Sized = ()
@@ -101,7 +109,9 @@ class Engine:
         self.store.on_change(self.hub.tell)
         self.supervisor.start()
         self._cleaner = Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
+        self._lag = asyncio.ensure_future(self._measure_lag())
         self.is_open = True
+        log.info("the service starts", extra={"version": __version__, "workers": self.settings.workers})
 
     @property
     def store(self) -> JobStore:
@@ -119,6 +129,9 @@ class Engine:
         if not self.is_open:
             return
         self.is_open = False
+        log.info("the service stops")
+        if self._lag is not None:
+            self._lag.cancel()
         if self._cleaner is not None:
             self._cleaner.stop()
         self.supervisor.stop()
@@ -145,10 +158,13 @@ class Engine:
 
     async def read(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
         """Ask the store for something; raises StoreUnavailable where no answer comes in STORE_PATIENCE."""
+        began = time.monotonic()
         try:
             return await asyncio.wait_for(self.in_thread(function, *arguments, **named), STORE_PATIENCE)
         except TimeoutError:
             raise StoreUnavailable("The database does not answer in time.") from None
+        finally:
+            self.counters.observe("inverse_service_store_seconds", "Reads and changes.", time.monotonic() - began)
 
     async def job(self, id: str, viewer: Viewer) -> Job | None:
         """A job as this viewer may see it, without its answer, which may be large; None also for another client's."""
@@ -277,10 +293,20 @@ class Engine:
         return found + await self._store_faults()
 
     async def _store_faults(self) -> list[str]:
+        """Whether the store takes and gives, asked at most once in READY_KEPT however many want to know."""
+        if self._store_check is None or time.monotonic() - self._store_checked > READY_KEPT:
+            self._store_checked = time.monotonic()
+            self._store_check = asyncio.ensure_future(self._check_store())
+        return await asyncio.shield(self._store_check)
+
+    async def _check_store(self) -> list[str]:
         try:
-            counts = await asyncio.wait_for(self.in_thread(self.store.counts), READY_PATIENCE)
-        except Exception:  # whatever the database says: it is not ready
-            return ["The store of jobs does not answer."]
+            async with asyncio.timeout(READY_PATIENCE):
+                counts = await self.in_thread(self.store.counts)
+                await self.in_thread(self.store.try_to_write)
+        except Exception:  # whatever the database says, a full disk for one: it is not ready
+            log.warning("the store is not ready", exc_info=True)
+            return ["The store of jobs does not answer, or cannot be written."]
         waiting = counts.get("accepted", 0) + counts.get("running", 0)
         return ["The queue of jobs is full."] if waiting >= self.settings.queue else []
 
@@ -289,10 +315,30 @@ class Engine:
         with self._place_in_queue(call.client):
             running = executor.submit(call)
             try:
-                return await asyncio.wrap_future(running.outcome)
+                outcome = await asyncio.wrap_future(running.outcome)
+                self._count(call, outcome)
+                return outcome
             except asyncio.CancelledError:
                 executor.withdraw(running)
                 raise
+
+    def _count(self, call: Call, outcome: Outcome) -> None:
+        add, task = self.counters.add, call.task.__name__
+        add("inverse_service_quick_tasks_total", "Tasks that are no jobs.", task=task, outcome=outcome.status)
+        add("inverse_service_quick_cpu_seconds_total", "Their processor time.", outcome.spent.cpu, task=task)
+
+    async def _measure_lag(self) -> None:
+        """How late the loop is: what it did meanwhile that was not moving bytes."""
+        while True:
+            began = time.monotonic()
+            await asyncio.sleep(LAG_EVERY)
+            late = max(0.0, time.monotonic() - began - LAG_EVERY)
+            self.counters.observe("inverse_service_loop_lag_seconds", "How late the event loop was.", late)
+
+    @property
+    def waiting(self) -> int:
+        """Requests that are read or checked now, or wait for that."""
+        return self._waiting.total()
 
     @contextmanager
     def _place_in_queue(self, client: str) -> Iterator[None]:

@@ -46,11 +46,17 @@ async def metrics(request: Request) -> Response:
     """Counters and gauges in the text format of Prometheus."""
     engine = engine_of(request)
     counts = await engine.read(engine.store.counts)
+    oldest, size = await engine.read(engine.store.measure)
+    age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
     by_status: dict[Labels, float] = {(("status", s),): float(counts.get(s, 0)) for s in STATUSES}
     found = [
         *engine.counters.metrics(),
         gauge("inverse_service_jobs", "Stored jobs by status.", by_status),
         gauge("inverse_service_queue_length", "Jobs that wait for a worker.", {(): float(counts.get("accepted", 0))}),
+        gauge("inverse_service_queue_age_seconds", "How long the oldest of them waits.", {(): age}),
+        gauge("inverse_service_store_bytes", "Size of the database.", {(): float(size)}),
+        gauge("inverse_service_connections", "Open connections.", {(): float(len(engine.connections))}),
+        gauge("inverse_service_quick_waiting", "Requests that are read or wait for that.", {(): float(engine.waiting)}),
         gauge("inverse_service_workers", "Worker processes.", {(): float(engine.settings.workers)}),
         gauge(
             "inverse_service_jobs_taken", "Jobs that this process has taken.", {(): float(engine.supervisor.running)}
@@ -61,15 +67,16 @@ async def metrics(request: Request) -> Response:
 
 
 def _of_the_process(engine: Engine) -> list[Metric]:
-    own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    own = resource.getrusage(resource.RUSAGE_SELF)
     version: Labels = (("engine", engine_version()), ("version", __version__))
     return [
         gauge("inverse_service_info", "What runs.", {version: 1.0}),
         gauge("inverse_service_uptime_seconds", "Since the start.", {(): time.time() - engine.started}),
-        gauge(
-            "inverse_service_process_cpu_seconds",
-            "Processor time of the service itself.",
-            {(("of", "service"),): own.ru_utime + own.ru_stime, (("of", "children"),): children.ru_utime},
+        Metric(
+            "inverse_service_process_cpu_seconds_total",
+            "counter",
+            "Processor time of the web process; that of its workers is counted with jobs and quick tasks.",
+            {("", ()): own.ru_utime + own.ru_stime},
         ),
         gauge(
             "inverse_service_process_memory_peak_bytes",

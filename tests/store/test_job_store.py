@@ -15,6 +15,7 @@ import pytest
 
 from inverse_service.service.jobs.model import BatchLine, Bounds, Event, JobRequest, TooManyJobs, Usage
 from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.stored_answers import stored_answer
 
 Stores = Callable[[], JobStore]
 USAGE = Usage(0.5, 0.25, 64.0)
@@ -387,3 +388,18 @@ def test_threads_claim_and_finish_each_job_once(store: JobStore) -> None:
         thread.join()
     assert Counter(finished) == {f"j{k}": 1 for k in range(total)}
     assert sorted(seen) == list(range(total)), "a reader missed an answer, or had one twice"
+
+
+def test_what_an_operator_asks_and_a_reader_of_parts(store: JobStore) -> None:
+    oldest, size = store.measure()
+    assert oldest is None
+    assert size > 0
+    for _ in range(2):
+        store.try_to_write()
+    assert store.part("a", 0, 10) == (0, b"")
+    (job,) = store.submit([request("a")])
+    assert store.measure()[0] == pytest.approx(job.created)
+    run(store, "a", b"0123456789")
+    parts = [store.part("a", *place) for place in ((0, 4), (4, 100), (10, 1))]
+    assert parts == [(10, b"0123"), (10, b"456789"), (10, b"")]
+    assert stored_answer(store.address, "a")[1] == b"0123456789"

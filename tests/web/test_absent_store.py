@@ -7,6 +7,7 @@ import json
 import sqlite3
 import threading
 from collections.abc import Awaitable, Callable
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
@@ -50,7 +51,8 @@ Work = Callable[[httpx.AsyncClient], Awaitable[None]]
 def with_store(store: Any, work: Work) -> None:
     application = create_application(Settings())
     engine = application.state.engine
-    engine.is_open, engine._store, engine._quick = True, store, Inline()
+    engine.is_open, engine._store, engine._quick, engine._working = True, store, Inline(), Inline()
+    engine.supervisor = SimpleNamespace(is_working=lambda: True)
 
     async def run() -> None:
         engine.hub = Hub()
@@ -141,5 +143,27 @@ def test_a_full_disk_is_a_store_that_does_not_answer() -> None:
 
     async def work(client: httpx.AsyncClient) -> None:
         assert_told_to_come_back(await client.post("/v1/solve", json=SYSTEM))
+        assert (await client.get("/readyz")).status_code == 503
 
     with_store(Full(), work)
+
+
+def test_a_store_that_can_be_read_and_not_written_is_not_ready() -> None:
+    class ReadOnly:
+        written = 0
+
+        def counts(self) -> dict[str, int]:
+            return {}
+
+        def try_to_write(self) -> None:
+            self.written += 1
+            raise sqlite3.OperationalError("database or disk is full")
+
+    async def work(client: httpx.AsyncClient) -> None:
+        answers = await asyncio.gather(*(client.get("/readyz") for _ in range(20)))
+        assert {answer.status_code for answer in answers} == {503}
+        assert "cannot be written" in answers[0].json()["detail"]
+
+    store = ReadOnly()
+    with_store(store, work)
+    assert store.written == 1

@@ -155,6 +155,19 @@ def test_every_request_has_an_id_in_its_answer_and_in_the_access_log(client: htt
     assert [r["client"] for r in records if r["what"] == "request" and r["level"] == "warning"][-1] == "127.0.0.1"
 
 
+def test_an_operator_sees_what_holds_up_the_service(client: httpx.Client) -> None:
+    client.post("/v1/parse", json=EASY, headers=ALICE)
+    text = client.get("/metrics").text
+    names = {line.split("{")[0].split(" ")[0] for line in text.splitlines() if not line.startswith("#")}
+    assert names >= {
+        "inverse_service_loop_lag_seconds_count", "inverse_service_queue_age_seconds", "inverse_service_connections",
+        "inverse_service_store_bytes", "inverse_service_store_seconds_count", "inverse_service_quick_waiting",
+        "inverse_service_quick_tasks_total", "inverse_service_process_cpu_seconds_total",
+    }  # fmt: skip
+    assert 'inverse_service_quick_tasks_total{outcome="done",task="parse_task"}' in text
+    assert float(text.split("\ninverse_service_connections ")[1].split("\n")[0]) >= 1
+
+
 def test_another_host_name_is_not_answered_to(client: httpx.Client) -> None:
     for host in ("attacker.example", "attacker.example:80", "127.0.0.1.attacker.example"):
         assert client.get("/livez", headers={"Host": host}).status_code == 421

@@ -26,7 +26,7 @@ from inverse_service.service.jobs.postgres_changes import Changes
 from inverse_service.service.jobs.postgres_connections import Connection, Connections, Row
 from inverse_service.service.jobs.pruning import pruned
 from inverse_service.service.jobs.rows import answer_of, sequence_of
-from inverse_service.service.jobs.shared_sql import ANSWERS, SELECT
+from inverse_service.service.jobs.shared_sql import ANSWERS, OLDEST, SELECT
 from inverse_service.service.jobs.states import JobStatus
 from inverse_service.service.jobs.store import NO_BOUND
 
@@ -143,6 +143,15 @@ class PostgresStore:
     def counts(self) -> Mapping[JobStatus, int]:
         rows = self._rows("SELECT status, count(*) AS jobs FROM jobs GROUP BY status")
         return {row["status"]: row["jobs"] for row in rows}
+
+    def measure(self) -> tuple[float | None, int]:
+        rows = self._rows(f"SELECT ({OLDEST}) AS oldest, pg_database_size(current_database()) AS size")
+        return rows[0]["oldest"], int(rows[0]["size"])
+
+    def try_to_write(self) -> None:
+        self._rows(f"{SELECT} FROM jobs LIMIT 0")
+        # With a number of its own a transaction is written to the log of the server.
+        self._connections.write(lambda c: c.execute("SELECT pg_current_xact_id()").rowcount)
 
     def prune(self, oldest: float, largest: int) -> int:
         connections = self._connections

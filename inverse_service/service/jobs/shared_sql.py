@@ -28,6 +28,7 @@ NEXT: Final = (
     "LEFT JOIN busy ON busy.client = jobs.client) "
     "SELECT id FROM candidates WHERE place <= ? ORDER BY priority, place, sequence LIMIT ?"
 )
+OLDEST: Final = "SELECT min(created) AS oldest FROM jobs WHERE status = 'accepted'"
 # Whether anybody waits for a job: somebody who asked for it, or a batch. Arguments: its id, twice.
 WAITED_FOR: Final = (
     "SELECT EXISTS (SELECT 1 FROM askers WHERE job = ? AND gone = 0) "

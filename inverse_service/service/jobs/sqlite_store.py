@@ -13,13 +13,15 @@ from inverse_service.service.jobs.lock import SupervisorLock
 from inverse_service.service.jobs.model import Batch, BatchAnswer, BatchLine, Bounds, Event, Job, JobRequest, Usage
 from inverse_service.service.jobs.pruning import pruned
 from inverse_service.service.jobs.rows import answer_of, sequence_of
-from inverse_service.service.jobs.shared_sql import ANSWERS, SELECT
+from inverse_service.service.jobs.shared_sql import ANSWERS, OLDEST, SELECT
 from inverse_service.service.jobs.sqlite_schema import connect, prepare
 from inverse_service.service.jobs.sqlite_writer import Writer
 from inverse_service.service.jobs.states import JobStatus
 from inverse_service.service.jobs.store import NO_BOUND
 
 NO_BOUNDS = Bounds()
+# Each time another value, or nothing would be written.
+PROBE = "INSERT INTO counters VALUES ('probe', 1) ON CONFLICT (name) DO UPDATE SET value = value + 1"
 PAGES_AT_ONCE, PAGES_KEPT = 256, 2048
 
 
@@ -148,6 +150,13 @@ class SqliteStore:
     def counts(self) -> Mapping[JobStatus, int]:
         rows = self._reader().execute("SELECT status, count(*) AS jobs FROM jobs GROUP BY status")
         return {row["status"]: row["jobs"] for row in rows}
+
+    def measure(self) -> tuple[float | None, int]:
+        return self._reader().execute(OLDEST).fetchone()[0], self._used_bytes()
+
+    def try_to_write(self) -> None:
+        self._reader().execute(f"{SELECT} FROM jobs LIMIT 0")
+        self._writer.write(lambda c: c.execute(PROBE).rowcount)
 
     def prune(self, oldest: float, largest: int) -> int:
         forgotten = pruned(self._forget, self._oldest_moment, self._used_bytes, oldest, largest)

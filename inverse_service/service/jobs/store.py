@@ -102,6 +102,12 @@ class JobStore(Protocol):
     def counts(self) -> Mapping[JobStatus, int]:
         """Number of jobs in each status."""
 
+    def measure(self) -> tuple[float | None, int]:
+        """When the job was accepted that waits longest (None where none waits), and the bytes in use."""
+
+    def try_to_write(self) -> None:
+        """Write something small and durable, and read every column; raises what the database says."""
+
     def prune(self, oldest: float, largest: int) -> int:
         """Forget jobs and batches finished before the time `oldest`, then the oldest until the
         store has at most `largest` bytes; how many jobs were forgotten. Open ones always stay.

@@ -26,6 +26,7 @@ def _sqlite_row(path: str, id: str) -> Any:
 
 
 def _postgres_row(address: str, id: str) -> Any:
-    psycopg = importlib.import_module("psycopg")
-    with psycopg.connect(address) as connection:
-        return connection.execute(QUERY.format("%s"), (id,)).fetchone()
+    module = importlib.import_module("inverse_service.service.jobs.postgres_connections")
+    with contextlib.closing(module.connect(address)) as connection:
+        row = connection.execute(QUERY.format("%s"), (id,)).fetchone()
+    return None if row is None else (row["document"], row["body"])

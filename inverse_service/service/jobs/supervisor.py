@@ -218,6 +218,8 @@ class Supervisor:
         self.events.flush()
         label = finishing.finish(self._store, job, outcome)
         self.events.end(job)
+        if outcome.status in ("crash", "killed"):
+            self.counters.add("inverse_service_worker_deaths_total", "Workers that died.", how=outcome.status)
         spent = outcome.spent
         about = {"kind": job.kind, "outcome": label}
         self.counters.add("inverse_service_jobs_total", "Runs of jobs by how they ended.", kind=job.kind, outcome=label)

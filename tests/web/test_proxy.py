@@ -1,0 +1,119 @@
+"""deploy/nginx.conf before a real service: TLS, who asks, streams, and what is refused on the way."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import ssl
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.attacks.harness import Attacked, attacked
+
+NGINX = shutil.which("nginx") or ("/usr/sbin/nginx" if Path("/usr/sbin/nginx").exists() else "")
+OPENSSL = shutil.which("openssl")
+pytestmark = pytest.mark.skipif(not (NGINX and OPENSSL), reason="needs nginx and openssl")
+NAME = "lagrangians.example"
+CONFIGURATION = Path(__file__).parents[2] / "deploy" / "nginx.conf"
+EASY = {"coordinates": ["x"], "equations": {"x": "-x"}}
+
+
+@dataclass(frozen=True)
+class Proxied:
+    """The service, and where its proxy listens."""
+
+    service: Attacked
+    port: int
+
+    def client(self, source: str = "127.0.0.1") -> httpx.Client:
+        context = ssl.create_default_context()
+        context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+        transport = httpx.HTTPTransport(verify=context, local_address=source)
+        address = f"https://127.0.0.1:{self.port}"
+        return httpx.Client(base_url=address, headers={"Host": NAME}, transport=transport, timeout=30)
+
+
+def free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+def configured(folder: Path, service: int, plain: int, secure: int) -> Path:
+    """The file of deploy/ with other ports and places, inside of what nginx needs around it."""
+    text = CONFIGURATION.read_text()
+    for before, after in (
+        ("127.0.0.1:8000", f"127.0.0.1:{service}"),
+        ("listen 80;", f"listen 127.0.0.1:{plain};"),
+        ("listen 443 ssl", f"listen 127.0.0.1:{secure} ssl"),
+        ("/etc/ssl/lagrangians.example/", f"{folder}/"),
+    ):
+        assert before in text
+        text = text.replace(before, after)
+    places = "".join(
+        f"{name}_temp_path {folder}/{name};\n" for name in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
+    )
+    around = f"daemon off;\nmaster_process off;\npid {folder}/pid;\nerror_log {folder}/error.log;\nevents {{}}\n"
+    found = folder / "nginx.conf"
+    found.write_text(f"{around}http {{\naccess_log off;\n{places}{text}\n}}\n")
+    return found
+
+
+@pytest.fixture(scope="module")
+def proxied(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxied]:
+    folder = tmp_path_factory.mktemp("proxy")
+    command = [str(OPENSSL), "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1", "-subj", f"/CN={NAME}"]
+    keys = ["-keyout", str(folder / "privkey.pem"), "-out", str(folder / "fullchain.pem")]
+    subprocess.run([*command, *keys], check=True, capture_output=True)
+    with attacked(folder, proxies="127.0.0.1", hosts=f"{NAME}, 127.0.0.1") as service:
+        port = free_port()
+        file = configured(folder, service.port, free_port(), port)
+        with subprocess.Popen([NGINX, "-p", str(folder), "-c", str(file)], stderr=subprocess.DEVNULL) as proxy:
+            found = Proxied(service, port)
+            end = time.monotonic() + 20
+            while time.monotonic() < end:
+                with socket.socket() as connection:
+                    if connection.connect_ex(("127.0.0.1", port)) == 0:
+                        break
+                time.sleep(0.05)
+            yield found
+            proxy.terminate()
+
+
+def test_a_question_is_answered_through_the_proxy(proxied: Proxied) -> None:
+    with proxied.client() as client:
+        answer = client.post("/v1/solve", json=EASY, headers={"Prefer": "wait=20"})
+        assert answer.json()["verdict"] == "variational"
+        page = client.get(answer.headers["location"].replace("/v1/jobs", "/results"))
+        assert f"https://{NAME}/v1/solve" in page.text
+        batch = client.post("/v1/batches", json=[EASY | {"id": k} for k in range(3)]).headers["location"]
+        with client.stream("GET", batch + "/results") as stream:
+            assert len([line for line in stream.iter_lines() if line]) == 3
+
+
+def test_the_service_knows_who_asks_and_nobody_is_somebody_else(proxied: Proxied) -> None:
+    with proxied.client("127.0.0.7") as client:
+        sent = {"X-Forwarded-For": "8.8.8.8", "X-Request-Id": "made-up"}
+        answer = client.get("/v1/limits", headers=sent)
+    id = answer.headers["x-request-id"]
+    assert id != "made-up"
+    lines = [json.loads(line) for line in proxied.service.log.read_text().splitlines()]
+    assert [line["client"] for line in lines if line.get("request") == id] == ["127.0.0.7"]
+
+
+def test_what_is_too_large_or_too_much_is_refused_by_the_proxy(proxied: Proxied) -> None:
+    with proxied.client("127.0.0.8") as client:
+        assert client.get("/metrics").status_code == 403
+        large = client.post(
+            "/v1/batches", content=b" " * (16 * 2**20 + 1), headers={"Content-Type": "application/json"}
+        )
+        assert large.status_code == 413
+        statuses = [client.get("/livez").status_code for _ in range(300)]
+        assert set(statuses) <= {200, 429}
