@@ -156,11 +156,12 @@ class _Elimination:
         return self._factors([p for p in plain if not self._is_concave(p)])
 
     def _is_concave(self, polynomial: fmpq_mpoly) -> bool:
-        """Whether it is of degree 2 in one variable, and positive between its zeros."""
+        """Whether it is of degree 2 in one variable, and positive at the point, which is between its zeros."""
         names = used_generators(polynomial)
         if len(names) != 1 or not self.cell.is_variable(names[0]) or polynomial.total_degree() != 2:
             return False
-        return self.cell.sign_at_point(polynomial.derivative(names[0]).derivative(names[0])) < 0
+        curvature = polynomial.derivative(names[0]).derivative(names[0])
+        return self.cell.sign_at_point(curvature) < 0 < self.cell.sign_at_point(polynomial)
 
     def _factors(self, polynomials: Sequence[fmpq_mpoly]) -> list[fmpq_mpoly]:
         """Conditions by which all factors keep their signs; what is concave on a line stays whole."""

@@ -75,7 +75,7 @@ LONGEST_IMPLICIT = 300
 
 def verdict_sentence(verdict: str, with_time: bool, domain: Sequence[str] | None = None) -> str:
     """The verdict as a sentence that says which question it answers, and on which set."""
-    where = f" on {', '.join(domain)}" if domain else ""
+    where = f" on {', '.join(domain)}, at generic points" if domain else ""
     return SENTENCES[verdict].format(question=QUESTIONS[with_time], where=where)
 
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from inverse_service.cli import solving
+from inverse_service.cli.exits import ExitCode
+from inverse_service.cli.text_page import text_page
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.solving import solve_document
 from tests.inverse_problem.all_over import assert_holds_all_over
 
@@ -109,3 +114,30 @@ def test_more_than_eight_cases_are_left_undetermined_with_their_number() -> None
 
 def test_sides_without_a_real_point_are_no_cases() -> None:
     assert cases(solved({"x": "-sqrt(x)*sqrt((1+x)^2)"})) == {"x > 0": "variational"}
+
+
+def test_a_false_certificate_of_any_branch_is_refused() -> None:
+    document = {"equations": {"x": "abs(x-1)*y' - y^2", "y": "-(x-1)*x' - 2*x*y"}}
+    result = solve_document(document, SolveOptions(time_limit=60.0))
+    assert check_plain(result)["verdict"] == "valid"
+    right = next(branch for branch in result["branches"] if branch["verdict"] == "variational")
+    right["lagrangian"]["text"] = right["certificate"]["lagrangian"] = "x'^2/2 + y'^2/2"
+    assert check_plain(result)["verdict"] == "invalid"
+
+
+def test_the_text_page_begins_with_all_cases_and_says_where_each_holds() -> None:
+    page = text_page(solved({"x": "-sqrt(x^2)"}), explain=False)
+    assert "2 cases:\n  x > 0: variational\n  x < 0: variational\n" in page
+    assert "Variational on x > 0, at generic points: a regular Lagrangian L(q, q') exists." in page
+    assert "Variational on x < 0, at generic points" in page
+
+
+@pytest.mark.parametrize(("verdict", "code"), [("variational", ExitCode.DONE), ("undetermined", ExitCode.OPEN)])
+def test_solve_is_done_only_if_every_branch_has_a_definite_verdict(
+    verdict: str, code: ExitCode, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    result = {"verdict": "variational", "branches": [{"verdict": "variational"}, {"verdict": verdict}]}
+    monkeypatch.setattr(solving, "_solve", lambda *arguments: result)
+    path = tmp_path / "system.json"
+    path.write_text('{"equations": {"x": "abs(x)"}}')
+    assert solving.solve_file(str(path), "json", 1.0, 1, False) == code
