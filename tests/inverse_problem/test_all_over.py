@@ -18,7 +18,7 @@ from tests.systems.reading import known_systems
 def held(document: dict[str, Any]) -> int:
     """How many points the answer to a document was tried at; none for what is no system of second order."""
     try:
-        result = solve_document(document, SolveOptions(time_limit=60.0))
+        result = solve_document(document, SolveOptions(time_limit=900.0))
     except InputError:
         return 0
     return 0 if result.get("verdict") is None else assert_holds_all_over(result)
