@@ -1,37 +1,69 @@
-"""Ensembles: trajectories side by side in SIMD lanes, groups of lanes on all cores."""
+"""Ensembles: arrays of starts and parameters, trajectories side by side in SIMD lanes, groups of lanes on all cores."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import dataclass
+from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.codegen.algebra import closure
+from inverse_service.codegen.compiled import Card, Compiled
+from inverse_service.codegen.constants import NO_START
+from inverse_service.codegen.kernel import CONTROL
+from inverse_service.codegen.layout import STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.errors import InputError
-from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.integrators.trajectory import Outcome
 from inverse_service.machine_code.processor import processor_features
-from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
-from inverse_service.simulation.execution import execute, memory_of
+from inverse_service.simulation.choices import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation
+from inverse_service.simulation.execution import stopped
 from inverse_service.simulation.formulas import MOMENT, Formulas
-from inverse_service.simulation.guard import refusal
-from inverse_service.simulation.outcomes import failed_start, trajectory_of
-from inverse_service.simulation.preparation import check, kernel_of, lane_of, parameter_values, weights_of
+from inverse_service.simulation.outcomes import unknown_names
+from inverse_service.simulation.preparation import check, kernel_of, weights_of
 from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.starting import Initial, initial
 
-Item = TypeVar("Item")
+Array = NDArray[np.float64]
+Stop = Callable[[], bool]
+MOST_NUMBERS = 4_000_000  # of records and memory that one chunk of groups holds
+ALL_METHODS = "Ensembles are run by methods that step with kernels: variational, nonholonomic, runge-kutta, and so on."
 
 
-@dataclass(frozen=True, slots=True)
-class Member:
-    """One trajectory of an ensemble, ready to run; `parameters` by kernel name."""
+@dataclass(frozen=True)
+class Many:
+    """The recorded points of N trajectories: `times` (m,), `positions` and `rates` (N, m, n), nan after a run's end.
 
-    choice: MethodChoice
-    start: Start
+    `rates` are the momenta p or velocities v that the method carries, as `carried` says; `memory` (places, N) is what
+    the kernel left of each.
+    """
+
+    times: Array
+    positions: Array
+    rates: Array
+    carried: str
+    card: Card
+    memory: Array
     grid: Grid
-    parameters: Mapping[str, float]
-    begin: Initial
+    names: Mapping[str, str]
+    cancelled: bool
+    iterations: int
+
+    @cached_property
+    def completed(self) -> NDArray[np.bool_]:
+        """Which went to the end, (N,)."""
+        found: NDArray[np.bool_] = self.memory[self.card.layout.place(STATUS)] == 0
+        return found & (not self.cancelled)
+
+    def outcome(self, member: int) -> Outcome:
+        """How one of them ended."""
+        halt = stopped(self.card, self.memory, member, self.names)
+        if halt is None:
+            return Outcome("cancelled" if self.cancelled else "completed", self.grid.steps, float(self.times[-1]))
+        when = self.grid.begin + halt.step * self.grid.step
+        return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, halt.remedy)
 
 
 def lanes_here() -> int:
@@ -46,85 +78,137 @@ def cores() -> int:
 def run_ensemble(
     problem: Problem,
     choice: MethodChoice,
-    starts: Sequence[Start],
-    grids: Sequence[Grid],
-    values: Sequence[Mapping[str, float]],
-    alphas: Sequence[float] | None = None,
-    observation: Observation | None = None,
-) -> list[Trajectory]:
-    """Many trajectories in one call, side by side in SIMD lanes and on all cores.
+    positions: Array,
+    velocities: Array,
+    grid: Grid,
+    values: Mapping[str, float | Array],
+    momenta: Array | None = None,
+    steps: Array | None = None,
+    stop: Stop | None = None,
+) -> Many:
+    """N trajectories from `positions` and `velocities` (N, n), or `momenta` where they are known.
 
-    Sequences of length one are used for all. All grids have the same steps and record_every; h, alpha, parameters
-    and starts may differ.
+    `values` gives each parameter a number or (N,) numbers; `steps` (N,) are steps of their own in the place of that of
+    the grid. InputError for what a single run would refuse.
     """
-    check(problem, choice, grids)
-    if choice.method == "heyoka":
-        raise InputError("heyoka runs one trajectory at a time here: use another method for an ensemble.")
-    size = max(len(starts), len(grids), len(values), len(alphas or ()))
-    choices = [replace(choice, alpha=alpha) for alpha in _spread(alphas or [choice.alpha], size)]
-    grids = _spread(grids, size)
-    if len({(grid.steps, grid.record_every) for grid in grids}) > 1:
-        raise InputError("The grids of an ensemble must have the same steps and record_every.")
-    formulas = Formulas(problem)
-    members = _members(formulas, choices, _spread(starts, size), grids, _spread(values, size))
-    results = {k: failed_start(item.start, why) for k, item in enumerate(members) if (why := _refusal(formulas, item))}
-    groups = _groups(choices, [k for k in range(size) if k not in results], lanes_here())
-    observed = observation or Observation()
-    with ThreadPoolExecutor(cores()) as pool:
-        runs = pool.map(lambda group: _run_group(formulas, [members[k] for k in group], observed), groups)
-        for group, trajectories in zip(groups, runs, strict=True):
-            results.update(zip(group, trajectories, strict=True))
-    return [results[k] for k in range(size)]
+    check(problem, choice, [grid])
+    if choice.method in ("heyoka", "modified"):
+        raise InputError(ALL_METHODS)
+    f = Formulas(problem)
+    kernel = kernel_of(f, choice, Observation(momenta=False, velocities=False), lanes_here())
+    count = len(positions)
+    columns = _columns(f, choice, positions, velocities, momenta, values, grid)
+    columns["h"] = np.broadcast_to(grid.step if steps is None else steps, count)
+    memory = _memory(kernel.card, columns, count)
+    record, iterations, cancelled = _run_groups(kernel, memory, weights_of(choice), grid, stop)
+    flat = np.moveaxis(memory, 1, 0).reshape(memory.shape[1], -1)[:, :count]
+    rows = np.moveaxis(record, (1, 2), (0, 1)).reshape(record.shape[1], record.shape[2], -1)[:, :, :count]
+    return _gathered(f, choice, kernel.card, columns, rows, flat, grid, cancelled, iterations)
 
 
-def _members(
-    formulas: Formulas, choices: Sequence[MethodChoice], starts: Sequence[Start], grids: Sequence[Grid],
-    values: Sequence[Mapping[str, float]],
-) -> list[Member]:  # fmt: skip
-    members = []
-    for choice, start, grid, given in zip(choices, starts, grids, values, strict=True):
-        check(formulas.problem, choice, [])
-        numbers = parameter_values(formulas.problem, given)
-        members.append(
-            Member(
-                choice,
-                start,
-                grid,
-                numbers,
-                initial(formulas, choice, start, grid.step, numbers | {str(MOMENT): grid.begin}),
+def _columns(
+    f: Formulas, choice: MethodChoice, positions: Array, velocities: Array, momenta: Array | None,
+    values: Mapping[str, float | Array], grid: Grid,
+) -> dict[str, Array]:  # fmt: skip
+    """Values of state variables, rates and arguments by kernel name, (N,) each."""
+    count = len(positions)
+    given: dict[str, float | Array] = {"a": choice.tolerance if choice.method in OWN_STEPS else choice.alpha}
+    for place, name in enumerate(f.problem.parameters):
+        if name not in values:
+            raise InputError(f"The parameter {name} needs a value.")
+        given[f"c{place}"] = values[name]
+    found = {name: np.broadcast_to(np.asarray(value, dtype=float), count) for name, value in given.items()}
+    found[str(MOMENT)] = np.full(count, grid.begin)
+    found |= {f"q{k}": positions[:, k] for k in range(f.size)} | {f"v{k}": velocities[:, k] for k in range(f.size)}
+    if choice.method in POINT_METHODS:
+        return found
+    start = _start_momenta(f, choice, found) if momenta is None else momenta
+    found |= {f"p{k}": start[:, k] for k in range(f.size)}
+    return found | {f"d{k}_rate": velocities[:, k] for k in range(f.size)}
+
+
+def _start_momenta(f: Formulas, choice: MethodChoice, columns: Mapping[str, Array]) -> Array:
+    """dL/dv of the Lagrangian that the method discretises, (N, n)."""
+    velocities = f.symbols("v")
+    lagrangian = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
+    given = {velocities[k]: value for k, value in f.dependent.items()} if choice.method != "nonholonomic" else {}
+    names = [*(str(name) for letter in "qv" for name in f.symbols(letter)), *f.parameters, str(MOMENT)]
+    function = closure(names, [lagrangian.diff(v).subs(given) for v in velocities])
+    with np.errstate(all="ignore"):
+        found = function(np.stack([columns[name] for name in names], axis=1))
+    return np.asarray(found, dtype=float).reshape(-1, f.size)
+
+
+def _memory(card: Card, columns: Mapping[str, Array], count: int) -> Array:
+    """(groups, places, lanes); lanes that are left over repeat the last member."""
+    layout, lanes = card.layout, card.lanes
+    groups = -(-count // lanes)
+    places = np.minimum(np.arange(groups * lanes), count - 1)
+    memory = np.zeros((groups, layout.size, lanes))
+    for name, column in columns.items():
+        for place in [layout.place(name)] if name in layout.persistent else []:
+            memory[:, place] = column[places].reshape(groups, lanes)
+        if name in layout.arguments:
+            memory[:, layout.argument_place(name)] = column[places].reshape(groups, lanes)
+    memory[:, layout.place(STOPPED_AT)] = -1.0
+    lost = ~np.isfinite(memory).all(axis=1)
+    status, at, value = (layout.place(name) for name in (STATUS, STOPPED_AT, STOPPED_VALUE))
+    memory[:, status][lost], memory[:, at][lost], memory[:, value][lost] = NO_START, 0.0, np.nan
+    return memory
+
+
+def _run_groups(
+    kernel: Compiled, memory: Array, weights: tuple[float, ...], grid: Grid, stop: Stop | None
+) -> tuple[Array, int, bool]:
+    """Records (groups, rows, columns, lanes), iterations, and whether the run was stopped before its end."""
+    every = max(1, min(grid.record_every, grid.steps))
+    whole, rest = divmod(grid.steps, every)
+    width = (len(kernel.card.layout.columns), kernel.card.lanes)
+    record = np.full((len(memory), whole + bool(rest), *width), np.nan)
+    substeps = np.array(weights, dtype=np.float64)
+
+    def call(group: int) -> int:
+        if stop is not None and stop():
+            return -1
+        control = np.zeros((2, len(CONTROL)), dtype=np.int64)
+        control[:, :4] = (whole * every, len(substeps), every, every), (rest, len(substeps), every, rest)
+        done = 0
+        for row in control[: 1 + bool(rest)]:
+            kernel.machine.call(
+                memory[group].ctypes.data, substeps.ctypes.data, row.ctypes.data, record[group, done:].ctypes.data
             )
+            done += int(row[CONTROL.index("rows")])
+        return int(control[:, CONTROL.index("iterations")].sum())
+
+    with ThreadPoolExecutor(cores()) as pool:
+        ran = list(
+            pool.map(lambda part: [call(group) for group in part], np.array_split(np.arange(len(memory)), cores()))
         )
-    return members
+    counts = [count for part in ran for count in part]
+    return record, sum(max(0, count) for count in counts), -1 in counts
 
 
-def _refusal(formulas: Formulas, member: Member) -> Outcome | None:
-    return member.begin.missing or refusal(formulas, member.choice, member.begin, member.grid, member.parameters)
-
-
-def _run_group(formulas: Formulas, group: Sequence[Member], observation: Observation) -> list[Trajectory]:
-    """One kernel call; lanes that are left over repeat the last member."""
-    lanes = lanes_here()
-    first = group[0]
-    kernel = kernel_of(formulas, first.choice, observation, lanes)
-    padded = [*group, *[group[-1]] * (lanes - len(group))]
-    memory = memory_of(kernel.card, [lane_of(m.choice, m.begin, m.grid, m.parameters) for m in padded])
-    done = execute(kernel, memory, weights_of(first.choice), first.grid)
-    return [
-        trajectory_of(formulas, m.choice, kernel, done, lane, m.begin, m.grid, observation)
-        for lane, m in enumerate(group)
-    ]
-
-
-def _spread(items: Sequence[Item], size: int) -> list[Item]:
-    if len(items) not in (1, size):
-        raise InputError(f"An ensemble of {size} needs 1 or {size} of each of its settings.")
-    return list(items) * size if len(items) == 1 else list(items)
-
-
-def _groups(choices: Sequence[MethodChoice], members: Sequence[int], lanes: int) -> list[list[int]]:
-    """Members of the same kernel, `lanes` at a time; alpha = 0 and 1 have kernels of their own."""
-    kinds: dict[float, list[int]] = {}
-    for k in members:
-        alpha = choices[k].alpha
-        kinds.setdefault(alpha if alpha in (0.0, 0.5, 1.0) else -1.0, []).append(k)
-    return [same[first : first + lanes] for same in kinds.values() for first in range(0, len(same), lanes)]
+def _gathered(
+    f: Formulas, choice: MethodChoice, card: Card, columns: Mapping[str, Array], rows: Array, memory: Array, grid: Grid,
+    cancelled: bool, iterations: int,
+) -> Many:  # fmt: skip
+    """Records by member, with the start in front; what never changes is repeated."""
+    letter = "v" if choice.method in POINT_METHODS else "p"
+    places = {name: k for k, name in enumerate(card.layout.columns)}
+    tables = []
+    for kind in ("q", letter):
+        table = np.empty((memory.shape[1], len(rows) + 1, f.size))
+        for k in range(f.size):
+            start = columns[f"{kind}{k}"]
+            table[:, 0, k] = start
+            place = places.get(f"{kind}{k}")
+            table[:, 1:, k] = start[:, None] if place is None else rows[:, place].T
+        tables.append(table)
+    steps = [*range(0, grid.steps + 1, max(1, min(grid.record_every, grid.steps)))]
+    steps += [] if steps[-1] == grid.steps else [grid.steps]
+    status, stopped_at = (memory[card.layout.place(name)] for name in (STATUS, STOPPED_AT))
+    ended = (status[:, None] != 0) & (np.array(steps)[None, :] > stopped_at[:, None])
+    for table in tables:
+        table[ended] = np.nan
+    times = grid.begin + grid.step * np.array(steps, dtype=float)
+    return Many(times, tables[0], tables[1], letter, card, memory, grid, unknown_names(f), cancelled, iterations)

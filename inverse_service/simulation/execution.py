@@ -14,6 +14,7 @@ from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.codegen.constants import (
     GUARDED,
     NO_CONVERGENCE,
+    NO_START,
     NOT_FINITE,
     SINGULAR,
     TOO_SHORT,
@@ -150,6 +151,8 @@ def stopped(card: Card, memory: FloatArray, lane: int, unknown_names: Mapping[st
             if abs(last) < NEARLY_SINGULAR * abs(first):
                 return Stopped("singular", step, quantity, last, _REMEDY, place)
         return Stopped("no_convergence", step, quantity, value, _REMEDY)
+    if code == NO_START:
+        return Stopped("off_domain", 0, "the state at the start, which has no finite value", value, _UNDEFINED)
     if code == UNRESOLVED:
         return Stopped("unresolved", step, _BENT, value, f"{_REMEDY}, or go on with guard = false, unchecked")
     if code == TOO_SHORT:
