@@ -22,6 +22,8 @@ MAX_STEPS = 100_000_000
 MAX_METHODS = 24
 MAX_EFFECTS = 32
 MAX_STEP_SIZES = 40
+MAX_EVENTS = 16
+MAX_MEMBERS = 1_000_000
 
 MethodName = Literal[
     "variational", "nonholonomic", "modified", "exact", "reference", "runge-kutta", "adaptive", "stiff", "heyoka"
@@ -33,10 +35,14 @@ Beginning = Literal["momenta", "discrete_constraint"]
 Word = Annotated[str, StringConstraints(min_length=1, max_length=MAX_NAME_CHARACTERS)]
 FreeLagrangian = Annotated[str, StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS)]
 Numbers = Annotated[dict[Name, Value], Field(max_length=MAX_PARAMETERS)]
+Observable = Annotated[
+    Annotated[Observed, Tag("quantity")] | Annotated[dict[Name, Formula], Field(max_length=16), Tag("formulas")],
+    Discriminator(lambda value: "formulas" if isinstance(value, dict) else "quantity"),
+]
 SYSTEM_TAGS = ("catalogue", "document", "result", "inline")
 
 
-def _trajectory() -> list[Observed]:
+def _trajectory() -> list[Any]:
     return ["trajectory"]
 
 
@@ -103,6 +109,17 @@ class LagrangianDocument(Document):
     time_dependent_lagrangian: bool | None = None
 
 
+class SceneEvent(Document):
+    """What is found along a motion: zeros of `when`, a formula or "formula = 0".
+
+    `direction`: rising (1), falling (-1) or both (0); `do`: "record" keeps the point, "stop" ends the run there.
+    """
+
+    when: Formula
+    direction: Literal[-1, 0, 1] = 0
+    do: Literal["record", "stop"] = "record"
+
+
 class SceneInitial(Document):
     """Initial data. Velocities that the constraints determine may be left out.
 
@@ -113,6 +130,30 @@ class SceneInitial(Document):
     velocities: Annotated[dict[Name, Value], Field(max_length=MAX_SIMULATED)] | None = None
     momenta: Annotated[dict[Name, Value], Field(max_length=MAX_SIMULATED)] | None = None
     project: bool = False
+
+
+Column = Annotated[list[Value], Field(min_length=1, max_length=MAX_MEMBERS)]
+
+
+class MemberColumns(Document):
+    """Starts of an ensemble as columns of one length; what is left out is as in the scene."""
+
+    positions: Annotated[dict[Name, Column], Field(max_length=MAX_SIMULATED)] = Field(default_factory=dict)
+    velocities: Annotated[dict[Name, Column], Field(max_length=MAX_SIMULATED)] = Field(default_factory=dict)
+
+
+Starts = Annotated[
+    Annotated[MemberColumns, Tag("columns")]
+    | Annotated[list[SceneInitial], Field(min_length=1, max_length=MAX_MEMBERS), Tag("list")],
+    Discriminator(lambda value: "list" if isinstance(value, list) else "columns"),
+]
+
+
+class SceneEnsemble(Document):
+    """Many runs at once: starts, and lists of values of parameters, of which all combinations are run."""
+
+    initial: Starts | None = None
+    parameters: Annotated[dict[Name, Column], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)
 
 
 class SceneMethod(Document):
@@ -149,7 +190,9 @@ class SceneDocument(Document):
     friction or drag. `functions`: formulas for the arbitrary functions of the system. `step` and `steps`, or `step` and
     `time` (the length of time). `free_lagrangian`: L~ as a formula, or "first", "second" or "third" for that associated
     system; `constants`: its free constants. `circle`: the two coordinates whose path is matched by circles.
-    `step_sizes`: those of `work-precision`.
+    `step_sizes`: those of `work-precision`. `forces`: further forces Q(t, q, q') by coordinate; `rayleigh`: a function
+    R of which -dR/dq' is a force. `observe` takes formulas by name too. `restart`: the result of a scene that ends
+    where this one begins.
     """
 
     name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
@@ -159,13 +202,19 @@ class SceneDocument(Document):
     effects: Annotated[list[Word], Field(max_length=MAX_EFFECTS)] | None = None
     terms: Annotated[dict[Name, Formula], Field(max_length=MAX_EFFECTS)] = Field(default_factory=dict)
     as_lagrangian: bool = False
-    initial: SceneInitial
+    forces: Annotated[dict[Name, Formula], Field(max_length=MAX_SIMULATED)] = Field(default_factory=dict)
+    rayleigh: Formula | None = None
+    initial: SceneInitial | None = None
+    restart: dict[str, Any] | None = None
+    start_time: Value | None = None
     step: Value
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS), BeforeValidator(_whole)] | None = None
     time: Value | None = None
     record_every: Annotated[int, Field(ge=1, le=MAX_STEPS), BeforeValidator(_whole)] | None = None
     methods: Methods
-    observe: Annotated[list[Observed], Field(max_length=16)] = Field(default_factory=_trajectory)
+    observe: Annotated[list[Observable], Field(max_length=32)] = Field(default_factory=_trajectory)
+    events: Annotated[list[SceneEvent], Field(max_length=MAX_EVENTS)] = Field(default_factory=list)
+    ensemble: SceneEnsemble | None = None
     start: Beginning = "momenta"
     free_lagrangian: FreeLagrangian | None = None
     constants: Numbers = Field(default_factory=dict)

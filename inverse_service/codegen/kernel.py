@@ -11,7 +11,7 @@ from inverse_service.codegen.algebra import STEP
 from inverse_service.codegen.constants import NOT_FINITE, UNOBSERVABLE, UNRESOLVED, WATCHED
 from inverse_service.codegen.emission import Emitter
 from inverse_service.codegen.implicit import Blocks
-from inverse_service.codegen.layout import CLOCK, STATUS, Layout, changing, layout_of
+from inverse_service.codegen.layout import CLOCK, PACE, STATUS, Layout, changing, layout_of
 from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.program import Assign, Program
 
@@ -21,6 +21,7 @@ CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iteratio
 # Four to five steps in a turn of what moves most are the least.
 LEAST_RESOLVED = 0.16
 NOISE_OF_PLACE = 1e-10
+FADING = 0.81  # a step, of the square of a pace
 
 
 class Kernel:
@@ -199,7 +200,8 @@ class Kernel:
     def _test_resolution(self) -> None:
         """Sum of (a - 2 b + c)^2 below LEAST_RESOLVED times that of (|a| + 2 |b| + |c|)^2, for three steps in a row.
 
-        For an oscillation the quotient is (1 - cos(h omega))^2/4. Round-off of the position counts nothing.
+        For an oscillation the quotient is (1 - cos(h omega))^2/4. Round-off of the position counts nothing, and where
+        the motion stands still for a moment its pace before counts, which fades.
         """
         w = self.writer
         bent, size = w.number(0.0), w.number(0.0)
@@ -214,6 +216,9 @@ class Kernel:
             size = w.binary("+", size, w.binary("*", total, total))
             w.write(f"before_{place}", last)
             w.write(f"later_{place}", now)
+        past = w.binary("*", w.number(FADING), w.read(PACE))
+        size = w.select(w.compare(">", size, past), size, past)
+        w.write(PACE, size)
         early = w.compare("<", w.read(CLOCK), w.number(2.0))
         good = w.compare("<=", bent, w.binary("*", w.number(LEAST_RESOLVED), size))
         one = w.number(1.0)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from inverse_service.codegen.program import Program, Solve
 
 STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "stopped_value"
+PACE = "pace"  # the square of recent steps
 TRIAL = "trial"  # the length of the next step where a kernel chooses it
 
 
@@ -47,6 +48,7 @@ def layout_of(program: Program) -> Layout:
         *(f"{which}_{k}" for k in range(len(solves)) for which in ("first", "last")),
         *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind == "sign"),
         *(f"{which}_{k}" for k in range(len(program.way)) for which in ("later", "before")),
+        *((PACE,) if program.way else ()),
         *(f"maximum_{k}" for k in range(len(program.observed))),
     ]
     columns = (

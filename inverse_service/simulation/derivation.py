@@ -47,7 +47,7 @@ def derive(scene: Scene, find: Find) -> Derived:
             exact = _exact(scene)
     compares = bool(COMPARED & set(scene.observe)) and not isinstance(exact, ExactMotion)
     accelerations = None
-    if used & USES_ACCELERATIONS or compares:
+    if used & USES_ACCELERATIONS or compares or (scene.events and used & {EXACT, "modified"}):
         with _timed(seconds, "accelerations"):
             accelerations = _accelerations(scene)
     free: dict[str | None, FreeLagrangian | Unavailable] = {}
@@ -64,13 +64,15 @@ def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem 
         return with_accelerations(scene, derived)
     if scene.lagrangian is None and method in ("nonholonomic", "modified"):
         return Unavailable(f"The method {method} needs the Lagrangian of the system; the scene gives only equations.")
+    if method == "modified" and scene.forces:
+        return Unavailable("The modified method is for motions without further forces: use nonholonomic.")
     if method == "modified" and not scene.constraints:
         return Unavailable("The modified method needs constraints; this scene has none.")
     if method == "nonholonomic" and is_degenerate(scene):
         return Unavailable(DEGENERATE[:1].upper() + DEGENERATE[1:])
     if method == "nonholonomic":
         names, values = scene.coordinates, tuple(scene.values)
-        return Problem(names, values, lagrangian=scene.lagrangian, constraints=scene.constraints)
+        return Problem(names, values, lagrangian=scene.lagrangian, constraints=scene.constraints, forces=scene.forces)
     free = derived.free[requested.free]
     if isinstance(free, Unavailable):
         return free
@@ -82,6 +84,7 @@ def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem 
         free_lagrangian=free.lagrangian,
         free_hamiltonian=free.hamiltonian,
         free_constants=tuple(free.constants),
+        forces=scene.forces if free.forced else (),
     )
 
 
@@ -96,6 +99,8 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
 def _exact(scene: Scene) -> ExactMotion | NoExactMotion:
     if scene.lagrangian is None:
         return NoExactMotion("The system is given by its equations.")
+    if scene.forces:
+        return NoExactMotion("Further forces act.")
     return exact_motion(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 
 
@@ -105,11 +110,13 @@ def _accelerations(scene: Scene) -> tuple[Expression, ...] | Unavailable:
     if scene.lagrangian is None:
         return Unavailable("The scene has neither a Lagrangian nor equations of motion.")
     try:
-        found = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints)
+        found = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
     except InputError as error:
         return Unavailable(error.detail[:1].upper() + error.detail[1:])
     if found is not None:
         return found
+    if scene.forces:
+        return Unavailable("The kinetic energy couples too many coordinates for forces to be added.")
     system = NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
     return equations_of_motion(system).accelerations
 

@@ -85,11 +85,12 @@ def run_ensemble(
     momenta: Array | None = None,
     steps: Array | None = None,
     stop: Stop | None = None,
+    begins: Array | None = None,
 ) -> Many:
     """N trajectories from `positions` and `velocities` (N, n), or `momenta` where they are known.
 
     `values` gives each parameter a number or (N,) numbers; `steps` (N,) are steps of their own in the place of that of
-    the grid. InputError for what a single run would refuse.
+    the grid, `begins` times of their own at the start. InputError for what a single run would refuse.
     """
     check(problem, choice, [grid])
     if choice.method in ("heyoka", "modified"):
@@ -97,7 +98,8 @@ def run_ensemble(
     f = Formulas(problem)
     kernel = kernel_of(f, choice, Observation(momenta=False, velocities=False), lanes_here())
     count = len(positions)
-    columns = _columns(f, choice, positions, velocities, momenta, values, grid)
+    times = np.full(count, grid.begin) if begins is None else begins
+    columns = _columns(f, choice, positions, velocities, momenta, values, times)
     columns["h"] = np.broadcast_to(grid.step if steps is None else steps, count)
     memory = _memory(kernel.card, columns, count)
     record, iterations, cancelled = _run_groups(kernel, memory, weights_of(choice), grid, stop)
@@ -108,7 +110,7 @@ def run_ensemble(
 
 def _columns(
     f: Formulas, choice: MethodChoice, positions: Array, velocities: Array, momenta: Array | None,
-    values: Mapping[str, float | Array], grid: Grid,
+    values: Mapping[str, float | Array], times: Array,
 ) -> dict[str, Array]:  # fmt: skip
     """Values of state variables, rates and arguments by kernel name, (N,) each."""
     count = len(positions)
@@ -118,7 +120,7 @@ def _columns(
             raise InputError(f"The parameter {name} needs a value.")
         given[f"c{place}"] = values[name]
     found = {name: np.broadcast_to(np.asarray(value, dtype=float), count) for name, value in given.items()}
-    found[str(MOMENT)] = np.full(count, grid.begin)
+    found[str(MOMENT)] = times
     found |= {f"q{k}": positions[:, k] for k in range(f.size)} | {f"v{k}": velocities[:, k] for k in range(f.size)}
     if choice.method in POINT_METHODS:
         return found

@@ -83,6 +83,38 @@ class Formulas:
         return [translate(tree, self.table) for tree in self.problem.accelerations]
 
     @cached_property
+    def forces(self) -> list[Formula]:
+        """The further forces Q(t, q, v), empty where there are none."""
+        return [translate(tree, self.table) for tree in self.problem.forces]
+
+    def forces_at(self, place: Sequence[Formula], velocity: Sequence[Formula], moment: Formula) -> list[Formula]:
+        names = [*self.symbols("q"), *self.symbols("v"), MOMENT]
+        table = dict(zip(names, [*place, *velocity, moment], strict=True))
+        return [force.subs(table) for force in self.forces]
+
+    def pushed(self, slope_q: Gradient, moment: Formula) -> Gradient:
+        """L_q + Q in the place of L_q: the discrete forces of Lagrange and d'Alembert at the same point."""
+        if not self.forces:
+            return slope_q
+
+        def at(place: list[Formula], velocity: list[Formula]) -> list[Formula]:
+            forces = self.forces_at(place, velocity, moment)
+            return [slope + force for slope, force in zip(slope_q(place, velocity), forces, strict=True)]
+
+        return at
+
+    def held(self, slope_q: Gradient, slope_p: Gradient, moment: Formula) -> Gradient:
+        """H_q - Q at the velocity H_p in the place of H_q."""
+        if not self.forces:
+            return slope_q
+
+        def at(place: list[Formula], momentum: list[Formula]) -> list[Formula]:
+            forces = self.forces_at(place, slope_p(place, momentum), moment)
+            return [slope - force for slope, force in zip(slope_q(place, momentum), forces, strict=True)]
+
+        return at
+
+    @cached_property
     def forms(self) -> list[list[Formula]]:
         """omega^a_i(q), one row for each constraint; InputError where one is not linear in the velocities."""
         rows = []

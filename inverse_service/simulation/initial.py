@@ -72,7 +72,8 @@ def is_degenerate(scene: Scene) -> bool:
     for attempt in range(NEARBY):
         shift = random.normal(0, 0.1, (2, len(scene.coordinates))) * bool(attempt)
         place, rate = scene.positions + shift[0], scene.velocities + shift[1]
-        table = table_of(scene.coordinates, place[None], rate[None], scene.values)
+        moment = np.array([scene.grid.begin + attempt * scene.grid.step])
+        table = table_of(scene.coordinates, place[None], rate[None], scene.values, moment)
         mass = np.array([[array_value(entry, table)[0] for entry in row] for row in matrix])
         rows = np.array([[array_value(differentiate(w, Velocity(name)), table)[0] for name in scene.coordinates]
                          for w in scene.constraints]).reshape(-1, len(mass))  # fmt: skip

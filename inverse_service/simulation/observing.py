@@ -52,6 +52,7 @@ from inverse_service.simulation.truth import Truth
 
 Array = NDArray[np.float64]
 WITH_TIME = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
+FORCED = "Further forces do work, so the energy is no constant of the motion: see the balance of energy and work."
 MOVING_CONSTRAINTS = (
     "A constraint has a part without velocities and may do work, so the energy is no constant of the motion: there is "
     "no error to tell."
@@ -93,7 +94,8 @@ def observables(scene: Scene) -> tuple[Observable, ...]:
 
 def observation_of(scene: Scene) -> Observation:
     """What the integrator records for a scene."""
-    momenta_used = bool({"momenta", "energy", "constraints"} & set(scene.observe))
+    # Momenta are the state itself: they cost a column, and velocities at the points follow from them.
+    momenta_used = True
     return Observation(momenta=momenta_used, velocities="velocities" in scene.observe, observables=observables(scene))
 
 
@@ -107,6 +109,7 @@ def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:
         k: name
         for k, name in enumerate(scene.coordinates)
         if differentiate(lagrangian, Symbol(name)) == ZERO
+        and not (scene.forces and scene.forces[k] != ZERO)
         and all(differentiate(w, Velocity(name)) == ZERO for w in constrained)
     }
 
@@ -118,7 +121,7 @@ def why_energy_varies(scene: Scene) -> str | None:
     rest: dict[Expression, Expression] = {Velocity(name): ZERO for name in scene.coordinates}
     if any(collect(substitute(w, rest)) != ZERO for w in scene.constraints):
         return MOVING_CONSTRAINTS
-    return None
+    return FORCED if scene.forces else None
 
 
 def point_energy(scene: Scene, positions: Array, velocities: Array, times: Array | None = None) -> Array:

@@ -14,7 +14,8 @@ class Problem:
     `lagrangian` L of the constrained system with its effects applied, `constraints` omega(q) . v, linear in the
     velocities, `free_lagrangian` the L~ of an associated second-order system or the L of a free one,
     `free_hamiltonian` its H~(q, p) in Symbol("p_x") for each coordinate x, `free_constants` names among the
-    parameters that L~ may choose freely (C2, a_x, ...), `accelerations` all n accelerations of the true motion.
+    parameters that L~ may choose freely (C2, a_x, ...), `accelerations` all n accelerations of the true motion,
+    `forces` Q_i(t, q, q') that act beside `lagrangian` or `free_lagrangian`.
     """
 
     coordinates: tuple[str, ...]
@@ -25,9 +26,16 @@ class Problem:
     free_hamiltonian: Expression | None = None
     free_constants: tuple[str, ...] = ()
     accelerations: tuple[Expression, ...] | None = None
+    forces: tuple[Expression, ...] = ()
 
     @property
     def depends_on_time(self) -> bool:
         """Whether t occurs in any of the formulas; the motion begins at t = 0."""
-        trees = (self.lagrangian, self.free_lagrangian, self.free_hamiltonian, *(self.accelerations or ()))
+        trees = (
+            self.lagrangian,
+            self.free_lagrangian,
+            self.free_hamiltonian,
+            *(self.accelerations or ()),
+            *self.forces,
+        )
         return any(node == TIME for tree in trees if tree is not None for node in walk(tree))

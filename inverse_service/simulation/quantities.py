@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.observing import (
     circle_numbers,
     conserved_momenta,
@@ -59,7 +60,56 @@ def observed_quantities(run: Observed, seconds: dict[str, float]) -> tuple[dict[
             found, columns = _quantity(name, run, true)
             numbers |= found
             series |= columns
+    if scene.own:
+        with _timed(seconds, "own observables"):
+            found, columns = _own(run)
+            numbers |= found
+            series |= columns
     return numbers, series
+
+
+def _own(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The observables that the scene gives by formula, at the recorded points: first, last, least and greatest."""
+    velocities = _point_velocities(run)
+    numbers: dict[str, Any] = {}
+    series: dict[str, Array] = {}
+    at = run.trajectory
+    values = dict(run.scene.values)
+    table = table_of(run.scene.coordinates, at.positions, velocities, values, at.times)
+    for one in run.scene.own:
+        try:
+            column = array_value(one.expression, table)
+        except NoValue:
+            numbers[one.name] = {"note": _NO_VELOCITIES}
+            continue
+        series[one.name] = column
+        ends = {"first": float(column[0]), "last": float(column[-1])}
+        finite = bool(np.isfinite(column).all())
+        extremes = {"least": float(column.min()), "greatest": float(column.max())} if finite else {}
+        numbers[one.name] = ends | extremes
+    return {"observables": numbers}, series
+
+
+def _balance(run: Observed, velocities: Array, points: Array, start: float) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Power Q v and its work at the recorded points, and how far E - E_0 is from the work."""
+    scene, times = run.scene, run.trajectory.times
+    table = table_of(scene.coordinates, run.trajectory.positions, velocities, dict(scene.values), times)
+    power = sum(
+        (array_value(force, table) * velocities[:, k] for k, force in enumerate(scene.forces)), np.zeros(len(times))
+    )
+    work = _integral(power, times)
+    difference = np.abs(points - start - work)
+    numbers = {"work": float(work[-1]), "max_balance_error": greatest(difference)}
+    return numbers, {"power": power, "work": work}
+
+
+def _integral(values: Array, times: Array) -> Array:
+    """The integral from the start, (m,), by the cubic through each point and its neighbours: order 4 in the spacing."""
+    if len(values) < 3:
+        return np.concatenate([[0.0], np.cumsum(np.diff(times) * (values[1:] + values[:-1]) / 2)])
+    steps, slopes = np.diff(times), np.gradient(values, times, edge_order=2)
+    parts = steps * (values[1:] + values[:-1]) / 2 - steps**2 * (slopes[1:] - slopes[:-1]) / 12
+    return np.concatenate([[0.0], np.cumsum(parts)])
 
 
 def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -102,7 +152,11 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     series = {"energy": points} | series
     varies = why_energy_varies(run.scene)
     if varies:
-        return {"energy_start": start, "max_energy_error": None, "energy_note": varies}, series
+        numbers = {"energy_start": start, "max_energy_error": None, "energy_note": varies}
+        if not run.scene.forces:
+            return numbers, series
+        further, columns = _balance(run, velocities, points, start)
+        return numbers | further, series | columns
     errors = np.abs(points - start) / (abs(start) or 1.0)
     found: dict[str, Any] = {
         "energy_start": start,
@@ -152,6 +206,18 @@ def _compared(
     pair = list(scene.circle)
     found, angles = phase_numbers(positions[:, pair], true[:, pair])
     return found, {"phase_error": angles}
+
+
+def last_point(run: Observed) -> tuple[float, Array, Array | None]:
+    """(t, q, v) where the run ended, with which another can go on; v is None where the method has none."""
+    at = run.trajectory
+    short = replace(
+        at, times=at.times[-3:], positions=at.positions[-3:],
+        momenta=None if at.momenta is None else at.momenta[-3:],
+        velocities=None if at.velocities is None else at.velocities[-3:],
+    )  # fmt: skip
+    velocities = _point_velocities(replace(run, trajectory=short))
+    return float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]
 
 
 def _columns(prefix: str, scene: Scene, table: Array) -> dict[str, Array]:

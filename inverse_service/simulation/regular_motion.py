@@ -1,6 +1,6 @@
 """Accelerations of a constrained motion in a form that is regular wherever the constraints are independent.
 
-With g = L_vv, F = L_q - L_vq v - L_vt and constraints w v = 0:
+With g = L_vv, F = L_q - L_vq v - L_vt + Q and constraints w v = 0:
 
     a = g^-1 (F + w^T lambda),   lambda = -(w g^-1 w^T)^-1 (w' v + w g^-1 F)
 
@@ -40,14 +40,18 @@ DEGENERATE = (
 
 
 def regular_accelerations(
-    coordinates: Sequence[str], lagrangian: Expression, constraints: Sequence[Expression]
+    coordinates: Sequence[str],
+    lagrangian: Expression,
+    constraints: Sequence[Expression],
+    forces: Sequence[Expression] = (),
 ) -> tuple[Expression, ...] | None:
-    """All n accelerations over (q, v); None where the matrices are too large to be inverted symbolically."""
+    """All n accelerations over (q, v), with further forces Q; None where the matrices are too large to be inverted."""
     names = tuple(coordinates)
     inertia = inverse(hessian(lagrangian, names))
     if inertia is None:
         return None
-    free = _applied(inertia, _forces(names, lagrangian))
+    own = _forces(names, lagrangian)
+    free = _applied(inertia, tuple(map(add, own, forces)) if forces else own)
     if not constraints:
         return free
     rows = tuple(tuple(collect(differentiate(w, Velocity(name))) for name in names) for w in constraints)

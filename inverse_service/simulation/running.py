@@ -15,13 +15,15 @@ from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.choices import Observation, Start
-from inverse_service.simulation.derivation import COMPARED, USES_EXACT, Derived, Find, problem_of
+from inverse_service.simulation.derivation import COMPARED, USES_EXACT, Derived, Find, problem_of, with_accelerations
+from inverse_service.simulation.ensemble_runs import EnsembleRun, run_members
+from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.part_costs import COST, Means, part_costs
 from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.quantities import Observed, observed_quantities
+from inverse_service.simulation.quantities import Observed, last_point, observed_quantities
 from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, exact_trajectory, true_motion
 
@@ -36,7 +38,7 @@ class MethodRun:
     """One method of a scene. `numbers` are the observed quantities, `series` those at each recorded point.
 
     `seconds` says what compiling, running and each observed quantity cost; `trajectory` is None where the
-    method could not start, and `outcome` says why.
+    method could not start, and `outcome` says why. `events` are those found, `final` is the last point (t, q, v).
     """
 
     requested: Requested
@@ -46,6 +48,8 @@ class MethodRun:
     series: Mapping[str, Array] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     free: FreeLagrangian | None = None
+    events: tuple[Found, ...] = ()
+    final: tuple[float, Array, Array | None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +60,7 @@ class SceneRun:
     derived: Derived
     truth: Truth | Unavailable | None
     runs: tuple[MethodRun, ...]
+    members: tuple[EnsembleRun, ...] = ()
 
 
 def run_scene(
@@ -67,18 +72,22 @@ def run_scene(
     """
     tell = progress or (lambda message: None)
     truth = None
-    if USES_EXACT & set(scene.observe):
+    if USES_EXACT & set(scene.observe) and scene.ensemble is None:
         tell("true motion")
         truth = _truth(scene, derived, stop)
-    runs = []
+    runs: list[MethodRun] = []
+    members: list[EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
         try:
+            if scene.ensemble is not None:
+                members.append(run_members(scene, derived, requested, stop))
+                continue
             runs.append(run_method(scene, requested, derived, truth, stop, find))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
-    return SceneRun(scene, derived, truth, tuple(runs))
+    return SceneRun(scene, derived, truth, tuple(runs), tuple(members))
 
 
 def run_method(
@@ -106,6 +115,12 @@ def run_method(
     if isinstance(found, Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
+    events: tuple[Found, ...] = ()
+    if scene.events and len(found.times) > 1:
+        begun = time.perf_counter()
+        values = values_of(scene, requested, known)
+        found, events = with_events(scene, requested, problem, found, with_accelerations(scene, derived), values)
+        seconds["events"] = time.perf_counter() - begun
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
@@ -114,7 +129,7 @@ def run_method(
         begun = time.perf_counter()
         numbers[COST] = _costs(scene, requested, derived, known, stop, find)
         seconds[COST] = time.perf_counter() - begun
-    return MethodRun(requested, found.outcome, found, numbers, series, seconds, known)
+    return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, last_point(observed))
 
 
 def _integrated(

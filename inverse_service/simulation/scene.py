@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.expressions.tree import Expression
-from inverse_service.simulation.choices import Grid, MethodChoice
+from inverse_service.simulation.choices import Grid, MethodChoice, Observable
 
 Array = NDArray[np.float64]
 
@@ -22,8 +22,9 @@ OBSERVED = ("trajectory", "velocities", "energy", "constraints", "momenta", "mat
 class FreeLagrangian:
     """L~ (and H~ in Symbol("p_x"), where there is one) of a free system with the motion of the scene.
 
-    `constants` are names of parameters that L~ may choose freely, with the values used; `source` says where
-    L~ comes from. `start_momenta` gives p_0 from q_0 and v_0 where dL~/dv is 0/0 at the start.
+    `constants` are names of parameters that L~ may choose freely, with the values used; `source` says where L~ comes
+    from. `start_momenta` gives p_0 from q_0 and v_0 where dL~/dv is 0/0 at the start. `forced`: the forces of the scene
+    act beside it.
     """
 
     lagrangian: Expression
@@ -31,6 +32,7 @@ class FreeLagrangian:
     constants: Mapping[str, float]
     source: str
     start_momenta: Callable[[Array, Array, Mapping[str, float]], Array] | None = None
+    forced: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +59,29 @@ class Requested:
 
 
 @dataclass(frozen=True, slots=True)
+class Event:
+    """Zeros of `formula`, rising (direction 1), falling (-1) or both (0); `stops`: the run ends at the first."""
+
+    formula: Expression
+    direction: int
+    stops: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Members:
+    """The members of an ensemble: positions and velocities (N, n), and (N,) values of the parameters that differ."""
+
+    positions: Array
+    velocities: Array
+    values: Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
 class Scene:
     """`lagrangian` holds the effects named and no other; None for a system given by `accelerations`.
 
     `values` gives every parameter a number. `positions` and `velocities` (n,) are on the constraints.
+    `forces` (n,) act beside L and the constraints, empty where there are none; `own` are observables by formula.
     `circle` are the places of the two coordinates whose path is matched by circles. `without` gives (Lagrangian,
     constraints) without each effect, where the cost of parts is observed, and is empty elsewhere.
     """
@@ -79,4 +100,8 @@ class Scene:
     observe: tuple[str, ...]
     circle: tuple[int, int] | None
     notes: tuple[str, ...] = ()
+    forces: tuple[Expression, ...] = ()
+    own: tuple[Observable, ...] = ()
+    events: tuple[Event, ...] = ()
+    ensemble: Members | None = None
     without: Mapping[str, tuple[Expression | None, tuple[Expression, ...]]] = field(default_factory=dict)

@@ -63,6 +63,7 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
     alpha = alpha_of(choice)
     slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "q", "p", moment_at(alpha)) for letter in "qp")
+    slope_q = f.held(slope_q, slope_p, moment_at(alpha))
     if len(parts_of(choice)) == 2:
         e = (f.symbols("e"), f.symbols("g"))
         equations, pushes = symmetrised_hamiltonian_step(q, p, d, e, STEP, alpha, slope_q, slope_p)
@@ -84,6 +85,7 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
     parts = parts_of(choice)
     slope_q, slope_v = (f.gradient(f.free_lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
+    slope_q = f.pushed(slope_q, moment_at(parts[0]))
     equations, pushes = raw_step(q, p, d, STEP, parts, slope_q, slope_v)
     watches = [
         Watch("sign", wall.formula.subs(discrete_point(f, q, d, part)), wall.text, "use the Hamiltonian form")
@@ -101,6 +103,7 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
     m = [symbol(f"m{a}") for a in range(len(f.forms))]
     slope_q, slope_v = (f.gradient(f.lagrangian, letter, moment=moment_at(parts_of(choice)[0])) for letter in "qv")
+    slope_q = f.pushed(slope_q, moment_at(parts_of(choice)[0]))
     equations, pushes = lagrange_dalembert_step(
         q, p, d, m, STEP, parts_of(choice), slope_q, slope_v, f.forms_at, f.drifts_at
     )

@@ -192,4 +192,5 @@ def _discrete_slopes(
     for q, v in zip(f.symbols("q"), velocities, strict=True):
         impulse, force = (lagrangian.diff(name).subs(given) for name in (v, q))
         slopes.append((real_value(impulse, table), real_value(force, table)))
-    return slopes
+    pushes = [real_value(force, table) for force in f.forces] or [0.0] * f.size
+    return [(impulse, force + push) for (impulse, force), push in zip(slopes, pushes, strict=True)]

@@ -106,6 +106,8 @@ def resolution_watches(
     used = {name for force in f.accelerations for name in force.free_symbols}
     steps = [*(x / STEP for x in f.symbols("q") if x in used), *(v for v in f.symbols("v") if v in used)]
     noise = number(ROUND_OFF) * sum((x**2 for x in steps), number(0))
+    # Where the force passes 0 the velocity is what counts.
+    size += sum((v**2 for v in f.symbols("v")), number(0)) / 100
     ratio = difference / (size + noise + number(SMALLEST))
     after = [x + d for x, d in zip((*f.symbols("q"), *f.symbols("v")), changes, strict=True)]
     point = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*after, moment_at(ONE)], strict=True))

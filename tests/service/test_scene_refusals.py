@@ -121,7 +121,7 @@ def test_arbitrary_functions_need_a_formula() -> None:
 def test_effects_of_a_system_without_lagrangian_are_refused() -> None:
     scene = DISK | {"system": OSCILLATOR, "parameters": {}, "effects": ["potential"]}
     scene["initial"] = {"positions": {"x": 0}, "velocities": {"x": 0}}
-    with pytest.raises(InputError, match="effects and terms need a Lagrangian"):
+    with pytest.raises(InputError, match="effects, terms and forces need a Lagrangian"):
         read_scene(scene_schema(scene))
 
 

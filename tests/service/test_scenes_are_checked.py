@@ -77,7 +77,7 @@ def test_a_ball_on_a_turntable_is_run_geometrically() -> None:
 def test_a_time_off_the_grid_is_noted() -> None:
     document = scene(PLANE, ["variational"], time="2*pi")
     del document["steps"]
-    assert any("The run ends at t = 6.3" in note for note in simulate(document)["notes"])
+    assert any("The run takes 6.3" in note for note in simulate(document)["notes"])
 
 
 @pytest.mark.parametrize("method", ["adaptive", "variational", "heyoka"])

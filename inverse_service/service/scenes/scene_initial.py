@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from api_schemas.scene import SceneDocument
+from api_schemas.scene import SceneInitial
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import Expression
@@ -19,14 +19,13 @@ Array = NDArray[np.float64]
 
 
 def read_initial(
-    schema: SceneDocument,
+    given: SceneInitial,
     names: Names,
     lagrangian: Expression | None,
     constraints: tuple[Expression, ...],
     values: Mapping[str, float],
 ) -> tuple[Array, Array]:
     """Positions and velocities, (n,) each, the velocities on the constraints."""
-    given = schema.initial
     positions = _by_coordinate(given.positions, names, "/initial/positions")
     missing = [name for name in names.coordinates if name not in positions]
     if missing:

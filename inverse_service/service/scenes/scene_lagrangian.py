@@ -68,7 +68,10 @@ def _found(
     if wanted is not None and wanted not in KINDS:
         return _given(scene, system, wanted, constants, pointer, "given in the scene")
     if not scene.constraints and scene.lagrangian is not None:
-        return _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
+        found = _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
+        return replace(found, forced=bool(scene.forces)) if isinstance(found, FreeLagrangian) else found
+    if scene.forces:
+        return Unavailable("With further forces the constrained motion has no free Lagrangian here: use nonholonomic.")
     if wanted is None and system.free_lagrangian is not None:
         return _given(scene, system, system.free_lagrangian, constants, "/system", system.source)
     if wanted in (None, "second") and isinstance(exact, ExactMotion):
@@ -92,7 +95,7 @@ def _given(
     accelerations = scene.accelerations
     if accelerations is None and scene.lagrangian is not None:
         try:
-            accelerations = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints)
+            accelerations = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
         except InputError as error:
             return Unavailable(error.detail[:1].upper() + error.detail[1:])
     if accelerations is not None and keeps_motion(scene, tree, accelerations, values) is False:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 from api_schemas.scene import MAX_STEPS, SceneDocument
 from inverse_service.errors import InputError, LimitError
@@ -12,10 +13,14 @@ from inverse_service.simulation.array_values import NoValue, array_value
 from inverse_service.simulation.choices import Grid
 
 MOST_RECORDED = 100_000
+MOST_WITH_EVENTS = 2_000_000
+_DECIMAL = re.compile(r"[-+]?[0-9]{1,40}(\.[0-9]{0,40})?([eE][-+]?[0-9]{1,3})?")
 
 
 def number_of(text: str, pointer: str, what: str = "a number") -> float:
     """A number written as 0.1, "1/2" or "pi/4"; InputError for anything else and for what is not finite."""
+    if _DECIMAL.fullmatch(text) and math.isfinite(value := float(text)):
+        return value
     try:
         tree = read_formula(text, Names(time=False))
         value = float(array_value(tree, {})[0])
@@ -28,7 +33,7 @@ def number_of(text: str, pointer: str, what: str = "a number") -> float:
     return value
 
 
-def read_grid(schema: SceneDocument) -> tuple[Grid, tuple[str, ...]]:
+def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[Grid, tuple[str, ...]]:
     """Step, number of steps and which are recorded, with a note where that is not every one asked for."""
     step = number_of(schema.step, "/step")
     if step <= 0:
@@ -43,15 +48,21 @@ def read_grid(schema: SceneDocument) -> tuple[Grid, tuple[str, ...]]:
     notes: tuple[str, ...] = ()
     length = None if schema.time is None else number_of(schema.time, "/time")
     if length is not None and abs(steps * step - length) > 1e-9 * length:
-        notes = (f"The run ends at t = {steps * step:.10g}, the first point of the grid beyond {length:.10g}.",)
+        notes = (f"The run takes {steps * step:.10g}, to the first point of the grid beyond {length:.10g}.",)
     if steps > MAX_STEPS:
         raise LimitError(f"the scene has {steps} steps: the limit is {MAX_STEPS}; take a larger step.", "/time")
     every = schema.record_every or 1
+    if schema.events:
+        if every > 1 or steps > MOST_WITH_EVENTS:
+            raise InputError(
+                f"events need every step, and at most {MOST_WITH_EVENTS}: leave record_every out.", "/events"
+            )
+        return Grid(step, steps, 1, begin), notes
     if steps // every <= MOST_RECORDED:
-        return Grid(step, steps, min(every, steps)), notes
+        return Grid(step, steps, min(every, steps), begin), notes
     every = math.ceil(steps / MOST_RECORDED)
     note = f"Every {every}th step is recorded, so that at most {MOST_RECORDED} points are kept."
-    return Grid(step, steps, every), (*notes, note)
+    return Grid(step, steps, every, begin), (*notes, note)
 
 
 def _steps_of(schema: SceneDocument, step: float) -> int:

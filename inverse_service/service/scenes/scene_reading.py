@@ -9,7 +9,16 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.service.documents.reading import escape
+from inverse_service.service.scenes.scene_ensemble import read_members
 from inverse_service.service.scenes.scene_formulas import Definitions, defined, read_definitions, refuse_open_functions
+from inverse_service.service.scenes.scene_further import (
+    FORCES,
+    RAYLEIGH,
+    beginning,
+    read_events,
+    read_forces,
+    read_observables,
+)
 from inverse_service.service.scenes.scene_initial import read_initial
 from inverse_service.service.scenes.scene_methods import read_circle, read_methods
 from inverse_service.service.scenes.scene_numbers import number_of, read_grid
@@ -37,8 +46,10 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
     refuse_open_functions(formulas, names)
     if any(node == TIME for tree in constraints for node in walk(tree)):
         raise InputError(TIME_REFUSED, "/system")
-    positions, velocities = read_initial(schema, names, lagrangian, constraints, values)
-    grid, notes = read_grid(schema)
+    forces = read_forces(schema, system, definitions, effects)
+    begin, initial = beginning(schema)
+    positions, velocities = read_initial(initial, names, lagrangian, constraints, values)
+    grid, notes = read_grid(schema, begin)
     scene = Scene(
         name=schema.name or system.name,
         coordinates=names.coordinates,
@@ -55,13 +66,20 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
         circle=read_circle(schema, names),
         notes=notes,
         without=without,
+        forces=forces,
+        own=read_observables(schema, system, definitions),
+        events=read_events(schema, system, definitions),
     )
+    if schema.ensemble is not None:
+        scene = replace(scene, ensemble=read_members(schema.ensemble, initial, names, scene))
     return scene, replace(system, definitions=definitions)
 
 
 def _own(schema: SceneDocument, extra: list[str]) -> list[str]:
     """Parameters of the scene that its terms, functions or free Lagrangian may use beyond those of the system."""
-    return extra if schema.terms or schema.functions or schema.free_lagrangian or _method_lagrangians(schema) else []
+    own = (schema.terms, schema.functions, schema.free_lagrangian, schema.forces, schema.rayleigh, schema.events)
+    formulas = any(isinstance(item, dict) for item in schema.observe)
+    return extra if any(own) or formulas or _method_lagrangians(schema) else []
 
 
 def _method_lagrangians(schema: SceneDocument) -> bool:
@@ -106,18 +124,18 @@ def _with_effects(
     _refuse_dissipation(schema)
     texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
     terms = {name: defined(tree, definitions) for name, tree in texts.items()}
-    known = (*BUILT_IN, *terms)
+    further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
+    known = (*BUILT_IN, *terms, *further)
     named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
     for place, name in enumerate(named):
         if name not in known:
             detail = f"'{escape(name)}' is no effect of this scene: use {', '.join(known)}."
             raise InputError(detail, f"/effects/{place}")
     if system.lagrangian is None:
-        if terms or schema.effects is not None:
-            raise InputError(
-                "effects and terms need a Lagrangian, and this system is given by its equations: leave them out.",
-                "/terms" if terms else "/effects",
-            )
+        if terms or further or schema.effects is not None:
+            pointer = "/terms" if terms else f"/{further[0]}" if further else "/effects"
+            detail = "effects, terms and forces need a Lagrangian, and this system has equations: leave them out."
+            raise InputError(detail, pointer)
         return None, (), (), {}
     whole = defined(system.lagrangian, definitions)
     parts = lagrangian_parts(whole, system.names.coordinates)

@@ -13,7 +13,7 @@ from inverse_service.service.documents.reading import escape
 from inverse_service.service.documents.refusals import MAX_PLACES, DocumentRefused
 from inverse_service.service.jobs.outcome import Place
 
-HIDDEN = frozenset({*TAGS, "[key]"})
+HIDDEN = frozenset({*TAGS, "[key]", "quantity", "formulas", "columns", "list"})
 SYSTEM = (
     'an object: {"catalogue": name}, {"document": {...}}, {"result": {...}} or a document with coordinates and '
     "lagrangian or equations"
@@ -53,7 +53,18 @@ EXPECTED = {
     ("methods", "*", "start"): '"momenta" or "discrete_constraint"',
     ("methods", "*", "constants"): "an object with numbers",
     ("observe",): "a list of names of quantities",
-    ("observe", "*"): "one of " + ", ".join(get_args(Observed)),
+    ("observe", "*"): "one of " + ", ".join(get_args(Observed)) + """, or formulas by name: {"Lz": "x*y' - y*x'"}""",
+    ("forces",): """an object with a force for each coordinate, such as {"x": "-c*x'"}""",
+    ("forces", "*"): "a formula written as text",
+    ("rayleigh",): "a formula written as text",
+    ("start_time",): NUMBER,
+    ("restart",): "the result of a scene, as simulate gave it",
+    ("events",): 'a list of events such as {"when": "y = 0", "direction": -1, "do": "stop"}',
+    ("events", "*"): 'an object such as {"when": "y = 0", "direction": -1, "do": "stop"}',
+    ("events", "*", "direction"): "1, -1 or 0",
+    ("events", "*", "do"): '"record" or "stop"',
+    ("ensemble",): 'an object with initial and parameters, such as {"parameters": {"k": [1, 2]}}',
+    ("as_lagrangian",): "true or false",
     ("start",): '"momenta" or "discrete_constraint"',
     ("free_lagrangian",): 'a formula written as text, or "first", "second" or "third" for that associated system',
     ("constants",): 'an object with numbers, such as {"C_x": "1/100"}',
@@ -106,7 +117,7 @@ def _expected(steps: list[Any]) -> str:
     return EXPECTED[()]
 
 
-OPEN = frozenset({"parameters", "functions", "terms", "constants", "effects", "observe"})
+OPEN = frozenset({"parameters", "functions", "terms", "constants", "effects", "observe", "forces"})
 
 
 def _keys(steps: list[Any]) -> list[str]:

@@ -12,17 +12,20 @@ from api_schemas.scene import SceneDocument
 from inverse_service import __version__
 from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.service.scenes.ensemble_results import ensemble_arrays, ensemble_document
 from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.simulation.derivation import derive
+from inverse_service.simulation.events import Found
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
-from inverse_service.simulation.scene import Scene, Unavailable
+from inverse_service.simulation.scene import Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth
 
 FORMAT = "inverse-service/simulation/1"
 # Points of a trajectory in a result document; files hold all that were recorded.
 MOST_POINTS = 2001
+MOST_EVENTS = 20_000
 SHARE_OF_RUN = 0.9
 
 Progress = Callable[[str], None]
@@ -40,7 +43,9 @@ def simulate(document: Any, progress: Progress | None = None, time_limit: float 
 def simulate_tables(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
     """The result document beside all recorded points: {"result": ..., "tables": {label: {column: array}}}."""
     found, seconds = run_document(document, progress, time_limit)
-    tables = {run.requested.label: table_of_run(found.scene, run) for run in found.runs if run.trajectory is not None}
+    scene = found.scene
+    tables = {run.requested.label: table_of_run(scene, run) for run in found.runs if run.trajectory is not None}
+    tables |= {run.requested.label: ensemble_arrays(scene, run) for run in found.members if run.many is not None}
     true = found.truth
     truth = None
     if isinstance(true, Truth):
@@ -97,7 +102,10 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "steps": scene.grid.steps,
         "record_every": scene.grid.record_every,
         "observe": list(scene.observe),
-        "methods": [_method(scene, run) for run in found.runs],
+        "methods": [
+            *(_method(scene, run) for run in found.runs),
+            *(_requested(run.requested) | ensemble_document(scene, run) for run in found.members),
+        ],
         "truth": _truth(found.truth),
         "circle_coordinates": None if scene.circle is None else [scene.coordinates[k] for k in scene.circle],
         "derived": sorted(found.derived.seconds),
@@ -130,18 +138,12 @@ def _initial(scene: Scene) -> dict[str, Any]:
 
 
 def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
-    requested, trajectory, choice = run.requested, run.trajectory, run.requested.choice
-    document: dict[str, Any] = {
-        "label": requested.label,
-        "method": requested.method.replace("_", "-"),
-        "alpha": requested.alpha,
-        "symmetrised": bool(choice and choice.symmetrised),
-        "order": choice.order if choice is not None and requested.method not in ("reference", "heyoka") else None,
-        "form": choice.form if choice is not None and requested.method == "variational" else None,
-        "start": requested.convention if requested.alpha is not None else None,
-        **_outcome(scene, run),
-        **run.numbers,
-    }
+    requested, trajectory = run.requested, run.trajectory
+    document = {**_requested(requested), **_outcome(scene, run), **run.numbers}
+    if run.events:
+        document["events"] = [_event(scene, one) for one in run.events]
+    if run.final is not None:
+        document["final"] = _final(scene, run.final)
     if run.free is not None:
         document["free_lagrangian"] = to_text(run.free.lagrangian)
         document["constants"] = dict(run.free.constants) | dict(requested.constants)
@@ -151,6 +153,35 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
         document["newton_iterations"] = trajectory.newton_iterations
         document |= _points(scene, run, trajectory)
     return document | {"seconds": dict(run.seconds)}
+
+
+def _event(scene: Scene, found: Found) -> dict[str, Any]:
+    """Where an event was found: columns t, coordinates and velocities, at most MOST_EVENTS points."""
+    columns: dict[str, Any] = {"t": found.times[:MOST_EVENTS].tolist()}
+    for prefix, table in (("", found.positions), ("v_", found.velocities)):
+        columns |= {f"{prefix}{name}": table[:MOST_EVENTS, k].tolist() for k, name in enumerate(scene.coordinates)}
+    note = {"note": found.note} if found.note else {}
+    return {"when": to_text(found.event.formula), "count": len(found.times), "columns": columns, **note}
+
+
+def _final(scene: Scene, final: tuple[float, Any, Any]) -> dict[str, Any]:
+    time_, positions, velocities = final
+    named = [None if row is None else dict(zip(scene.coordinates, row.tolist(), strict=True))
+             for row in (positions, velocities)]  # fmt: skip
+    return {"t": time_, "positions": named[0], "velocities": named[1]}
+
+
+def _requested(requested: Requested) -> dict[str, Any]:
+    choice = requested.choice
+    return {
+        "label": requested.label,
+        "method": requested.method.replace("_", "-"),
+        "alpha": requested.alpha,
+        "symmetrised": bool(choice and choice.symmetrised),
+        "order": choice.order if choice is not None and requested.method not in ("reference", "heyoka") else None,
+        "form": choice.form if choice is not None and requested.method == "variational" else None,
+        "start": requested.convention if requested.alpha is not None else None,
+    }
 
 
 def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:

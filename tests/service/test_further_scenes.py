@@ -1,0 +1,205 @@
+"""Forces, observables and events by formula, start times, restarts and ensembles, as a scene says them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inverse_service.errors import InputError
+from inverse_service.service.scenes.simulating import simulate, simulate_tables
+
+OSCILLATOR = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
+START = {"positions": {"x": 1}, "velocities": {"x": 0}}
+EIGHTH = {"method": "variational", "order": 8}
+
+
+def scene(system: dict[str, Any], methods: list[Any], **more: Any) -> dict[str, Any]:
+    return {"system": system, "initial": START, "step": 0.05, "time": 20, "methods": methods} | more
+
+
+def labelled(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {method["label"]: method for method in simulate(document)["methods"]}
+
+
+@pytest.mark.parametrize("force", [{"forces": {"x": "-c*x'"}}, {"rayleigh": "c*x'^2/2"}], ids=["forces", "rayleigh"])
+def test_friction_acts_in_every_method(force: dict[str, Any]) -> None:
+    """x'' = -x - c x' has x = exp(-ct/2)(cos wt + c/2w sin wt)."""
+    methods = [
+        "variational", EIGHTH, {"method": "variational", "alpha": 0}, {"method": "variational", "form": "raw"},
+        "nonholonomic", "adaptive", "reference",
+    ]  # fmt: skip
+    document = scene(OSCILLATOR, methods, parameters={"c": 0.1}, observe=["energy", "trajectory"], **force)
+    bounds = {"variational-0": 3e-2, "variational-0.5-order8": 1e-12, "adaptive": 1e-10, "reference": 1e-12}
+    for label, method in labelled(document).items():
+        columns = method["points"]["columns"]
+        t, w = np.array(columns["t"]), np.sqrt(1 - 0.05**2)
+        exact = np.exp(-0.05 * t) * (np.cos(w * t) + 0.05 / w * np.sin(w * t))
+        assert np.abs(np.array(columns["x"]) - exact).max() < bounds.get(label, 2e-3), label
+        assert method["max_energy_error"] is None
+        assert method["work"] == pytest.approx(columns["energy"][-1] - 0.5, abs=0.02)
+        assert method["max_balance_error"] < 0.02
+
+
+def test_friction_acts_beside_constraints() -> None:
+    """A knife edge with friction: the speed falls as exp(-ct), the angle turns evenly."""
+    system = {"coordinates": ["phi", "x", "y"], "lagrangian": "(x'^2+y'^2+phi'^2)/2",
+              "constraints": ["sin(phi)*x' - cos(phi)*y'"], "parameters": ["c"]}  # fmt: skip
+    start = {"positions": {"phi": 0, "x": 0, "y": 0}, "velocities": {"phi": 0.5, "x": 1}}
+    methods = ["variational", {"method": "nonholonomic", "order": 4}, "modified"]
+    document = scene(system, methods, initial=start, parameters={"c": 0.1}, rayleigh="c*(x'^2+y'^2)/2",
+                     observe=["trajectory"])  # fmt: skip
+    found = labelled(document)
+    assert found["variational-0.5"]["outcome"] == found["modified-0.5"]["outcome"] == "unavailable"
+    columns = found["nonholonomic-0.5-order4"]["points"]["columns"]
+    path = (np.exp((-0.1 + 0.5j) * np.array(columns["t"])) - 1) / (-0.1 + 0.5j)
+    assert np.abs(np.array(columns["x"]) + 1j * np.array(columns["y"]) - path).max() < 1e-6
+
+
+def test_a_force_that_is_not_named_does_not_act() -> None:
+    document = scene(OSCILLATOR, ["variational"], parameters={"c": 0.1}, forces={"x": "-c*x'"}, observe=["energy"])
+    (free,) = labelled(document | {"effects": ["potential"]}).values()
+    (held,) = labelled(document | {"effects": ["potential", "forces"]}).values()
+    assert free["max_energy_error"] < 1e-14
+    assert held["max_energy_error"] is None
+
+
+def test_forces_need_a_lagrangian() -> None:
+    equations = {"coordinates": ["x"], "equations": ["x'' = -x"]}
+    with pytest.raises(InputError, match="forces need a Lagrangian"):
+        simulate(scene(equations, ["adaptive"], forces={"x": "-x'"}))
+    with pytest.raises(InputError, match="a force acts on a coordinate"):
+        simulate(scene(OSCILLATOR, ["adaptive"], forces={"y": "-x'"}))
+
+
+def test_observables_by_formula() -> None:
+    """The angular momentum of a Kepler orbit in Cartesian coordinates."""
+    kepler = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 + 1/sqrt(x^2+y^2)"}
+    start = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0.8}}
+    document = scene(
+        kepler, ["variational", "adaptive"], initial=start, observe=[{"Lz": "x*y' - y*x'", "r": "sqrt(x^2+y^2)"}]
+    )
+    for method in labelled(document).values():
+        assert method["observables"]["Lz"]["first"] == pytest.approx(0.8)
+        assert method["observables"]["Lz"]["greatest"] - method["observables"]["Lz"]["least"] < 1e-10
+        assert method["observables"]["r"]["least"] == pytest.approx(0.8**2 / (1 + 0.36), rel=2e-2)
+        assert set(method["points"]["columns"]) == {"t", "Lz", "r"}
+    with pytest.raises(InputError, match="taken by another column"):
+        simulate(scene(OSCILLATOR, ["adaptive"], observe=[{"energy": "x"}]))
+
+
+@pytest.mark.parametrize("method", ["adaptive", "reference", "heyoka", EIGHTH, {"method": "nonholonomic", "order": 8}])
+def test_events_are_located_to_round_off(method: Any) -> None:
+    if method == "heyoka":
+        pytest.importorskip("heyoka")
+    events = [{"when": "x = 0", "direction": -1}, {"when": "x'"}]
+    (found,) = labelled(scene(OSCILLATOR, [method], step=0.1, events=events)).values()
+    down, turns = found["events"]
+    assert np.abs(np.array(down["columns"]["t"]) - np.pi * np.array([0.5, 2.5, 4.5])).max() < 1e-10
+    assert np.abs(np.array(down["columns"]["v_x"]) + 1).max() < 1e-10
+    assert np.abs(np.array(turns["columns"]["t"]) - np.pi * np.arange(1, 7)).max() < 1e-10
+
+
+def test_an_event_of_a_method_is_where_its_own_motion_is() -> None:
+    """The midpoint rule turns too slowly: its crossings are those of its own frequency 2 atan(h/2)/h."""
+    (found,) = labelled(scene(OSCILLATOR, ["variational"], step=0.1, events=[{"when": "x", "direction": -1}])).values()
+    slow = 2 * np.arctan(0.05) / 0.1
+    assert np.abs(np.array(found["events"][0]["columns"]["t"]) * slow - np.pi * np.array([0.5, 2.5, 4.5])).max() < 1e-3
+
+
+def test_a_projectile_stops_at_the_ground() -> None:
+    """Without drag it lands at t = 2 v/g; with quadratic drag earlier."""
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - 10*y", "parameters": ["k"]}
+    start = {"positions": {"x": 0, "y": 0}, "velocities": {"x": 30, "y": 30}}
+    drag = {name: f"-k*{name}'*sqrt(x'^2+y'^2)" for name in "xy"}
+    stop = [{"when": "y", "direction": -1, "do": "stop"}]
+    document = scene(
+        system, ["adaptive", "variational"], initial=start, forces=drag, events=stop, observe=["trajectory"]
+    )
+    for k, time in ((0, 6.0), (0.01, 4.6841)):
+        for method in labelled(document | {"parameters": {"k": k}}).values():
+            assert method["outcome"] == "completed"
+            assert "ended by an event" in method["note"]
+            assert method["events"][0]["columns"]["t"] == pytest.approx([time], abs=2e-3 if k else 1e-9)
+            assert min(method["points"]["columns"]["y"]) >= 0
+
+
+def test_a_section_of_henon_and_heiles_keeps_its_energy() -> None:
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
+    start = {"positions": {"x": 0, "y": 0.1}, "velocities": {"x": 0.3, "y": 0.1}}
+    document = scene(system, [EIGHTH], initial=start, time=500, events=[{"when": "x", "direction": 1}])
+    (found,) = labelled(document).values()
+    columns = {name: np.array(column) for name, column in found["events"][0]["columns"].items()}
+    assert found["events"][0]["count"] > 70
+    assert np.abs(columns["x"]).max() < 1e-14
+    energy = (columns["v_x"] ** 2 + columns["v_y"] ** 2 + columns["y"] ** 2) / 2 - columns["y"] ** 3 / 3
+    assert np.ptp(energy) < 1e-10
+
+
+def test_events_need_every_step() -> None:
+    with pytest.raises(InputError, match="events need every step"):
+        simulate(scene(OSCILLATOR, ["adaptive"], record_every=10, events=[{"when": "x"}]))
+
+
+def test_a_scene_begins_at_its_time_and_goes_on_from_a_result() -> None:
+    driven = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2 + x*cos(2*t)"}
+    methods = [EIGHTH]
+    whole = simulate(scene(driven, methods, start_time=3, observe=["error", "trajectory"]))
+    first = simulate(scene(driven, methods, start_time=3, time=10))
+    second = scene(driven, methods, time=10, restart=first, observe=["trajectory"])
+    del second["initial"]
+    columns = simulate(second)["methods"][0]["points"]["columns"]
+    assert whole["methods"][0]["max_error"] < 1e-9
+    assert whole["methods"][0]["points"]["columns"]["t"][0] == 3
+    assert columns["t"][-1] == pytest.approx(23)
+    assert columns["x"][-1] == pytest.approx(whole["methods"][0]["points"]["columns"]["x"][-1], abs=1e-12)
+    with pytest.raises(InputError, match="begins where the result ended"):
+        simulate(scene(driven, methods, restart=first))
+
+
+def test_an_ensemble_of_starts_and_parameters() -> None:
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - k*x^2/2", "parameters": {"k": 1}}
+    ensemble = {"initial": {"positions": {"x": [1, 2, 3]}}, "parameters": {"k": [1, 4]}}
+    document = scene(
+        system, ["reference", "variational", "heyoka"], ensemble=ensemble, observe=["energy", {"a": "x^2"}]
+    )
+    found = labelled(document)
+    assert found["heyoka"]["outcome"] == "unavailable"
+    columns = found["reference"]["members_columns"]
+    assert columns["k"] == [1, 4] * 3
+    assert columns["x_start"] == [1, 1, 2, 2, 3, 3]
+    expected = np.array(columns["x_start"]) * np.cos(np.sqrt(columns["k"]) * 20)
+    assert np.abs(np.array(columns["x_end"]) - expected).max() < 1e-11
+    assert np.allclose(columns["a_end"], expected**2)
+    assert found["variational-0.5"]["max_energy_error"] < 1e-13
+    tables = simulate_tables(document)["tables"]["reference"]
+    assert tables["x"].shape == (6, len(tables["t"]))
+
+
+def test_members_of_an_ensemble_end_by_themselves() -> None:
+    kepler = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 + 1/sqrt(x^2+y^2)"}
+    start = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 1}}
+    ensemble = {"initial": {"velocities": {"y": [1, 0.9, 0]}}}
+    (found,) = labelled(scene(kepler, ["adaptive"], initial=start, ensemble=ensemble, time=5)).values()
+    assert found["outcome"] == "partly"
+    assert found["outcomes"] == {"completed": 2, "singular": 1}
+    assert found["ended"][0]["member"] == 2
+
+
+def test_members_are_put_on_the_constraints() -> None:
+    disk = {"catalogue": "vertically-rolling-disk"}
+    start = {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}}
+    document = {
+        "system": disk, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"}, "initial": start, "step": 0.05,
+        "steps": 50, "methods": ["variational", "nonholonomic"],
+        "ensemble": {"initial": {"velocities": {"theta": [0.5, 1]}}},
+    }  # fmt: skip
+    found = labelled(document)
+    single = labelled(
+        {key: value for key, value in document.items() if key != "ensemble"} | {"observe": ["trajectory"]}
+    )
+    for label, method in found.items():
+        assert method["outcomes"] == {"completed": 2}
+        alone = single[label]["points"]["columns"]["x"][-1]
+        assert method["members_columns"]["x_end"][0] == pytest.approx(alone, abs=1e-12)
