@@ -16,6 +16,7 @@ from inverse_service.client import flows
 from inverse_service.client.calls import LOOK_AGAIN, Answer, Call, Flow, Pause, Repetition
 from inverse_service.client.connection import (
     ADDRESS,
+    GRACE,
     PATIENCE,
     TIMEOUT,
     Busy,
@@ -171,7 +172,10 @@ class AsyncClient:
                 failure = unreachable(error, self._http.base_url)
 
     async def _send(self, call: Call) -> Answer:
-        response = await self._http.request(call.method, call.path, content=call.body, headers=dict(call.headers))
+        timeout = self._http.timeout if call.timeout is None else httpx.Timeout(call.timeout + GRACE)
+        response = await self._http.request(
+            call.method, call.path, content=call.body, headers=dict(call.headers), timeout=timeout
+        )
         return Answer(response.status_code, response.headers, response.content)
 
     async def _items(self, reader: Reader[Item]) -> AsyncIterator[Item]:

@@ -16,6 +16,7 @@ from inverse_service.client import flows
 from inverse_service.client.calls import LOOK_AGAIN, Answer, Call, Flow, Pause, Repetition
 from inverse_service.client.connection import (
     ADDRESS,
+    GRACE,
     PATIENCE,
     TIMEOUT,
     Busy,
@@ -168,7 +169,10 @@ class Client:
                 failure = unreachable(error, self._http.base_url)
 
     def _send(self, call: Call) -> Answer:
-        response = self._http.request(call.method, call.path, content=call.body, headers=dict(call.headers))
+        timeout = self._http.timeout if call.timeout is None else httpx.Timeout(call.timeout + GRACE)
+        response = self._http.request(
+            call.method, call.path, content=call.body, headers=dict(call.headers), timeout=timeout
+        )
         return Answer(response.status_code, response.headers, response.content)
 
     def _items(self, reader: Reader[Item]) -> Iterator[Item]:

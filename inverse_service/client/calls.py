@@ -8,6 +8,7 @@ question, so asking twice computes once.
 from __future__ import annotations
 
 import email.utils
+import random
 import time
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -18,18 +19,20 @@ from inverse_service.client.reading import problem_of
 
 BUSY: Final = frozenset({429, 502, 503, 504})
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
+JITTER = 1.25
 LOOK_AGAIN = 0.5
 NDJSON: Final = "application/x-ndjson"
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """One HTTP request; `path` is absolute or a whole URL of the same service."""
+    """One HTTP request; `path` is absolute or a whole URL of the same service, `timeout` (s) less than the client's."""
 
     method: str
     path: str
     body: bytes | None = None
     headers: Mapping[str, str] = field(default_factory=dict)
+    timeout: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +87,8 @@ class Repetition:
 
     def pause_after(self, failure: ServiceBusy | ServiceUnreachable, headers: Mapping[str, str] = {}) -> Pause:
         """How long to wait before the next attempt; raises `failure` when patience is at its end."""
-        seconds = max(next(self._pauses), retry_after(headers) or 0.0)
+        # Not all who were refused together come back together.
+        seconds = max(next(self._pauses), retry_after(headers) or 0.0) * random.uniform(1.0, JITTER)
         if time.monotonic() + seconds > self._end:
             raise failure
         return Pause(seconds)

@@ -18,6 +18,8 @@ from inverse_service.client.reading import Result, problem_of, unexpected
 ADDRESS: Final = "http://127.0.0.1:8000"
 TIMEOUT: Final = 60.0
 PATIENCE: Final = 30.0
+# What an answer may take beyond the time that its caller waits, s.
+GRACE: Final = 1.0
 
 
 class Configuration(TypedDict):

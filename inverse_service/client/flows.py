@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 from urllib.parse import quote, urlencode
 
@@ -47,10 +48,13 @@ def submit(document: Any, kind: str, time_limit: float | None, fresh: bool, pati
 def solve(
     document: Any, kind: str, time_limit: float | None, fresh: bool, timeout: float | None, patience: float
 ) -> Flow[Result]:
-    """The result of a document; a quick one comes with the first answer."""
+    """The result of a document; a quick one comes with the first answer. All within `timeout` s."""
     begin = time.monotonic()
-    seconds = LONGEST_WAIT if timeout is None else min(LONGEST_WAIT, timeout)
-    answer = yield from accepted(question(document, kind, f"wait={int(seconds)}", time_limit, fresh), patience)
+    seconds, patience = (
+        (LONGEST_WAIT, patience) if timeout is None else (min(LONGEST_WAIT, timeout), min(patience, timeout))
+    )
+    call = replace(question(document, kind, f"wait={int(seconds)}", time_limit, fresh), timeout=timeout)
+    answer = yield from accepted(call, patience)
     if answer.status == 200:
         return result_of(read_value(answer.body))
     left = None if timeout is None else timeout - (time.monotonic() - begin)
@@ -60,6 +64,7 @@ def solve(
 def wait(job_id: str, timeout: float | None, patience: float) -> Flow[Result]:
     """The result of a job; raises JobFailed, JobDismissed, or WaitedTooLong after `timeout` s."""
     end = None if timeout is None else time.monotonic() + timeout
+    patience = patience if timeout is None else max(0.0, min(patience, timeout))
     for seconds in pauses(FIRST_LOOK, LONGEST_LOOK):
         answer = yield from accepted(Call("GET", job_path(job_id)), patience)
         job = read(Job, answer.body)

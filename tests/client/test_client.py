@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import socket
 import time
 from email.utils import formatdate
 from typing import Any
@@ -263,3 +264,12 @@ def test_both_clients_have_the_same_methods() -> None:
 def test_an_answer_of_a_batch_is_frozen() -> None:
     with pytest.raises(AttributeError):
         BatchAnswer("a", 1).id = "b"  # type: ignore[misc]
+
+
+def test_the_timeout_of_a_call_holds_where_nobody_is_there_too() -> None:
+    began = time.monotonic()
+    with socket.create_server(("127.0.0.1", 0)) as silent:  # takes connections and never answers
+        for address in (f"http://127.0.0.1:{silent.getsockname()[1]}", "http://127.0.0.1:9"):
+            with Client(address) as client, pytest.raises(ServiceUnreachable):
+                client.solve({"equations": "x'' = -x"}, timeout=0.3)
+    assert time.monotonic() - began < 10

@@ -106,7 +106,7 @@ def addresses(ids: Ids) -> list[tuple[str, str]]:
         of_batch = "batch" in route.path
         for id in [ids.batch] if of_batch else [ids.solved, ids.simulated, ids.open]:
             path = re.sub(r"\{(id|identifier)\}", id, route.path).replace("{number}", "1")
-            path = path.replace("{file}", files.get(route.path.split("/")[-2], "")).replace("{name}", "one")
+            path = re.sub(r"\{file(:path)?\}", files.get(route.path.split("/")[-2], ""), path).replace("{name}", "one")
             found += [(method, path) for method in sorted(route.methods or ())]
     return found
 

@@ -141,7 +141,7 @@ async def figure_file(request: Request, identifier: str, file: str) -> Response:
     return await _file(request, identifier, simulations.PICTURES[ending], file, picture_task, name, ending)
 
 
-@router.get("/results/{identifier}/data/{file}")
+@router.get("/results/{identifier}/data/{file:path}")
 async def data_file(request: Request, identifier: str, file: str) -> Response:
     """The columns of one method as CSV or NPZ."""
     label, _, ending = file.rpartition(".")
