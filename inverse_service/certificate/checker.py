@@ -425,7 +425,7 @@ def judged(work: Callable[[Tools], list[str]], time_limit: float, seed: int | No
         return CheckResult("valid", tuple(work((random.Random(seed), time.monotonic() + time_limit))))
     except Ended as end:
         return CheckResult(end.args[0], end.args[1:])
-    except (RecursionError, MemoryError):
+    except (RecursionError, MemoryError, OverflowError):
         return CheckResult("incomplete", ("The document is beyond the memory of the checker.",))
 
 

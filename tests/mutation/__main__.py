@@ -35,7 +35,10 @@ DECISION_TESTS = tuple(
 )
 # Which tests answer for a module.
 TESTS: dict[str, tuple[str, ...]] = {
-    "inverse_service.certificate.checker": ("tests/certificate",),
+    **{
+        f"inverse_service.certificate.{name}": ("tests/certificate",)
+        for name in ("checker", "formulas", "numbers", "plan", "series")
+    },
     "inverse_service.linear_pde.deciding": DECISION_TESTS,
     "inverse_service.linear_pde.involution": DECISION_TESTS,
     "inverse_service.linear_pde.prolongation": DECISION_TESTS,
