@@ -14,7 +14,21 @@ from inverse_service.algebra.real_point import RealTable, find_real_point, is_de
 from inverse_service.algebra.requirements import requirements
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Integral, Power, Symbol, Velocity, walk
+from inverse_service.expressions.tree import (
+    Apply,
+    Expression,
+    Integral,
+    Power,
+    Symbol,
+    Velocity,
+    apply,
+    negate,
+    number,
+    power,
+    square_root,
+    subtract,
+    walk,
+)
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.decision.power_series import count, is_rational, regular_series
@@ -167,7 +181,19 @@ def _conditions(analysis: Analysis, domain: Domain) -> list[str]:
 
 def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
     found = () if system.branch is None else system.branch.roots
-    return [{"root": to_text(root), "is": to_text(value)} for root, value in found if isinstance(root, Power)]
+    pairs = [pair if isinstance(pair[0], Power) else _hidden_root(*pair) for pair in found]
+    return [{"root": to_text(pair[0]), "is": to_text(pair[1])} for pair in pairs if pair]
+
+
+def _hidden_root(node: Expression, value: Expression) -> tuple[Expression, Expression] | None:
+    """sqrt(1 - sin(u)^2) = cos u or -cos u, which asin(sin u) is made with; acos(cos u) likewise."""
+    match node:
+        case Apply("asin" | "acos" as function, Apply(inner, u)):
+            other = apply("cos" if function == "asin" else "sin", u)
+            root = square_root(subtract(number(1), power(apply(inner, u), 2)))
+            return root, other if value == u else negate(other)
+        case _:
+            return None
 
 
 def _system(system: SecondOrderSystem) -> dict[str, Any]:
