@@ -35,6 +35,7 @@ from .formulas import (
     RESULT,
     SYSTEM,
     TEXT,
+    VERDICTS,
     Ended,
     Reader,
     check_shape,
@@ -42,7 +43,7 @@ from .formulas import (
     read_tokens,
     require,
 )  # fmt: skip
-from .numbers import Balls, Number, Place, Residues, Series, Undefined, Unsettled
+from .numbers import Arithmetic, Balls, Number, Place, Residues, Series, Undefined, Unsettled
 from .plan import SPARE, Plan
 from .series import Count, Elimination, Expansion, Row, Step, followed, symbol_of, symbol_rows
 
@@ -75,6 +76,17 @@ class Question:
 
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
         (self.generator, self.deadline), self.timed, claim = tools, timed, claim or {}
+        self.read_system(document)
+        self.content = (self.coordinates, {*self.parameters}, self.functions, self.force_texts)
+        self.contains_time = any("t" in force for force in self.force_texts)
+        require(timed or not self.contains_time, "f contains t: the question has to be time_dependent.")
+        self.variables = ["t"] * timed + self.coordinates + [name + "'" for name in self.free]
+        self.names = {"t", *self.variables, *self.parameters}
+        self.set_of_claim(claim)
+        self.integrals = dict[str, tuple[list[str], tuple[str, tuple[str, ...]]]]()
+        self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
+
+    def read_system(self, document: Any) -> None:
         check_shape(document, SYSTEM, "system")
         self.coordinates, self.parameters = document["coordinates"], document.get("parameters") or []
         self.functions, equations = document.get("functions") or {}, document["equations"]
@@ -83,15 +95,12 @@ class Question:
         good = self.coordinates and all(self.functions.values()) and {*equations} == {*self.coordinates}
         good = good and len({*names} - RESERVED) == len(names)
         require(good, "system has to declare names once, none with a meaning of its own, and an equation for each.")
+        self.free = self.coordinates
         self.force_texts = [read_tokens(equations[name], f"system.equations.{name}") for name in self.coordinates]
-        self.content = (self.coordinates, {*self.parameters}, self.functions, self.force_texts)
-        self.contains_time = any("t" in force for force in self.force_texts)
-        require(timed or not self.contains_time, "f contains t: the question has to be time_dependent.")
-        self.variables = ["t"] * timed + self.coordinates + [name + "'" for name in self.coordinates]
-        self.names = {"t", *self.variables, *self.parameters}
-        self.set_of_claim(claim)
-        self.integrals = dict[str, tuple[list[str], tuple[str, tuple[str, ...]]]]()
-        self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
+
+    def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
+        """Series about a point, and the conditions in them."""
+        return Expansion(arithmetic, degree)
 
     def set_of_claim(self, claim: dict[str, Any]) -> None:
         near, shape = claim.get("near") or {}, {"conditions?": [TEXT, MAX_LISTED], "roots?": [{}, MAX_LISTED]}
@@ -172,12 +181,12 @@ class Question:
         distinct = min(MAX_ATOMS, len({(imaginary, value.str(20, radius=False)) for _, imaginary, value in trace}))
         bits, center = min(600 + 60 * distinct, 4000), self.place
         with ctx.workprec(bits):
-            traces = [self.traced(Expansion(Balls(self, center, None), 0))]
+            traces = [self.traced(self.expansion(Balls(self, center, None), 0))]
             for _ in range(20 * distinct + 200):
                 if len(traces) > distinct + SPARE:
                     break
                 try:
-                    traces.append(self.traced(Expansion(Balls(self, center.neighbour(), None), 0)))
+                    traces.append(self.traced(self.expansion(Balls(self, center.neighbour(), None), 0)))
                 except (Undefined, Unsettled):
                     self.check_time()
             self.plan = Plan(traces, bits)
@@ -191,7 +200,7 @@ class Question:
             self.check_time()
             with ctx.workprec(bits):
                 try:
-                    return work(Expansion(Balls(self, self.place, classes), degree))
+                    return work(self.expansion(Balls(self, self.place, classes), degree))
                 except Unsettled:
                     pass
         raise Unsettled
@@ -210,8 +219,8 @@ class Question:
             try:
                 seed = self.generator.getrandbits(64)
                 if degree and self.plan.choices > 1:
-                    self.read(Expansion(Residues(self, prime, seed), 0))
-                ring = Expansion(Residues(self, prime, seed), degree)
+                    self.read(self.expansion(Residues(self, prime, seed), 0))
+                ring = self.expansion(Residues(self, prime, seed), degree)
                 found.append(work(ring))
             except Undefined:
                 self.check_time()
@@ -313,29 +322,33 @@ class Question:
             first = [(*step[:2], step[2] | more[2]) for step, more in zip(first, other, strict=True)]
         return first
 
-    def nonexistence(self, document: dict[str, Any]) -> str:
+    def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
+        """The rows of a document in the order of their elimination, and the degree to which f is needed."""
         index, exponents, m = range(len(self.coordinates)), range(MAX_ORDER + 1), len(self.variables)
         shape = {"order": exponents, "rows": [("H2|H3", index, index, (exponents,) * m), MAX_ROWS]}
         check_shape(document, shape, "certificate")
         order, listed = document["order"], document["rows"]
         require(all(i < j + (kind == "H2") for kind, i, j, _ in listed), "A row of H2 needs i <= j, a row of H3 i < j.")
         rows = [(kind, i, j, self.multi_index(alpha, order - (kind == "H2"))) for kind, i, j, alpha in listed]
-        require(len(set(rows)) == len(rows), "A row is named twice.")
         degree = {row: (row[3] >> 8 * m) + (row[0] == "H2") for row in rows}
         rows.sort(key=lambda row: (degree[row], row[0], *(-index for index in row[1:])))  # this fills in least
+        return rows, max((degree[row] + 2 * (row[0] == "H3") for row in rows), default=0)
+
+    def nonexistence(self, document: dict[str, Any]) -> str:
+        rows, most = self.listed(document)
+        require(len(set(rows)) == len(rows), "A row is named twice.")
 
         def work(ring: Expansion) -> tuple[list[Step], bool]:
             echelon = Elimination(ring.arithmetic, ring.shift)
             for row in rows:
                 echelon.insert(ring.row(*row), row)
-            return echelon.script(), ring.arithmetic.regular(ring.hessian(echelon.solution(ring.unknowns(0))))
+            return echelon.script(), ring.arithmetic.regular(ring.matrix(echelon))
 
         def real(ring: Expansion) -> None:
             echelon = followed(ring, steps)
-            regular and ring.arithmetic.regular(ring.hessian(echelon.solution(ring.unknowns(0))))
+            regular and ring.arithmetic.regular(ring.matrix(echelon))
 
         self.prepare(lambda ring: None)
-        most = max((degree[row] + 2 * (row[0] == "H3") for row in rows), default=0)
         scripts, singular = zip(*self.modulo(most, work), strict=True)
         steps, regular = self.agreed(scripts), any(singular)
         if not self.rational:
@@ -361,7 +374,7 @@ class Question:
                 ring.extend(elimination, step, idle)
                 kept = [pivot >> ring.shift for pivot in elimination.pivots]
                 found.append([*accumulate(len(ring.unknowns(k)) - kept.count(k + 2) for k in degrees)])
-            regular = ring.arithmetic.regular(ring.hessian(elimination.solution(ring.unknowns(0))))
+            regular = ring.arithmetic.regular(ring.matrix(elimination))
             sizes, killed = symbol_of(elimination, ring, degree, directions)
             return elimination.script(), killed.script(), found[order:], regular, sizes
 
@@ -371,7 +384,7 @@ class Question:
             names = dict(symbol_rows(echelon, ring, degree, directions))
             for step in killing:
                 killed.follow(names[step[0]], step)
-            regular and ring.arithmetic.regular(ring.hessian(echelon.solution(ring.unknowns(0))))
+            regular and ring.arithmetic.regular(ring.matrix(echelon))
 
         self.prepare(lambda ring: None)
         results = self.modulo(order + 3, work)
@@ -466,7 +479,10 @@ def certified(document: Any, tools: Tools) -> str:
     check_certificate_shape(document)
     kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
-    asked = Question(tools, document["system"], document["question"] == "time_dependent", document)
+    from .constraints import Motion  # which is a Question
+
+    kind_of = Motion if isinstance(document["system"].get("velocities"), dict) else Question
+    asked = kind_of(tools, document["system"], document["question"] == "time_dependent", document)
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
     return checks[kind](document)
 
@@ -483,11 +499,27 @@ def compared(result: Any, tools: Tools) -> list[str]:
     if other is not None:
         require(other.get("verdict") in (None, later), "with_time.verdict is not verdict_with_time.")
         certificates.append(agreed(other, later, "time_dependent", system, tools))
-    found = [certified(one, tools) for one in certificates if one]
+    found = [certified(one, tools) for one in (*certificates, *motions(result.get("any_associated"))) if one]
     proven = later is None or any(one and proves(one, "time_dependent", later) for one in certificates)
     if not proven or None in certificates or "undetermined" in (verdict, later):
         raise Ended("incomplete", "A verdict is undetermined, or no certificate proves it.")
     return found if result["system"].get("given") is None else [*found, "The equations as given were not compared."]
+
+
+def motions(answer: Any) -> list[Any]:
+    """The certificates of what a result says about a motion on constraints, each for one of its verdicts."""
+    if answer is None:
+        return []
+    check_shape(answer, {"verdict": VERDICTS, "verdict_with_time": VERDICTS}, "any_associated")
+    verdicts = {answer["verdict"], answer["verdict_with_time"]}
+    found = [one for key in ("certificate", "certificate_with_time") if (one := answer.get(key)) is not None]
+    for one in found:
+        check_certificate_shape(one)
+        require(one["claim"] in verdicts, "A certificate does not claim the verdict that it stands beside.")
+    require(
+        {one["claim"] for one in found} == verdicts - {"undetermined"}, "A verdict on the motion has no certificate."
+    )
+    return found
 
 
 def proves(certificate: dict[str, Any], question: str, verdict: str | None) -> bool:

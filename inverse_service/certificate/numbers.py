@@ -271,7 +271,10 @@ class Balls:
         return value
 
     def power(self, value: arb, exponent: int) -> arb:
-        return (self.nonzero(value) if exponent < 0 or exponent > MAX_POWER else value) ** fmpz(exponent)
+        if 0 <= exponent <= MAX_POWER:  # arb's own power of a ball that contains zero is not a number
+            half = self.power(value, exponent // 2) if exponent > 1 else arb(1)
+            return half * half * value if exponent % 2 else half * half
+        return self.nonzero(value) ** fmpz(exponent)
 
     def note(self, source: bool, imaginary: bool, value: arb) -> arb:
         if not value.is_finite():

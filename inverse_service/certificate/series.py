@@ -280,6 +280,10 @@ class Expansion:
         """Whether the row vanishes on the values."""
         return not self.settle({0: sum([value * values.get(key, 0) for key, value in row.items()])})
 
+    def matrix(self, elimination: Elimination) -> list[list[Number]]:
+        """What has to be regular, of a random solution: g(p)."""
+        return self.hessian(elimination.solution(self.unknowns(0)))
+
     def hessian(self, series: Series) -> list[list[Number]]:
         """The second v-derivatives at the point."""
         return [[series.get(self.units[a] + self.units[b], 0) * (1 + (a == b)) for b in self.v] for a in self.v]

@@ -46,8 +46,16 @@ def solve_file(
     write(_written(result, form, explain))
     if result.get("guessed") and form != "text":
         print(f"Not declared, taken as constants: {', '.join(result['guessed'])}.", file=sys.stderr)
-    open_ = any(branch.get("verdict") == "undetermined" for branch in (result, *result.get("branches", ())))
-    return ExitCode.OPEN if open_ else ExitCode.DONE
+    return ExitCode.OPEN if _is_open(result) else ExitCode.DONE
+
+
+def _is_open(result: dict[str, Any]) -> bool:
+    """Whether a verdict is missing: about the motion where a nonholonomic document names no associated system."""
+    given = (result.get("system") or {"given": {}})["given"]
+    named = given.get("associated") not in (None, "any") or given.get("multiples")
+    motion = None if named else result.get("any_associated")
+    answers = [motion] if motion else [result, *result.get("branches", ())]
+    return any(answer.get("verdict") == "undetermined" for answer in answers)
 
 
 def warm_alone(memory_limit: int) -> ExitCode:

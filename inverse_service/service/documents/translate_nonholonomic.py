@@ -199,9 +199,9 @@ def _statement(answer: MotionAnswer) -> str:
     """The answer about the motion in one sentence."""
     if "variational" in (answer.verdict, answer.verdict_with_time):
         kind = "" if answer.lagrangian is None else answer.lagrangian.kind
-        by = "" if not kind else " of its own Lagrangian" if kind == "own" else f" that is the {kind} one"
+        by = f"the {kind} associated system" if kind not in ("", "own") else "an associated system"
         time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
-        return f"This motion can be hamiltonised, by an associated system{by}{time}."
+        return f"This motion can be hamiltonised, by {by}{time}."
     if answer.verdict == answer.verdict_with_time == "not_variational":
         return "This motion cannot be hamiltonised, by any associated system."
     if answer.verdict == "not_variational":
