@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.checking import check_plain
+from inverse_service.service.documents.comparison import compared_claim
 from inverse_service.service.documents.documents import parse_document, solve_document, understand_document
 
 INCLINED = {
@@ -29,7 +32,11 @@ def test_the_answer_is_about_the_motion_alone() -> None:
     assert found["verdict"] == "undetermined"
     assert "any_associated" in found["reason"]
     assert found["nonholonomic"] is None
-    assert found["any_associated"]["freedom"] == "1 function of 2 variables"
+    answer = found["any_associated"]
+    assert (answer["verdict"], answer["checked"]) == ("variational", "valid")
+    assert answer["statement"] == "This motion can be hamiltonised, by an associated system."
+    assert answer["freedom"] == "1 function of 2 variables"
+    assert len(answer["lagrangian"]["transverse_momenta"]) == 1
 
 
 @pytest.mark.parametrize(
@@ -45,3 +52,62 @@ def test_the_answer_is_about_the_motion_alone() -> None:
 def test_what_does_not_fit_together_is_refused_in_one_sentence(change: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         solve_document(INCLINED | change, SolveOptions(time_limit=10))
+
+
+KNIFE = {
+    "coordinates": ["phi", "x", "y"],
+    "lagrangian": "(x'^2 + y'^2 + phi'^2)/2 + x",
+    "constraints": ["y' = tan(phi)*x'"],
+    "associated": "any",
+}
+
+
+def changed(result: dict[str, Any], part: str, name: str, text: str) -> dict[str, Any]:
+    other = copy.deepcopy(result)
+    other["any_associated"]["certificate"]["system"][part][name] = text
+    return other
+
+
+def test_a_result_about_another_motion_is_refused_by_the_check() -> None:
+    found = solve_document(KNIFE, SolveOptions(time_limit=30))
+    assert found["any_associated"]["verdict"] == "variational"
+    assert check_plain(found)["verdict"] == "incomplete"  # the associated systems were not asked about
+    motion = {key: KNIFE[key] for key in ("coordinates", "lagrangian", "constraints")}
+    certificate = found["any_associated"]["certificate"]
+    assert compared_claim(motion, certificate).verdict == "valid"
+    for part, name, text in (("velocities", "y", "tan(phi)*x'+1"), ("equations", "x", "0"), ("equations", "phi", "x")):
+        other = changed(found, part, name, text)
+        assert compared_claim(motion, other["any_associated"]["certificate"]).verdict == "invalid"
+        assert check_plain(other)["verdict"] == "invalid"
+
+
+def test_both_kinds_of_document_about_one_motion_have_one_answer() -> None:
+    given = {
+        "coordinates": ["x", "y", "z"],
+        "motion": {"x": "0", "y": "-x*x'*y'/(1+x^2)"},
+        "constraints": ["z' = -x*y'"],
+    }
+    made = {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": "(x'^2+y'^2+z'^2)/2",
+        "constraints": ["z' = -x*y'"],
+        "associated": "any",
+    }
+    answers = [solve_document(each, SolveOptions(time_limit=30))["any_associated"] for each in (given, made)]
+    assert [one["verdict"] for one in answers] == ["variational"] * 2
+    assert answers[0]["freedom"] == answers[1]["freedom"] == "2 functions of 3 variables"
+
+
+def test_a_sleigh_cannot_be_hamiltonised_and_says_so_first() -> None:
+    sleigh = {
+        "coordinates": ["phi", "x", "y"],
+        "lagrangian": "((x'-a*sin(phi)*phi')^2+(y'+a*cos(phi)*phi')^2)/2+J*phi'^2/2",
+        "constraints": ["y'*cos(phi) = sin(phi)*x'"],
+        "parameters": ["a", "J"],
+        "associated": "any",
+    }
+    found = solve_document(sleigh, SolveOptions(time_limit=60))["any_associated"]
+    assert (found["verdict"], found["verdict_with_time"], found["checked"]) == ("not_variational",) * 2 + ("valid",)
+    assert found["statement"] == "This motion cannot be hamiltonised, by any associated system."
+    assert found["certificate"]["question"] == "time_dependent"  # it covers L(q, q') too
+    assert any("7 of 10 dimensions" in step["text"] for step in found["explanation"])

@@ -13,7 +13,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
+from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
@@ -49,7 +52,7 @@ from inverse_service.inverse_problem.search.terms import (
 from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_MOST_TERMS = 6_000
+_MOST_TERMS, _TERMS = 6_000, 2_000
 # The widest ansatz last: degree in the free velocities that change, lowest and highest power of those that do not,
 # letters of position in a product, degree in the coordinates.
 _WIDTHS = ((2, -1, 2, 2, 0), (2, -1, 2, 2, 1), (2, -2, 2, 2, 1), (2, -3, 2, 3, 1), (2, -3, 2, 2, 2), (2, -3, 3, 4, 2))
@@ -74,10 +77,21 @@ def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, dead
     try:
         with until(deadline):
             constrained = {v: to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, Velocity)}
-            analysis = replace(analyse(first_system(motion)), constrained=constrained)
+            analysis = replace(analyse(_plain(first_system(motion), deadline)), constrained=constrained)
             return _first_found(motion, gather(analysis, with_time), analysis, seed)
     except (IrreducibleAtoms, TooManyTerms):
         return []
+
+
+def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
+    """The same accelerations over sines and cosines, all relations used: 1/(1 + tan(x)^2) as cos(x)^2."""
+    trees = [to_kernels(f) for f in system.accelerations]
+    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, system.coordinates), *map(Velocity, system.coordinates)]
+    try:
+        ring = exact_ring(trees, variables, 0, Budget(_TERMS, deadline), slopes=False)
+        return replace(system, accelerations=tuple(quotient_tree(ring, ring.value(tree)) for tree in trees))
+    except (TooLarge, ZeroDivisionError):
+        return system
 
 
 def _first_found(motion: ConstrainedMotion, material: Material, analysis: Analysis, seed: int) -> list[Lagrangian]:

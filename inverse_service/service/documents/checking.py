@@ -10,11 +10,12 @@ from inverse_service.certificate.checker import CheckResult, check_certificate, 
 from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.mechanics.agreement import Canonical
-from inverse_service.service.documents.comparison import compared_with_document
+from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.preparing import inward
 from inverse_service.service.documents.reading import read_json
 
 TIME_LIMIT = 60.0
+OPEN_MOTION = "Whether this motion can be hamiltonised by any associated system is open."
 NOT_COMPARED = "The equations as given were not compared."
 _SYSTEM: Final[dict[str, Any]] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
 _FROM_BEST = ("valid", "incomplete", "invalid")
@@ -65,6 +66,7 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
     Raises CertificateRefused where the system is found to be another one: that is a fault of ours.
     """
     end = time.monotonic() + max(1.0, time_limit)
+    compare_motion(result, end - time.monotonic())
     found = _compared(result, result["system"]["given"], end)
     if found is None or found.verdict == "valid":
         return
@@ -77,6 +79,23 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
             if one.get(key) is not None:
                 one[key] = "undetermined"
                 one["reason"] = f"An answer was found, but the system could not be compared with the document: {why}"
+
+
+def compare_motion(result: dict[str, Any], time_limit: float) -> None:
+    """The same for the answer about a motion on constraints alone."""
+    for certificate in _claims(result):
+        found = compared_claim(result["system"]["given"], certificate, time_limit)
+        if found.verdict == "invalid":
+            raise CertificateRefused(f"the motion that was decided is not what was given: {found.reasons[0]}"[:500])
+        if found.verdict == "incomplete":
+            why = f"An answer was found, but the motion could not be compared with the document: {found.reasons[0]}"
+            result["any_associated"] = _open(result["any_associated"], why)
+            return
+
+
+def _open(part: dict[str, Any], why: str) -> dict[str, Any]:
+    kept = {"statement": OPEN_MOTION, "reason": why, "verdict": "undetermined", "verdict_with_time": "undetermined"}
+    return dict.fromkeys(part, None) | {"image": [], "freedom": "", "explanation": []} | kept
 
 
 def _with_branches(alone: CheckResult, result: Any) -> CheckResult:
@@ -96,6 +115,9 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
         return alone
     given = _object(result.get("system")).get("given") if document is None else document
     found = None if given is None else _compared(result, given, end)
+    for certificate in _claims(result) if given is not None else ():
+        motion = compared_claim(given, certificate, end - time.monotonic())
+        found = motion if found is None or motion.verdict != "valid" else found
     if found is None:
         return alone
     worst = max(alone.verdict, found.verdict, key=_FROM_BEST.index)
@@ -110,6 +132,12 @@ def _compared(result: dict[str, Any], given: object, end: float) -> CheckResult 
         if found.verdict != "valid":
             break
     return found
+
+
+def _claims(result: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The certificates about the motion on constraints itself."""
+    part = _object(result.get("any_associated"))
+    yield from (found for key in ("certificate", "certificate_with_time") if (found := _object(part.get(key))))
 
 
 def _systems(result: dict[str, Any]) -> Iterator[Canonical]:

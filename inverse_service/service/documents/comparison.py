@@ -10,10 +10,15 @@ from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import TIME, Symbol, Velocity, substitute, subtract
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.reading import read_motion
+from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.mechanics.reading import read_given
 from inverse_service.service.documents import translate
-from inverse_service.service.documents.document_kinds import is_nonholonomic
+from inverse_service.service.documents.document_kinds import is_motion, is_nonholonomic
 from inverse_service.service.documents.preparing import prepared
 
 
@@ -40,12 +45,59 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
 
 def _compared_motion(document: Any, canonical: Canonical, end: float) -> CheckResult:
     # Imported where it is needed: it takes 0.05 s, which a single call for another system notices.
-    from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
-
-    motion = to_nonholonomic(to_nonholonomic_schema(document))
+    motion = _nonholonomic(document)
     functions = {function.name: function.arguments for function in motion.functions}
     names = Names(motion.coordinates, motion.parameters, functions)
     return _named(names, canonical) or motion_agrees(motion, canonical, end - time.monotonic())
+
+
+def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: float = 60.0) -> CheckResult:
+    """Whether a certificate about a motion on constraints is about that of the document. Never raises.
+
+    The constraints hold with its velocities, and its accelerations are the motion, as of an associated system.
+    """
+    from inverse_service.inverse_problem.constrained.ansatz import first_system
+    from inverse_service.inverse_problem.hamiltonisation.identities import vanish
+    from inverse_service.service.documents.motion import look_motion, read
+
+    try:
+        document, claimed = prepared(document).document, _claimed(certificate["system"])
+        if is_motion(document):
+            given = read(look_motion(document))
+            pairs = zip(given.free_accelerations, claimed.free_accelerations, strict=True)
+            trees, differ = [subtract(*pair) for pair in pairs], given.free != claimed.free
+            constraints = [subtract(v, w) for v, w in given.on_constraints.items()]
+        else:
+            constraints, trees, differ = list(_nonholonomic(document).constraints), [], False
+        trees += [substitute(tree, claimed.on_constraints) for tree in constraints]
+    except (InputError, KeyError, ValueError):
+        return CheckResult("invalid", ("The motion of a certificate cannot be compared with the document as given.",))
+    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, claimed.coordinates), *map(Velocity, claimed.free)]
+    found = None if differ else vanish(trees, [*variables, *map(Symbol, claimed.parameters)])
+    if differ or not found:
+        sentence = "The motion of a certificate is not that of the document as given."
+        return CheckResult("incomplete" if found is None and not differ else "invalid", (sentence,))
+    if is_motion(document):
+        return CheckResult("valid", ("The motion is that of the document as given.",))
+    whole = first_system(claimed)
+    system = {key: certificate["system"].get(key) for key in ("parameters", "functions")} | {
+        "coordinates": list(whole.coordinates),
+        "equations": {name: to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)},
+    }
+    return compared_with_document(document, Canonical(system, dict(certificate)), time_limit)
+
+
+def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
+    constraints = [f"{name}' = {w}" for name, w in system["velocities"].items()]
+    return read_motion(
+        system["coordinates"], system["equations"], constraints, system["parameters"], system["functions"]
+    )
+
+
+def _nonholonomic(document: Any) -> NonholonomicSystem:
+    from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
+
+    return to_nonholonomic(to_nonholonomic_schema(document))
 
 
 def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:

@@ -18,6 +18,7 @@ from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.reading import read_motion
 from inverse_service.service.documents import solving, translate
+from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.refusals import DocumentRefused, places_of
 from inverse_service.service.documents.translate_nonholonomic import to_any_associated
 
@@ -40,29 +41,32 @@ def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str],
         raise InputError(
             "special cases are not looked for where the motion itself is given: leave it out.", "/special_cases"
         )
-    motion = _read(schema)
+    motion = read(schema)
     question = schema.time_dependent_lagrangian
     answer = answer_motion(motion, None, (), question, options.seed, end, progress or (lambda _: None))
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     result = translate.to_result(Solution(first_system(motion), open_answer, None, None), schema)
     fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
     whole = NonholonomicResult(**fields, nonholonomic=None, any_associated=to_any_associated(answer))
-    return solving.ordered(whole.model_dump(mode="json"))
+    found = whole.model_dump(mode="json")
+    compare_motion(found, end - time.monotonic())
+    return solving.ordered(found)
 
 
 def parse_motion(document: Any) -> dict[str, Any]:
     """What was understood: the accelerations on the constraints, by the free velocities; raises InputError."""
     schema = look_motion(document)
-    return translate.to_parse_answer(first_system(_read(schema)), schema).model_dump(mode="json")
+    return translate.to_parse_answer(first_system(read(schema)), schema).model_dump(mode="json")
 
 
 def understand_motion(document: Any) -> dict[str, Any]:
     """The `system` part of a result; raises InputError."""
     schema = look_motion(document)
-    return translate.to_understood(first_system(_read(schema)), schema).model_dump(mode="json")
+    return translate.to_understood(first_system(read(schema)), schema).model_dump(mode="json")
 
 
-def _read(schema: MotionDocument) -> ConstrainedMotion:
+def read(schema: MotionDocument) -> ConstrainedMotion:
+    """The motion that a document describes; raises InputError."""
     return read_motion(
         schema.coordinates, schema.motion, schema.constraints, schema.parameters, schema.functions, schema.where
     )

@@ -25,6 +25,7 @@ from inverse_service.mechanics.nonholonomic.associated_systems import Associated
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service.documents import solving, translate
+from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.nonholonomic_search import searched
 from inverse_service.service.documents.translate_nonholonomic import (
     to_any_associated,
@@ -118,7 +119,9 @@ def _about_the_motion(
         nonholonomic=to_nonholonomic_part(found),
         any_associated=to_any_associated(answer),
     )
-    return solving.ordered(whole.model_dump(mode="json"))
+    document = whole.model_dump(mode="json")
+    compare_motion(document, end - time.monotonic())
+    return solving.ordered(document)
 
 
 def _share(schema: NonholonomicDocument) -> float:

@@ -45,6 +45,7 @@ from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.service.documents import translate
+from inverse_service.service.documents.checking import OPEN_MOTION
 from inverse_service.service.documents.refusals import DocumentRefused, places_of
 from inverse_service.service.jobs.outcome import Place
 
@@ -206,7 +207,7 @@ def _statement(answer: MotionAnswer) -> str:
         return "This motion cannot be hamiltonised, by any associated system."
     if answer.verdict == "not_variational":
         return "This motion cannot be hamiltonised by any L(q, q'); with a Lagrangian that depends on time it is open."
-    return "Whether this motion can be hamiltonised by any associated system is open."
+    return OPEN_MOTION
 
 
 def _motion_lagrangian(found: MotionLagrangian) -> MotionLagrangianPart:
