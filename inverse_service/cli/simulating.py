@@ -34,7 +34,7 @@ def simulate_file(name: str, output: Path | None, time_limit: float | None, figu
     if folder is None:
         write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")
     else:
-        write_files(folder, summary, found["tables"], found["truth"], figures)
+        write_files(folder, document, found, summary, figures)
         write(page(summary))
         print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
     completed = any(method["outcome"] == "completed" for method in summary["methods"])
@@ -62,33 +62,49 @@ def made_folder(output: Path) -> Path:
 
 def without_points(result: Mapping[str, Any]) -> dict[str, Any]:
     """The document without the points, which the CSV and NPZ files hold."""
-    methods = [{key: value for key, value in method.items() if key != "points"} for method in result["methods"]]
+    methods = [
+        {key: value for key, value in method.items() if key not in ("points", "members_columns")}
+        for method in result["methods"]
+    ]
     return {**result, "methods": methods}
 
 
-def write_files(
-    folder: Path, summary: dict[str, Any], tables: Mapping[str, Any], truth: Mapping[str, Any] | None, figures: bool
-) -> None:
-    """LABEL.csv (t and the coordinates), LABEL.npz (all columns), figures as SVG and PNG, summary.json."""
+def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: dict[str, Any], figures: bool) -> None:
+    """LABEL.csv and LABEL.npz with every recorded point and all columns, figures as SVG and PNG, summary.json.
+
+    Of an ensemble the CSV has a row for each member. NPZ files hold the scene and the version as text in `metadata`.
+    """
     import numpy as np
 
-    coordinates = summary["system"]["coordinates"]
+    tables, version = found["tables"], summary["provenance"]
     for method in summary["methods"]:
         label = method["label"]
         if label not in tables:
             continue
-        name = file_name(label)
-        columns = ("t", *coordinates)
-        data = np.column_stack([tables[label][column] for column in columns])
-        np.savetxt(folder / f"{name}.csv", data, "%.17g", ",", header=",".join(columns), comments="")
-        np.savez_compressed(folder / f"{name}.npz", **tables[label])
+        name, table = file_name(label), tables[label]
+        members = {key.removeprefix("member_"): column for key, column in table.items() if key.startswith("member_")}
+        _write_csv(folder / f"{name}.csv", members or table)
+        metadata = json.dumps(
+            {"scene": document, "method": label, "provenance": version}, ensure_ascii=False, default=str
+        )
+        np.savez_compressed(folder / f"{name}.npz", **table, metadata=np.array(metadata))
         method["files"] = [f"{name}.csv", f"{name}.npz"]
+        if label in found["events"]:
+            _write_csv(folder / f"{name}-events.csv", found["events"][label])
+            method["files"].append(f"{name}-events.csv")
     if figures:
         from inverse_service.service.figures.drawing import draw_simulation
 
-        summary["figures"] = draw_simulation(folder, summary, tables, truth)
-    text = json.dumps(summary, ensure_ascii=False, indent=2)
+        summary["figures"] = draw_simulation(folder, summary, tables, found["truth"])
+    text = json.dumps(summary | {"scene": document}, ensure_ascii=False, indent=2, default=str)
     (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _write_csv(path: Path, columns: Mapping[str, Any]) -> None:
+    import numpy as np
+
+    data = np.column_stack(list(columns.values()))
+    np.savetxt(path, data, "%.17g", ",", header=",".join(columns), comments="")
 
 
 def file_name(label: str) -> str:

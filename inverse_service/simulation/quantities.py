@@ -70,7 +70,7 @@ def observed_quantities(run: Observed, seconds: dict[str, float]) -> tuple[dict[
 
 def _own(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     """The observables that the scene gives by formula, at the recorded points: first, last, least and greatest."""
-    velocities = _point_velocities(run)
+    velocities = velocities_at_points(run)
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
     at = run.trajectory
@@ -144,7 +144,7 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     if start is None:
         return {"max_energy_error": None, "energy_note": _NO_ENERGY}, {}
     numbers, series = _discrete_energy(run, start)
-    velocities = _point_velocities(run)
+    velocities = velocities_at_points(run)
     if velocities is None:
         note = why_energy_varies(run.scene) or _NO_VELOCITIES
         return {"energy_start": start, "max_energy_error": None, "energy_note": note} | numbers, series
@@ -181,11 +181,12 @@ def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[
 def _point_constraints(run: Observed) -> dict[str, Any]:
     if run.requested.method != "variational" or not run.scene.constraints:
         return {}
-    velocities = _point_velocities(run)
+    velocities = velocities_at_points(run)
     return {} if velocities is None else point_constraints(run.scene, run.trajectory.positions, velocities)
 
 
-def _point_velocities(run: Observed) -> Array | None:
+def velocities_at_points(run: Observed) -> Array | None:
+    """(m, n) at the recorded points, from the momenta where the method has them; None where it has neither."""
     if run.problem is None or run.requested.alpha is None:
         return run.trajectory.velocities
     method, values = run.requested.method, dict(run.values)
@@ -216,7 +217,7 @@ def last_point(run: Observed) -> tuple[float, Array, Array | None]:
         momenta=None if at.momenta is None else at.momenta[-3:],
         velocities=None if at.velocities is None else at.velocities[-3:],
     )  # fmt: skip
-    velocities = _point_velocities(replace(run, trajectory=short))
+    velocities = velocities_at_points(replace(run, trajectory=short))
     return float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]
 
 

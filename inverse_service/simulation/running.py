@@ -23,7 +23,7 @@ from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.part_costs import COST, Means, part_costs
 from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.quantities import Observed, last_point, observed_quantities
+from inverse_service.simulation.quantities import Observed, observed_quantities
 from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, exact_trajectory, true_motion
 
@@ -38,7 +38,8 @@ class MethodRun:
     """One method of a scene. `numbers` are the observed quantities, `series` those at each recorded point.
 
     `seconds` says what compiling, running and each observed quantity cost; `trajectory` is None where the
-    method could not start, and `outcome` says why. `events` are those found, `final` is the last point (t, q, v).
+    method could not start, and `outcome` says why. `events` are those found, `observed` is the run with what
+    velocities at its points need.
     """
 
     requested: Requested
@@ -49,7 +50,7 @@ class MethodRun:
     seconds: Mapping[str, float] = field(default_factory=dict)
     free: FreeLagrangian | None = None
     events: tuple[Found, ...] = ()
-    final: tuple[float, Array, Array | None] | None = None
+    observed: Observed | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +130,7 @@ def run_method(
         begun = time.perf_counter()
         numbers[COST] = _costs(scene, requested, derived, known, stop, find)
         seconds[COST] = time.perf_counter() - begun
-    return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, last_point(observed))
+    return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, observed)
 
 
 def _integrated(

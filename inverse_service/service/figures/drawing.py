@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.service.figures.coordinates import coordinate_figure
+from inverse_service.service.figures.ensembles import ensemble_figure
 from inverse_service.service.figures.paths import path_figure
 from inverse_service.service.figures.series import QUANTITIES, series_figure
 from inverse_service.service.figures.style import save
@@ -29,6 +30,9 @@ def draw_simulation(
         return []
     found = []
     observed = set(result["observe"])
+    if any("members" in method for method in result["methods"]):
+        figure, caption = ensemble_figure(result, tables)
+        return [{"files": save(figure, folder, "ensemble", caption), "caption": caption}]
     if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
         figure, caption = path_figure(result, tables, truth)
         found.append({"files": save(figure, folder, "path", caption), "caption": caption})

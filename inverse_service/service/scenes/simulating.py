@@ -18,6 +18,7 @@ from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.simulation.derivation import derive
 from inverse_service.simulation.events import Found
+from inverse_service.simulation.quantities import last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene import Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth
@@ -50,7 +51,8 @@ def simulate_tables(document: Any, progress: Progress | None = None, time_limit:
     truth = None
     if isinstance(true, Truth):
         truth = {name: true.positions[:, k] for k, name in enumerate(found.scene.coordinates)}
-    return {"result": simulation_document(found, seconds), "tables": tables, "truth": truth}
+    events = {run.requested.label: event_table(scene, run.events) for run in found.runs if run.events}
+    return {"result": simulation_document(found, seconds), "tables": tables, "truth": truth, "events": events}
 
 
 def run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
@@ -83,10 +85,14 @@ def catalogue_name(schema: SceneDocument) -> str | None:
 
 
 def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
-    """t, the coordinates and the observed series of one run, as columns."""
-    assert run.trajectory is not None
-    columns: dict[str, Any] = {"t": run.trajectory.times}
-    columns |= {name: run.trajectory.positions[:, k] for k, name in enumerate(scene.coordinates)}
+    """Columns of all recorded points: t, the coordinates, velocities v_x and momenta p_x, then what was observed."""
+    trajectory = run.trajectory
+    assert trajectory is not None
+    columns: dict[str, Any] = {"t": trajectory.times}
+    velocities = None if run.observed is None else velocities_at_points(run.observed)
+    for prefix, table in (("", trajectory.positions), ("v_", velocities), ("p_", trajectory.momenta)):
+        if table is not None:
+            columns |= {f"{prefix}{name}": table[:, k] for k, name in enumerate(scene.coordinates)}
     return columns | dict(run.series)
 
 
@@ -142,8 +148,8 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
     document = {**_requested(requested), **_outcome(scene, run), **run.numbers}
     if run.events:
         document["events"] = [_event(scene, one) for one in run.events]
-    if run.final is not None:
-        document["final"] = _final(scene, run.final)
+    if run.observed is not None:
+        document["final"] = _final(scene, last_point(run.observed))
     if run.free is not None:
         document["free_lagrangian"] = to_text(run.free.lagrangian)
         document["constants"] = dict(run.free.constants) | dict(requested.constants)
@@ -162,6 +168,16 @@ def _event(scene: Scene, found: Found) -> dict[str, Any]:
         columns |= {f"{prefix}{name}": table[:MOST_EVENTS, k].tolist() for k, name in enumerate(scene.coordinates)}
     note = {"note": found.note} if found.note else {}
     return {"when": to_text(found.event.formula), "count": len(found.times), "columns": columns, **note}
+
+
+def event_table(scene: Scene, events: tuple[Found, ...]) -> dict[str, Any]:
+    """All points of all events: the number of the event, t, the coordinates and velocities."""
+    columns: dict[str, Any] = {"event": np.concatenate([np.full(len(one.times), k) for k, one in enumerate(events, 1)])}
+    columns["t"] = np.concatenate([one.times for one in events])
+    for k, name in enumerate(scene.coordinates):
+        columns[name] = np.concatenate([one.positions[:, k] for one in events])
+        columns[f"v_{name}"] = np.concatenate([one.velocities[:, k] for one in events])
+    return columns
 
 
 def _final(scene: Scene, final: tuple[float, Any, Any]) -> dict[str, Any]:
