@@ -26,7 +26,16 @@ MAX_EVENTS = 16
 MAX_MEMBERS = 1_000_000
 
 MethodName = Literal[
-    "variational", "nonholonomic", "modified", "exact", "reference", "runge-kutta", "adaptive", "stiff", "heyoka"
+    "variational",
+    "nonholonomic",
+    "modified",
+    "exact",
+    "reference",
+    "runge-kutta",
+    "stormer-verlet",
+    "adaptive",
+    "stiff",
+    "heyoka",
 ]
 Observed = Literal[
     "trajectory", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "velocities", "cost"

@@ -18,7 +18,7 @@ from inverse_service.service.scenes import simulation_tasks
 DEFAULT_SECONDS = 300.0
 COLUMNS = (
     "step", "steps", "relative_error", "compile_seconds", "first_seconds", "best_seconds", "median_seconds",
-    "force_evaluations", "newton_iterations", "tolerance",
+    "force_evaluations", "newton_iterations", "tolerance", "velocity_error", "energy_error", "constraint_error",
 )  # fmt: skip
 
 

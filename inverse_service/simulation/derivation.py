@@ -11,7 +11,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
-from inverse_service.simulation.choices import POINT_METHODS
+from inverse_service.simulation.choices import POINT_METHODS, SCIPY
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, exact_motion
 from inverse_service.simulation.initial import is_degenerate
 from inverse_service.simulation.problem import Problem
@@ -19,7 +19,7 @@ from inverse_service.simulation.regular_motion import DEGENERATE, regular_accele
 from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
 
 USES_FREE = frozenset({"variational", "modified"})
-USES_ACCELERATIONS = POINT_METHODS | {"heyoka"}
+USES_ACCELERATIONS = POINT_METHODS | {"heyoka", *SCIPY}
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
 

@@ -85,8 +85,9 @@ def execute(
         last = done + todo == grid.steps
         control = np.array([todo, len(substeps), every, until, 0, 0, 0], dtype=np.int64)
         record = np.empty((todo // every + 2, columns, memory.shape[1]))
+        addresses = [array.ctypes.data for array in (memory, substeps, control, record)]
         begin = time.perf_counter()
-        kernel.machine.call(memory.ctypes.data, substeps.ctypes.data, control.ctypes.data, record.ctypes.data)
+        kernel.machine.call(*addresses)
         passed = time.perf_counter() - begin
         state = dict(zip(CONTROL, (int(x) for x in control), strict=True))
         pieces.append(record[: state["rows"]].copy() if state["rows"] < len(record) else record)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from inverse_service.integrators.trajectory import Outcome, Trajectory
-from inverse_service.simulation.choices import OWN_STEPS, Grid, MethodChoice, Observable, Observation, Start
+from inverse_service.simulation.choices import OWN_STEPS, SCIPY, Grid, MethodChoice, Observable, Observation, Start
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.guard import refusal
@@ -18,6 +18,7 @@ from inverse_service.simulation.outcomes import failed_start, trajectory_of
 from inverse_service.simulation.preparation import check, kernel_of, lane_of, parameter_values, weights_of
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.schemes import program_of
+from inverse_service.simulation.scipy_peers import run_scipy
 from inverse_service.simulation.starting import Initial, initial
 from inverse_service.simulation.watches import RESOLVE
 
@@ -61,6 +62,8 @@ def run(
     observation = observation or Observation()
     if choice.method == "heyoka":
         return run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
+    if choice.method in SCIPY:
+        return run_scipy(problem, choice, start, grid, values)
     formulas = Formulas(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})

@@ -11,15 +11,23 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.integrators.trajectory import Trajectory
-from inverse_service.simulation.choices import Grid
+from inverse_service.simulation.choices import OWN_STEPS, SCIPY, Grid
 from inverse_service.simulation.derivation import Derived
+from inverse_service.simulation.observing import (
+    greatest,
+    point_constraints,
+    point_energy,
+    start_energy,
+    why_energy_varies,
+)
+from inverse_service.simulation.quantities import velocities_at_points
 from inverse_service.simulation.running import MethodRun, run_method
 from inverse_service.simulation.scene import EXACT, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, true_motion
@@ -33,6 +41,7 @@ MOST_STEPS = 4_000_000
 # Errors below this share of the motion are round-off, whose noise is about this factor.
 ROUND_OFF = 1e-12
 NOISE = 4.0
+SLOW = 1.0  # seconds; a peer that takes longer is not made finer
 # Shares of the time limit: for first calls, and for all repetitions.
 SHARE_OF_FIRST = 0.5
 SHARE_OF_REPEATS = 0.35
@@ -42,9 +51,10 @@ SHARE_OF_REPEATS = 0.35
 class Setting:
     """One method at one step, measured. Times in seconds; `reason` is empty where `error` is a number.
 
-    `first` is the first call with compiling; `compile` is the part of it before the run; `best` and `median` are
-    of `repeats` later runs. `at_floor`: a smaller step than that of the least error. Where `tolerance` is not None the
-    method took steps of its own, and `step` is only the distance of the times at which it is seen.
+    `first` is the first call with compiling; `compile` is the part of it before the run; `best` and `median` are of
+    `repeats` later runs. `further` are errors of velocity, energy (relative) and constraints at the same times.
+    `at_floor`: a smaller step than that of the least error. Where `tolerance` is not None the method took steps of its
+    own, and `step` is only the distance of the times at which it is seen.
     """
 
     requested: Requested
@@ -61,6 +71,7 @@ class Setting:
     newton_iterations: int
     at_floor: bool = False
     tolerance: float | None = None
+    further: Mapping[str, float | None] = field(default_factory=dict)
 
     @property
     def fineness(self) -> tuple[int, float]:
@@ -103,6 +114,10 @@ def measure(
     settings: list[Setting] = []
     for requested in methods:
         for count, tolerance in _fineness(requested, counts):
+            if requested.method in SCIPY and _is_slow(settings, requested):
+                blank = _blank(requested, length, count, tolerance)
+                settings.append(replace(blank, reason=f"not measured: the coarser one took more than {SLOW:g} s"))
+                continue
             if progress is not None:
                 progress(f"{requested.label}, {f'{count} steps' if tolerance is None else f'tolerance {tolerance:g}'}")
             late = time.monotonic() - begun > SHARE_OF_FIRST * time_limit
@@ -116,6 +131,11 @@ def measure(
     return Precision(scene, truth, scale, tuple(_with_floor(settings, scale)))
 
 
+def _is_slow(settings: Sequence[Setting], requested: Requested) -> bool:
+    """Whether the coarser settings of a peer took too long already."""
+    return any(one.first > SLOW for one in settings if one.requested.label == requested.label)
+
+
 def _counts(length: float, steps: Sequence[float]) -> list[int]:
     """Numbers of steps, rising, each a multiple of CHECKS so that all methods are seen at the same times."""
     counts = {CHECKS * max(1, round(length / (CHECKS * step))) for step in steps}
@@ -123,8 +143,10 @@ def _counts(length: float, steps: Sequence[float]) -> list[int]:
 
 
 def _fineness(requested: Requested, counts: Sequence[int]) -> list[tuple[int, float | None]]:
-    """(steps, None) of each setting; for heyoka (CHECKS, tolerance)."""
-    if requested.method == "heyoka":
+    """(steps, None) of each setting; (CHECKS, tolerance) for methods that choose their steps."""
+    if requested.method in SCIPY:
+        return [(CHECKS, tolerance) for tolerance in TOLERANCES[1:10:2]]
+    if requested.method in OWN_STEPS:
         return [(CHECKS, tolerance) for tolerance in TOLERANCES]
     return [(count, None) for count in counts]
 
@@ -162,7 +184,26 @@ def _first(scene: Scene, blank: Setting, derived: Derived, truth: Truth, length:
         first=first,
         force_evaluations=trajectory.force_evaluations,
         newton_iterations=trajectory.newton_iterations,
+        further=_further(scene, run, truth),
     )
+
+
+def _further(scene: Scene, run: MethodRun, truth: Truth) -> dict[str, float | None]:
+    """Greatest errors at the CHECKS common times, of what has values there."""
+    assert run.trajectory is not None
+    velocities = None if run.observed is None else velocities_at_points(run.observed)
+    if velocities is None:
+        return {}
+    positions, times = run.trajectory.positions, run.trajectory.times
+    found = {"velocity_error": greatest(velocities - truth.velocities)}
+    if scene.lagrangian is not None and why_energy_varies(scene) is None:
+        start = start_energy(scene) or 0.0
+        found["energy_error"] = greatest(
+            (point_energy(scene, positions, velocities, times) - start) / (abs(start) or 1.0)
+        )
+    if scene.constraints:
+        found["constraint_error"] = point_constraints(scene, positions, velocities)["max_constraint_at_points"]
+    return found
 
 
 def reason_of(run: MethodRun) -> str:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
+
 from inverse_service.simulation.precision import Precision, Setting
 
 TARGETS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
@@ -46,6 +48,17 @@ def seconds_to(curve: Sequence[Setting], error: float) -> float | None:
     return curve[0].best if curve and curve[0].error is not None and curve[0].error <= error else None
 
 
+def reached_at_once(measured: Precision) -> dict[str, list[str]]:
+    """For each error the methods whose coarsest setting is better already: their time is at most what is told."""
+    drawn = curves(measured)
+    return {
+        f"{target:g}": [
+            label for label, curve in drawn.items() if curve and (curve[0].error or np.inf) <= target * measured.scale
+        ]
+        for target in TARGETS
+    }
+
+
 def times_to_errors(measured: Precision) -> dict[str, dict[str, float | None]]:
     """For each error, relative to the size of the motion, the seconds of each method."""
     drawn = curves(measured)
@@ -60,17 +73,20 @@ def conclusion(measured: Precision) -> str:
     methods = {setting.requested.label: setting.requested.method for setting in measured.settings}
     firsts: dict[str, list[str]] = {}
     lost, won = [], []
+    at_most = reached_at_once(measured)
     for key, times in times_to_errors(measured).items():
         target = key.replace("e-0", "e-")
         known = {label: seconds for label, seconds in times.items() if seconds is not None}
         if not known:
             continue
         first = min(known, key=known.__getitem__)
-        firsts.setdefault(first, []).append(f"{target} in {_time(known[first])}")
+        sign = "at most " if first in at_most[key] else ""
+        firsts.setdefault(first, []).append(f"{target} in {sign}{_time(known[first])}")
         own = {label: seconds for label, seconds in known.items() if methods[label] == "variational"}
         if own and methods[first] != "variational":
             nearest = min(own, key=own.__getitem__)
-            lost.append(f"{own[nearest] / known[first]:.2g} times that at {target}")
+            sign = "at most " if nearest in at_most[key] else "at least " if first in at_most[key] else ""
+            lost.append(f"{sign}{own[nearest] / known[first]:.2g} times that at {target}")
         elif own and len(known) > len(own):
             won.append(target)
         elif not own and "variational" in methods.values():

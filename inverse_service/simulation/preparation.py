@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from inverse_service.codegen.compiled import Compiled, compiled
 from inverse_service.errors import InputError
 from inverse_service.integrators.compositions import ORDERS, composition
-from inverse_service.simulation.choices import OWN_STEPS, Grid, MethodChoice, Observation
+from inverse_service.simulation.choices import OWN_STEPS, SCIPY, Grid, MethodChoice, Observation
 from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.schemes import alpha_of, parts_of, program_of
 from inverse_service.simulation.starting import Initial
 
-METHODS = ("variational", "nonholonomic", "modified", "runge_kutta", "reference", "adaptive", "stiff", "heyoka")
+METHODS = ("variational", "nonholonomic", "modified", "runge_kutta", "reference", "adaptive", "stiff", "heyoka", *SCIPY)
 
 
 def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None:
@@ -22,11 +22,11 @@ def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None
         raise InputError(f"There is no method of this name; there are {', '.join(METHODS)}.")
     if not 0.0 <= choice.alpha <= 1.0:
         raise InputError("alpha must be from 0 to 1.")
-    if choice.form not in ("hamiltonian", "raw"):
-        raise InputError("The form of the variational method is hamiltonian or raw.")
+    if choice.form not in ("hamiltonian", "raw", "verlet"):
+        raise InputError("The form of the variational method is hamiltonian, raw or verlet.")
     if choice.method in ("variational", "nonholonomic", "modified"):
         _check_order(choice)
-    if choice.symmetrised and choice.alpha != 0.5 and problem.depends_on_time:
+    if choice.symmetrised and choice.alpha != 0.5 and choice.form != "verlet" and problem.depends_on_time:
         raise InputError("Symmetrised steps are for systems without t: take alpha = 1/2, which has order 2 too.")
     for grid in grids:
         if not (abs(grid.step) > 0 and grid.step - grid.step == 0 and grid.steps >= 0 and grid.record_every >= 1):

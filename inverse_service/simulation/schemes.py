@@ -29,6 +29,10 @@ from inverse_service.simulation.watches import (
     with_clock,
 )
 
+NOT_SEPARABLE = (
+    "Stormer and Verlet need H = T(p) + V(q): constant masses, no magnetic terms, no further forces; take variational."
+)
+
 
 def alpha_of(choice: MethodChoice) -> Formula:
     """alpha as a number where it changes the structure (0, 1/2, 1), else a name that gets its value at run time."""
@@ -56,7 +60,27 @@ def program_of(formulas: Formulas, choice: MethodChoice, observation: Observatio
 
 
 def variational(formulas: Formulas, choice: MethodChoice, observation: Observation) -> Program:
-    return _raw(formulas, choice, observation) if choice.form == "raw" else _hamiltonian(formulas, choice, observation)
+    forms = {"raw": _raw, "verlet": _verlet, "hamiltonian": _hamiltonian}
+    return forms[choice.form](formulas, choice, observation)
+
+
+def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+    """Stormer and Verlet: half a drift, a kick, half a drift; one evaluation of the force, nothing implicit."""
+    q, p = f.symbols("q"), f.symbols("p")
+    if f.forces or any(f.hamiltonian.diff(x).diff(y).expand() != number(0) for x in q for y in p):
+        raise InputError(NOT_SEPARABLE)
+    middle = MOMENT + STEP / 2
+    slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "q", "p", middle) for letter in "qp")
+    half = [x + STEP / 2 * rate for x, rate in zip(q, slope_p(q, p), strict=True)]
+    kicks = [-STEP * force for force in slope_q(half, p)]
+    kicked = [symbol(f"e{k}") for k in range(f.size)]
+    after = slope_p(q, between(p, kicked, 1))
+    moves = [STEP / 2 * (a + b) for a, b in zip(slope_p(q, p), after, strict=True)]
+    statements = [Assign(str(name), kick) for name, kick in zip(kicked, kicks, strict=True)]
+    statements += [Assign(str(name), move) for name, move in zip(f.symbols("d"), moves, strict=True)]
+    point = dict(zip([*q, *p, MOMENT], [*half, *p, middle], strict=True))
+    watches = domain_watches(f, point)
+    return _program(f, choice, observation, tuple(statements), [*f.symbols("d"), *kicked], watches)
 
 
 def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:

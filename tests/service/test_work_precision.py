@@ -39,6 +39,8 @@ def test_measured_orders_are_those_of_the_methods(found: dict[str, Any]) -> None
 
 def test_every_method_has_every_step_with_all_columns(found: dict[str, Any]) -> None:
     for method in found["methods"]:
+        if method["settings"][0]["tolerance"] is not None:
+            continue  # peers that choose their steps
         steps = [setting["steps"] for setting in method["settings"]]
         assert len(steps) >= 8
         assert steps == sorted(set(steps))

@@ -46,4 +46,8 @@ def _below(result: Mapping[str, Any]) -> str:
     failed = len(result["failed"])
     listed = f" {failed} settings failed or were not measured and are listed in the table." if failed else ""
     machine = result["machine"]
+    silent = [
+        method["label"] for method in result["methods"] if not any(s["force_evaluations"] for s in method["settings"])
+    ]
+    listed += f" {', '.join(silent)} counts no force evaluations." if silent else ""
     return f"Curves end at the round-off floor.{listed} {machine['processor']}, {machine['cores']} cores."

@@ -48,8 +48,8 @@ def look(place: int, method: str) -> Look:
     """The look of the method at this place of the scene; true motions are dark and thin."""
     if method == "exact":
         return Look(TRUE_COLOUR, "-", "")
-    k = place % len(COLOURS)
-    return Look(COLOURS[k], LINES[k], MARKERS[k])
+    k, turn = place % len(COLOURS), place // len(COLOURS)
+    return Look(COLOURS[k], LINES[(k + turn) % len(LINES)], MARKERS[(k + 3 * turn) % len(MARKERS)])
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -15,7 +15,7 @@ from inverse_service.service.scenes.scene_numbers import number_of
 from inverse_service.simulation.choices import OWN_STEPS, TOLERANCES, MethodChoice
 from inverse_service.simulation.scene import Requested
 
-METHODS = {"runge-kutta": "runge_kutta"}
+METHODS = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
 ORDERS: dict[str, tuple[int, ...]] = dict.fromkeys(("exact", "reference", *OWN_STEPS), ()) | {"runge_kutta": (4, 5, 8)}
 USES_ALPHA = frozenset({"variational", "nonholonomic", "modified"})
 
@@ -29,6 +29,7 @@ def read_methods(schema: SceneDocument) -> tuple[Requested, ...]:
 
 
 def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Requested:
+    verlet = given.method == "stormer-verlet"
     method = METHODS.get(given.method, given.method)
     alpha = number_of(given.alpha, f"{pointer}/alpha") if given.alpha is not None else 0.5
     if not 0 <= alpha <= 1:
@@ -41,8 +42,12 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Reque
         return Requested(given.label or "exact", method, None, None)
     order = given.order or (allowed[0] if allowed else 2)
     tolerance = _tolerance(given, method, pointer)
+    if verlet and (given.alpha is not None or given.symmetrised or given.form != "hamiltonian"):
+        raise InputError("stormer-verlet has an order, and no alpha, form or symmetrised.", pointer)
     choice_of = MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
-    shown = _shown(given.alpha, alpha) if method in USES_ALPHA else None
+    if verlet:
+        choice_of = replace(choice_of, alpha=0.0, symmetrised=True, form="verlet")
+    shown = ("0" if verlet else _shown(given.alpha, alpha)) if method in USES_ALPHA else None
     constants = [
         (key, number_of(text, f"{pointer}/constants/{escape(key)}")) for key, text in (given.constants or {}).items()
     ]
@@ -85,7 +90,8 @@ def _is_short(value: Fraction) -> bool:
 
 
 def _label(given: SceneMethod, alpha: str | None, order: int) -> str:
-    parts = [given.method, *([alpha.replace("/", "_")] if alpha is not None else [])]
+    shown = alpha is not None and given.method != "stormer-verlet"
+    parts = [given.method, *([str(alpha).replace("/", "_")] if shown else [])]
     if given.order is not None and given.order != 2:
         parts.append(f"order{order}")
     if given.symmetrised:

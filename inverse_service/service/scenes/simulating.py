@@ -16,6 +16,7 @@ from inverse_service.service.scenes.ensemble_results import ensemble_arrays, ens
 from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.simulation.advice import advice
 from inverse_service.simulation.derivation import derive
 from inverse_service.simulation.events import Found
 from inverse_service.simulation.quantities import last_point, velocities_at_points
@@ -113,6 +114,9 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
             *(_requested(run.requested) | ensemble_document(scene, run) for run in found.members),
         ],
         "truth": _truth(found.truth),
+        "advice": advice(
+            scene, found.derived.accelerations if isinstance(found.derived.accelerations, tuple) else None
+        ),
         "circle_coordinates": None if scene.circle is None else [scene.coordinates[k] for k in scene.circle],
         "derived": sorted(found.derived.seconds),
         "seconds": dict(stages) | {f"derive: {name}": value for name, value in found.derived.seconds.items()},

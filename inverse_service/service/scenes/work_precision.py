@@ -21,14 +21,22 @@ from inverse_service.service.scenes.scene_numbers import number_of
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.service.scenes.simulating import Progress, as_plain, catalogue_name
+from inverse_service.simulation.advice import advice, told
+from inverse_service.simulation.choices import SCIPY, MethodChoice
 from inverse_service.simulation.derivation import derive
 from inverse_service.simulation.precision import Precision, Setting, default_steps, measure
-from inverse_service.simulation.precision_reading import conclusion, curves, measured_order, times_to_errors
-from inverse_service.simulation.scene import Unavailable
+from inverse_service.simulation.precision_reading import (
+    conclusion,
+    curves,
+    measured_order,
+    reached_at_once,
+    times_to_errors,
+)
+from inverse_service.simulation.scene import Requested, Scene, Unavailable
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
-PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka")
+PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka", "scipy")
 
 
 def work_precision(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
@@ -43,7 +51,7 @@ def _work_precision(document: Any, progress: Progress | None, time_limit: float)
     steps = _steps(schema)
     scene, system = read_scene(schema)
     # Errors are always compared, whatever the scene observes, so the true motion is always derived.
-    compared = dataclasses.replace(scene, observe=("error",))
+    compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *_peers(scene)))
     derived = derive(compared, finder(schema, system, catalogue_name(schema)))
     left = time_limit - (time.monotonic() - begun)
     measured = measure(compared, derived, steps or default_steps(scene.grid.step), schema.repeats, left, progress)
@@ -51,6 +59,14 @@ def _work_precision(document: Any, progress: Progress | None, time_limit: float)
         raise InputError(f"the errors of this scene cannot be measured: {measured.reason}", "/system")
     plain: dict[str, Any] = as_plain(_document(measured))
     return plain
+
+
+def _peers(scene: Scene) -> list[Requested]:
+    """heyoka and SciPy's integrators where they are installed and the scene does not name them."""
+    named = {requested.method for requested in scene.methods}
+    found = [] if "heyoka" in named or _version("heyoka") is None else [("heyoka", "heyoka")]
+    found += [(name, f"SciPy {shown}") for name, shown in SCIPY.items() if _version("scipy") is not None]
+    return [Requested(label, name, None, MethodChoice(name)) for name, label in found]
 
 
 def _steps(schema: SceneDocument) -> tuple[float, ...]:
@@ -68,6 +84,7 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
 def _document(measured: Precision) -> dict[str, Any]:
     drawn = curves(measured)
     labels = list(drawn)
+    taken = advice(measured.scene, None)
     return {
         "format": FORMAT,
         "name": measured.scene.name,
@@ -75,7 +92,8 @@ def _document(measured: Precision) -> dict[str, Any]:
         "scale": measured.scale,
         "error": "greatest distance of a coordinate from the true motion at 8 common times; relative is over scale",
         "truth": {"against": measured.truth.against, "uncertainty": measured.truth.uncertainty},
-        "conclusion": conclusion(measured),
+        "conclusion": f"{conclusion(measured)} {told(taken)}",
+        "advice": taken,
         "methods": [
             {
                 "label": label,
@@ -91,6 +109,7 @@ def _document(measured: Precision) -> dict[str, Any]:
             if s.reason
         ],
         "seconds_to_error": times_to_errors(measured),
+        "at_most": reached_at_once(measured),
         "machine": machine(),
         "provenance": {"program": "inverse-service", "version": __version__},
     }
@@ -116,6 +135,7 @@ def _setting(setting: Setting, scale: float) -> dict[str, Any]:
         "newton_iterations": setting.newton_iterations,
         "at_floor": setting.at_floor,
         "reason": setting.reason,
+        **{f"{name}_error": setting.further.get(f"{name}_error") for name in ("velocity", "energy", "constraint")},
     }
 
 

@@ -1,0 +1,75 @@
+"""Which method is recommended, and that it is the one that serves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service.service.scenes.simulating import simulate
+from inverse_service.service.scenes.work_precision import work_precision
+
+HENON = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
+PENDULA = {"coordinates": ["a", "b"], "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a-b) + 2*cos(a) + cos(b)"}
+EDGE = {
+    "coordinates": ["phi", "x", "y"],
+    "lagrangian": "(x'^2+y'^2+phi'^2)/2",
+    "constraints": ["sin(phi)*x' - cos(phi)*y'"],
+}
+MAGNETIC = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 + x*y'"}
+VAN_DER_POL = {"coordinates": ["x"], "equations": ["x'' = 1000*(1 - x^2)*x' - x"]}
+DAMPED = {"coordinates": ["x"], "equations": ["x'' = -x - x'/10"]}
+
+
+def scene(system: dict[str, Any], methods: list[Any], **more: Any) -> dict[str, Any]:
+    rates = {name: 0.1 for name in system["coordinates"] if name != "y" or "constraints" not in system}
+    initial = {"positions": dict.fromkeys(system["coordinates"], 0.2), "velocities": rates}
+    return {"system": system, "initial": initial, "step": 0.1, "time": 20, "methods": methods} | more
+
+
+@pytest.mark.parametrize(
+    ("system", "method"),
+    [
+        (HENON, "stormer-verlet"), (PENDULA, "variational"), (MAGNETIC, "variational"), (EDGE, "nonholonomic"),
+        (DAMPED, "adaptive"), (VAN_DER_POL, "stiff"),
+    ],
+)  # fmt: skip
+def test_the_method_fits_the_scene_and_runs(system: dict[str, Any], method: str) -> None:
+    advice = simulate(scene(system, ["adaptive"]))["advice"]
+    assert advice["method"] == method
+    taken = {"method": method} | ({"order": advice["order"]} if advice["order"] else {})
+    (found,) = simulate(scene(system, [taken]))["methods"]
+    assert found["outcome"] == "completed"
+
+
+def test_stormer_and_verlet_have_their_orders_and_keep_the_energy() -> None:
+    methods = [{"method": "stormer-verlet", "order": order} for order in (2, 4, 6, 8)]
+    errors = []
+    for step in (0.1, 0.05):
+        found = simulate(scene(HENON, methods, step=step, observe=["error", "energy"]))["methods"]
+        assert [method["label"] for method in found][1] == "stormer-verlet-order4"
+        errors.append([method["max_error"] for method in found])
+        assert found[3]["max_energy_error"] < 1e-12
+    for order, coarse, fine in zip((2, 4, 6), *errors, strict=False):
+        assert coarse / fine == pytest.approx(2**order, rel=0.25)
+    assert errors[1][3] < 1e-13
+
+
+@pytest.mark.parametrize("system", [PENDULA, MAGNETIC])
+def test_stormer_and_verlet_say_what_they_need(system: dict[str, Any]) -> None:
+    (found,) = simulate(scene(system, ["stormer-verlet"]))["methods"]
+    assert found["outcome"] == "unavailable"
+    assert "T(p) + V(q)" in found["reason"]
+
+
+def test_peers_are_measured_and_bounds_are_told() -> None:
+    methods = [{"method": "stormer-verlet", "order": 8}, {"method": "stormer-verlet", "order": 2}]
+    found = work_precision(scene(HENON, methods, repeats=1), None, 40.0)
+    labels = {method["label"] for method in found["methods"]}
+    assert labels >= {"SciPy DOP853", "SciPy Radau", "SciPy LSODA", "stormer-verlet"}
+    assert "stormer-verlet-order8" in found["at_most"]["0.0001"]
+    assert "stormer-verlet" not in found["at_most"]["1e-10"]
+    assert "take stormer-verlet of order 8" in found["conclusion"]
+    settings = next(method for method in found["methods"] if method["label"] == "stormer-verlet-order8")["settings"]
+    assert all(setting["velocity_error"] < 1e-2 for setting in settings if setting["error"] is not None)
+    assert all(setting["energy_error"] < 1e-3 for setting in settings if setting["error"] is not None)
