@@ -111,3 +111,18 @@ def test_a_sleigh_cannot_be_hamiltonised_and_says_so_first() -> None:
     assert found["statement"] == "This motion cannot be hamiltonised, by any associated system."
     assert found["certificate"]["question"] == "time_dependent"  # it covers L(q, q') too
     assert any("7 of 10 dimensions" in step["text"] for step in found["explanation"])
+
+
+def test_the_sleigh_is_settled_in_whatever_order_its_coordinates_are_named() -> None:
+    """Chaplygin's sleigh with a moment of inertia about its mass has no Lagrangian among all associated systems."""
+    document = {
+        "lagrangian": "(x'^2 + y'^2)/2 + (J + a^2)*phi'^2/2 + a*phi'*(y'*cos(phi) - x'*sin(phi))",
+        "constraints": ["y'*cos(phi) - x'*sin(phi)"],
+        "parameters": ["a", "J"],
+        "associated": "any",
+    }
+    for coordinates in (["x", "y", "phi"], ["y", "phi", "x"]):
+        found = solve_document({**document, "coordinates": coordinates}, SolveOptions(time_limit=300.0))[
+            "any_associated"
+        ]
+        assert (found["verdict"], found["checked"]) == ("not_variational", "valid")

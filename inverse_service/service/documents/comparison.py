@@ -79,11 +79,13 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
         return CheckResult("incomplete" if found is None and not differ else "invalid", (sentence,))
     if is_motion(document):
         return CheckResult("valid", ("The motion is that of the document as given.",))
-    whole = first_system(claimed)
+    whole, order = first_system(claimed), _nonholonomic(document).coordinates
+    equations = {name: to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)}
+    # A certificate has the free coordinates first, the document its own order.
+    same = sorted(order) == sorted(equations)
     system = {key: certificate["system"].get(key) for key in ("parameters", "functions")} | {
-        "coordinates": list(whole.coordinates),
-        "equations": {name: to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)},
-    }
+        "coordinates": list(order if same else whole.coordinates), "equations": equations,
+    }  # fmt: skip
     return compared_with_document(document, Canonical(system, dict(certificate)), time_limit)
 
 
