@@ -1,39 +1,91 @@
 """Inverse problem of the calculus of variations: verdict, Lagrangian, proof.
 
-    from inverse_service import check, solve
-    result = solve({"equations": "x'' = -x"})
-    result["verdict"], result["lagrangian"]["text"], check(result)["verdict"]
+    from inverse_service import solve
+    result = solve("x'' = -x")
+    result.verdict, result["lagrangian"]["text"], result.check()["verdict"]
 
-Three functions for use without the service; documents and results are those of the command line, as plain
-dictionaries. The engine is loaded by the first call.
+Functions for use without the service; documents are those of the command line, results are mappings with
+attributes. The engine is loaded by the first call, SymPy by the first attribute that is an expression.
 """
 
 from __future__ import annotations
 
+import importlib
 import logging
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["check", "simulate", "solve"]
+if TYPE_CHECKING:
+    from inverse_service.client import Client
+    from inverse_service.errors import InputError
+    from inverse_service.sympy.result import Result
+
+__all__ = ["Client", "InputError", "Result", "catalogue", "check", "simulate", "solve"]
 __version__ = "0.1.0"
+_ELSEWHERE = {
+    "Client": "inverse_service.client",
+    "InputError": "inverse_service.errors",
+    "Result": "inverse_service.sympy.result",
+}
+_KEYS = frozenset(("equations", "lagrangian", "constraints", "motion", "format", "options", "parameters"))
 
 
-def solve(document: Mapping[str, Any], *, time_limit: float = 60.0, seed: int = 1) -> dict[str, Any]:
-    """The result of a System or a Nonholonomic document, its certificates checked.
+def __getattr__(name: str) -> Any:
+    if name in _ELSEWHERE:
+        return getattr(importlib.import_module(_ELSEWHERE[name]), name)
+    if name in ("catalogue", "errors", "sympy", "client"):
+        return importlib.import_module(f"inverse_service.{name}")
+    raise AttributeError(f"module 'inverse_service' has no attribute {name!r}")
 
-    `time_limit` in s is kept by the solver between its stages, in this process: a result past it is
-    `undetermined` and says so in `reason`. `seed` fixes the random points and primes. The key `options`
-    of a document asks for less time and another seed. Raises `inverse_service.errors.InputError`.
+
+def solve(
+    document: Mapping[str, Any] | Sequence[str] | str | Any, *, time_limit: float = 60.0, seed: int = 1
+) -> Result:
+    """The result of a system, its certificates checked.
+
+    `document` is a document, a text of equations, a list of them, accelerations by coordinate, a name of the
+    catalogue, or SymPy objects (see `inverse_service.sympy`). `time_limit` in s is kept by the solver between its
+    stages, in this process: a result past it is `undetermined` and says so in `reason`. `seed` fixes the random points
+    and primes. The key `options` of a document asks for less time and another seed. Raises InputError.
     """
+    from inverse_service.sympy.result import result_of
+
+    whole = _document(document)
+    if whole is None:
+        from inverse_service import sympy as bridge
+
+        return bridge.solve(document, time_limit=time_limit, seed=seed)
     from inverse_service.inverse_problem.options import SolveOptions
     from inverse_service.service.documents.documents import solve_document
     from inverse_service.service.jobs.options import JobOptions, read_options, split_options
     from inverse_service.service.jobs.warming import warm_first, warm_up
 
-    alone, given = split_options(_plain(document))
+    alone, given = split_options(_plain(whole))
     asked = read_options(given, JobOptions(time_limit=time_limit, seed=seed))
     warm_first(logging.getLogger(__name__).warning, warm_up)
-    return solve_document(alone, SolveOptions(seed=asked.seed, time_limit=asked.time_limit))
+    return result_of(solve_document(alone, SolveOptions(seed=asked.seed, time_limit=asked.time_limit)))
+
+
+def _document(given: Any) -> Mapping[str, Any] | None:
+    """The document that is meant, None for objects of SymPy."""
+    if isinstance(given, Mapping) and all(isinstance(key, str) for key in given):
+        texts = all(isinstance(value, str | int) and not isinstance(value, bool) for value in given.values())
+        return {"equations": given} if texts and given and not _KEYS & given.keys() else given
+    if isinstance(given, str):
+        return _of_text(given)
+    if isinstance(given, list | tuple) and given and all(isinstance(entry, str) for entry in given):
+        return {"equations": list(given)}
+    return None
+
+
+def _of_text(text: str) -> Mapping[str, Any]:
+    """The document of a text: a name of the catalogue, JSON, or equations."""
+    from inverse_service import catalogue
+
+    if text.strip().startswith("{") and '"' in text:
+        found = _read(text)
+        return found if isinstance(found, dict) else {"equations": text}
+    return catalogue.document(text) if text in catalogue.names() else {"equations": text}
 
 
 def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -47,7 +99,7 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
 
     given = None if document is None else split_options(_plain(document))[0]
     if not isinstance(result, str):
-        return check_plain(result, given)
+        return check_plain(dict(result), given)
     return check_document(result) if given is None else check_plain(_read(result), given)
 
 
@@ -56,6 +108,12 @@ def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str
     from inverse_service.service.scenes.simulating import simulate as run
 
     return run(_plain(scene), time_limit=time_limit)
+
+
+def _as_dictionary(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return dict(value)
+    raise TypeError(f"{type(value).__name__} is none of these, write it as a text")
 
 
 def _read(text: str) -> Any:
@@ -77,7 +135,7 @@ def _plain(document: Mapping[str, Any]) -> Any:
     from inverse_service.service.documents.reading import read_json
 
     try:
-        text = json.dumps(document)
+        text = json.dumps(document, default=_as_dictionary)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"A document holds texts, numbers, lists and objects, as JSON does: {error}.") from None
     return read_json(text)

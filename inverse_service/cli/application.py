@@ -30,6 +30,18 @@ class Format(StrEnum):
     json = "json"
     text = "text"
     latex = "latex"
+    sympy = "sympy"
+    python = "python"
+    julia = "julia"
+    matlab = "matlab"
+    octave = "octave"
+    mathematica = "mathematica"
+    maple = "maple"
+    c = "c"
+    cpp = "cpp"
+    fortran = "fortran"
+    rust = "rust"
+    javascript = "javascript"
 
 
 class CatalogueFormat(StrEnum):

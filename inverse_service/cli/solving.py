@@ -127,6 +127,10 @@ def show_stage(text: str) -> None:
 def _written(result: dict[str, Any], form: str, explain: bool) -> str:
     if form == "json":
         return json.dumps(result, ensure_ascii=False, indent=2) + "\n"
+    if form not in ("text", "latex"):
+        from inverse_service.sympy import from_result
+
+        return from_result(result).to_code(form)
     if form == "latex":
         from inverse_service.cli.latex_page import latex_page
 

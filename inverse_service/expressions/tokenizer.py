@@ -43,7 +43,7 @@ _REASONS = {
 }
 # Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
 _OTHER_PROGRAMS = re.compile(
-    r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@)"
+    r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"
 )
 _SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
 _OTHERWISE = "use letters, digits, + - * / ^ ( ) , = and '"

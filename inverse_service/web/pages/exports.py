@@ -1,4 +1,4 @@
-"""A result to take along: LaTeX, SymPy, Python call, curl, JSON."""
+"""A result to take along: LaTeX, Python call, curl, JSON; code in other languages is made on demand."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from inverse_service.errors import InputError
 from inverse_service.service.documents.latex_proof import latex_proof
-from inverse_service.web.pages.sympy_code import sympy_program
+
+# Languages of inverse_service.sympy.code, and the endings of their files.
+LANGUAGES = {
+    "sympy": "py", "python": "py", "julia": "jl", "matlab": "m", "octave": "m", "mathematica": "wl", "maple": "mpl",
+    "c": "c", "cpp": "cpp", "fortran": "f90", "rust": "rs", "javascript": "js",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,23 +29,11 @@ class Export:
 def exports(result: Mapping[str, Any], address: str) -> list[Export]:
     """Every form that this result has; the JSON is a link of its own, being long."""
     found = [Export("latex", "LaTeX", latex_of(result))]
-    code = _sympy(result)
-    if code:
-        found.append(Export("sympy", "SymPy", code))
     if result["system"] is not None:
         given = result["system"]["given"]
         found.append(Export("python", "Python", python_call(given, address)))
         found.append(Export("curl", "curl", curl_of(given, address)))
     return found
-
-
-def _sympy(result: Mapping[str, Any]) -> str:
-    if result["system"] is None:
-        return ""
-    try:
-        return sympy_program(result)
-    except (InputError, TypeError):
-        return ""
 
 
 def latex_of(result: Mapping[str, Any]) -> str:

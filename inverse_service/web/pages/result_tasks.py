@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -55,6 +56,13 @@ def picture_task(store: str, id: str, name: str, ending: str) -> Outcome:
 def file_task(store: str, id: str, label: str, ending: str) -> Outcome:
     """The columns of a method as a file; None where there are none."""
     return guard(_file, store, id, label, ending)
+
+
+def code_task(store: str, id: str, language: str) -> Outcome:
+    """A result as a program; SymPy is imported by the first one in a worker, never in the web process."""
+    return guard(
+        lambda: importlib.import_module("inverse_service.sympy").from_result(_result(store, id)).to_code(language)
+    )
 
 
 def check_stored_task(store: str, id: str) -> Outcome:
@@ -153,6 +161,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         also=answers.other_question(found),
         advice=advice_for(found, look.time_limit),
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
+        languages=exports.LANGUAGES,
         exports=exports.exports(found, address),
         timing=answers.timing(found["provenance"]),
         can_simulate=can_simulate() and system is not None,

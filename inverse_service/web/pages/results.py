@@ -22,11 +22,13 @@ from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known
 from inverse_service.web.pages import figures, simulations
 from inverse_service.web.pages.calls import Answer, call
+from inverse_service.web.pages.exports import LANGUAGES
 from inverse_service.web.pages.receiving import SMALL_FORM, read_form
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_tasks import (
     Look,
     check_stored_task,
+    code_task,
     figure_data_task,
     file_task,
     own_lagrangian_task,
@@ -148,6 +150,17 @@ async def data_file(request: Request, identifier: str, file: str) -> Response:
     if ending not in simulations.TABLES:
         return missing()
     return await _file(request, identifier, simulations.TABLES[ending], ending, file_task, label, ending)
+
+
+@router.get("/results/{identifier}/code/{language}")
+async def code(request: Request, identifier: str, language: str) -> Response:
+    """The accelerations, L, H, momenta and multiplier as a program."""
+    answer = await successful(request, identifier)
+    if answer is None or answer.value["kind"] != "solve" or language not in LANGUAGES:
+        return missing()
+    text = await made(request, identifier, code_task, language)
+    headers = kept(answer, language) | {"Content-Disposition": f'inline; filename="system.{LANGUAGES[language]}"'}
+    return Response(text, headers=headers, media_type="text/plain")
 
 
 async def _file(

@@ -109,7 +109,6 @@ def test_the_result_can_be_taken_along_and_its_link_stays(visit: Visit) -> None:
     expect(visit.page.locator(".verdict.variational")).to_be_visible()
     for name, words in (
         ("LaTeX", r"\dot{\phi}"),
-        ("SymPy", "sp.Function"),
         ("Python", "Client("),
         ("curl", "/v1/solve"),
     ):

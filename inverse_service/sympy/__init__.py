@@ -1,0 +1,107 @@
+"""SymPy objects in and out: equations, LagrangesMethod and KanesMethod to results whose parts are SymPy expressions.
+
+    from sympy import Eq, Function, Symbol
+    from inverse_service.sympy import solve
+
+    t, w, x = Symbol("t"), Symbol("omega"), Function("x")(Symbol("t"))
+    solve(Eq(x.diff(t, 2), -(w**2) * x)).lagrangian
+
+SymPy is imported by the first call. Nothing is guessed: applied functions of the time with second derivatives are
+coordinates, other functions of it and functions of coordinates are arbitrary, the other symbols are parameters. No
+text is evaluated: trees are converted node by node. Installing python-flint, which this package needs, switches
+SymPy's ground types; nothing here sets SYMPY_GROUND_TYPES, and the bridge works under all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from inverse_service.sympy.result import Result, result_of
+
+if TYPE_CHECKING:
+    from inverse_service.sympy.helmholtz import Conditions
+
+__all__ = ["Result", "document", "from_result", "helmholtz", "nonholonomic", "solve", "solve_many", "table"]
+
+
+def solve(
+    system: Any,
+    coordinates: Sequence[Any] | None = None,
+    *,
+    velocities: Mapping[Any, Any] | None = None,
+    time: Any = None,
+    time_limit: float = 60.0,
+    seed: int = 1,
+    **questions: Any,
+) -> Result:
+    """The result of a system of SymPy objects; its certificates are checked.
+
+    `system`: an Eq, an expression that is 0, a list or Matrix of these, {x(t): acceleration}, {X: acceleration} for
+    plain symbols with `velocities={X: vx}`, a LagrangesMethod, a KanesMethod, or what `inverse_service.solve` takes.
+    `questions` are `ansatz`, `special_cases`, `time_dependent_lagrangian`, `series_order`. Raises InputError.
+    """
+    from inverse_service import solve as solve_document
+    from inverse_service.sympy.reading import read
+
+    if isinstance(system, str) or (isinstance(system, Mapping) and all(isinstance(key, str) for key in system)):
+        return solve_document(system, time_limit=time_limit, seed=seed)
+    found = read(system, coordinates, velocities, time, questions)
+    return result_of(solve_document(found.document, time_limit=time_limit, seed=seed), found.names)
+
+
+def document(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> dict[str, Any]:
+    """What `solve` would ask, as a document for a file, a batch or the service."""
+    from inverse_service.sympy.reading import read
+
+    velocities, time = keys.pop("velocities", None), keys.pop("time", None)
+    return dict(read(system, coordinates, velocities, time, keys).document)
+
+
+def nonholonomic(
+    lagrangian: Any,
+    constraints: Sequence[Any],
+    coordinates: Sequence[Any],
+    *,
+    time_limit: float = 60.0,
+    seed: int = 1,
+    **questions: Any,
+) -> Result:
+    """The result of a Lagrangian with constraints that are zero or equations; `questions` as in the document."""
+    from inverse_service import solve as solve_document
+    from inverse_service.sympy.reading import read_constrained
+
+    found = read_constrained(lagrangian, constraints, coordinates, questions)
+    return result_of(solve_document(found.document, time_limit=time_limit, seed=seed), found.names)
+
+
+def helmholtz(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> Conditions:
+    """N, Phi, nabla Phi and R of a system, without a decision."""
+    from inverse_service.sympy.helmholtz import conditions_of
+
+    return conditions_of(system, coordinates, keys)
+
+
+def solve_many(
+    systems: Iterable[Any], workers: int = 2, output: str | Path | None = None, time_limit: float = 60.0
+) -> Iterator[Result | dict[str, Any]]:
+    """The results of many systems in their order, computed in processes; a problem document for a refused one.
+
+    `output` keeps the answers in a file, so that an interrupted run goes on.
+    """
+    from inverse_service.sympy.many import answers_to_many
+
+    return answers_to_many(systems, workers, None if output is None else Path(output), time_limit)
+
+
+def table(results: Iterable[Mapping[str, Any]]) -> Any:
+    """One row a result: a pandas DataFrame where pandas is installed, else a list of dictionaries."""
+    from inverse_service.sympy.many import table_of
+
+    return table_of(results)
+
+
+def from_result(result: Mapping[str, Any], names: Mapping[str, Any] | None = None) -> Result:
+    """A result that came from a file, a batch or the service; `names` are SymPy objects for its names."""
+    return result_of(result, names)

@@ -1,0 +1,249 @@
+"""Programs in other languages by SymPy's printers, common parts computed once.
+
+Each quantity is a function of t, the coordinates, the velocities (the momenta, where H is over them) and parameters.
+"""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import sympy
+from sympy.core.function import AppliedUndef
+from sympy.printing.codeprinter import ccode, cxxcode, fcode, rust_code
+from sympy.printing.str import StrPrinter
+
+from inverse_service.errors import InputError
+
+if TYPE_CHECKING:
+    from inverse_service.sympy.result import Answer
+
+QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")
+
+
+@dataclass(frozen=True)
+class Language:
+    """How a function is written: its opening with {name} and {arguments}, a line of it, and what it gives back.
+
+    `argument` is one argument; `several` is used where more than one value is given back, once for each {value}, or
+    once for all {values}.
+    """
+
+    printed: Callable[[Any], str]
+    start: str
+    opening: str
+    assignment: str
+    scalar: str
+    several: str
+    closing: str
+    argument: str = "{}"
+
+
+# Names that mean something in Mathematica or Maple; an underscore there is a pattern.
+_RESERVED = frozenset(("C", "D", "E", "I", "K", "N", "O", "Pi", "gamma", "Gamma", "Zeta", "Psi", "Chi"))
+
+
+def _rust(expression: Any) -> str:
+    text = str(rust_code(expression))
+    return f"{text}.0" if expression.is_Integer else text
+
+
+def _fortran(expression: Any) -> str:
+    return str(fcode(expression, source_format="free", standard=95))
+
+
+_FORTRAN = """subroutine {name}(out, {arguments})
+  implicit none
+  double precision, intent(out) :: out({size})
+  double precision, intent(in) :: {arguments}
+{declared}"""
+_C_OPENING = "void {name}(double *out, {arguments})\n{{"
+_C = (_C_OPENING, "    const double {} = {};", "    out[0] = {};", "    out[{place}] = {value};", "}", "double {}")
+_MATLAB = ("function out = {name}({arguments})", "    {} = {};", "    out = {};", "    out({place1}) = {value};", "end")
+_MATHEMATICA = ("{name}[{arguments}] := Module[{{{locals}}},", "  {} = {};", "  {}", "  {{{values}}}", "]", "{}_")
+_MAPLE = ("{name} := proc({arguments})\n  local {locals};", "  {} := {};", "  {};", "  [{values}];", "end proc:")
+_JULIA = ("function {name}({arguments})", "    {} = {}", "    return {}", "    return [{values}]", "end")
+_RUST = (
+    "pub fn {name}({arguments}) -> Vec<f64> {{",
+    "    let {} = {};",
+    "    vec![{}]",
+    "    vec![{values}]",
+    "}",
+    "{}: f64",
+)
+_JAVASCRIPT = ("function {name}({arguments}) {{", "  const {} = {};", "  return {};", "  return [{values}];", "}")
+LANGUAGES: dict[str, Language] = {
+    "python": Language(
+        sympy.pycode, "import math\n\n", "def {name}({arguments}):", "    {} = {}", "    return {}",
+        "    return [{values}]", "",
+    ),
+    "julia": Language(sympy.julia_code, "", *_JULIA),
+    "matlab": Language(sympy.octave_code, "", *_MATLAB),
+    "octave": Language(sympy.octave_code, "", *_MATLAB),
+    "mathematica": Language(sympy.mathematica_code, "", *_MATHEMATICA),
+    "maple": Language(sympy.maple_code, "", *_MAPLE),
+    "c": Language(ccode, "#include <math.h>\n\n", *_C),
+    "cpp": Language(cxxcode, "#include <cmath>\n\n", *_C),
+    "rust": Language(_rust, "", *_RUST),
+    "javascript": Language(sympy.jscode, "", *_JAVASCRIPT),
+    "fortran": Language(
+        _fortran, "", _FORTRAN, "  {} = {}", "  out(1) = {}", "  out({place1}) = {value}", "end subroutine"
+    ),
+}  # fmt: skip
+
+
+def program(answer: Answer, language: str) -> str:
+    """The whole text; InputError for a language that is not there, and for arbitrary functions in compiled code."""
+    if language == "sympy":
+        return _sympy_program(answer)
+    if language not in LANGUAGES:
+        raise InputError(f"There is no code in '{language[:20]}': the languages are sympy, {', '.join(LANGUAGES)}.")
+    chosen = LANGUAGES[language]
+    parts = [_function(answer, what, chosen) for what in QUANTITIES if quantity_of(answer, what) is not None]
+    return chosen.start + "\n\n".join(parts) + "\n"
+
+
+def quantity_of(answer: Answer, what: str) -> Any:
+    """An expression, a list of them, a matrix, or None where the answer has no such thing."""
+    hamiltonian = answer.hamiltonian if what in ("momenta", "hamiltonian") else None
+    match what:
+        case "accelerations":
+            return list(answer.equations.values())
+        case "lagrangian":
+            return answer.lagrangian
+        case "multiplier":
+            return answer.multiplier
+        case "momenta":
+            return None if hamiltonian is None else list(hamiltonian.momenta.values())
+        case "hamiltonian":
+            return None if hamiltonian is None else hamiltonian.expr
+    raise InputError(f"There is no '{what[:20]}' in an answer: choose one of {', '.join(QUANTITIES)}.")
+
+
+def arguments_of(answer: Answer, what: str) -> list[Any]:
+    """t, the coordinates, the velocities (the momenta, for H over them), the parameters."""
+    table, hamiltonian = answer._table, answer.hamiltonian if what == "hamiltonian" else None
+    speeds = [table.velocity(name) for name in table.coordinates]
+    if hamiltonian is not None and not hamiltonian.implicit:
+        speeds = list(hamiltonian.momenta)
+    return [table.time, *table.coordinates.values(), *speeds, *table.parameters.values()]
+
+
+def lambdified(quantity: Any, arguments: Sequence[Any], modules: Any) -> Callable[..., Any]:
+    """A numerical function; ValueError where there is nothing to make it from."""
+    if quantity is None:
+        raise ValueError("the answer has no such quantity")
+    found: Callable[..., Any] = sympy.lambdify(arguments, quantity, modules)
+    return found
+
+
+def _function(answer: Answer, what: str, language: Language) -> str:
+    """One quantity as a function of plain numbers."""
+    given = arguments_of(answer, what)
+    plain = _plain_symbols(given, answer, language)
+    value = quantity_of(answer, what)
+    values = list(value) if isinstance(value, list | sympy.MatrixBase) else [value]
+    shared, written = sympy.cse([_with_plain(each, plain) for each in values], sympy.numbered_symbols("c_"))
+    if any(each.atoms(AppliedUndef, sympy.Subs) for each in (*written, *(part for _, part in shared))):
+        raise InputError("The system has arbitrary functions, and code needs formulas for them: give them by 'where'.")
+    names = [str(plain[each]) for each in given]
+    local = [str(symbol) for symbol, _ in shared]
+    opening = language.opening.format(
+        name=what,
+        arguments=", ".join(language.argument.format(name) for name in names),
+        locals=", ".join(local) or "dummy",
+        size=len(values),
+        declared=f"  double precision :: {', '.join(local)}" if local else "",
+    )
+    lines = [opening.rstrip("\n")]
+    lines += [language.assignment.format(symbol, language.printed(part)) for symbol, part in shared]
+    return "\n".join(
+        [*lines, *_returned([language.printed(each) for each in written], language), language.closing]
+    ).rstrip()
+
+
+def _returned(texts: list[str], language: Language) -> list[str]:
+    if len(texts) == 1:
+        return [language.scalar.format(texts[0])]
+    if "{values}" in language.several:
+        return [language.several.format(values=", ".join(texts))]
+    pairs = enumerate(texts)
+    return [language.several.format(place=place, place1=place + 1, value=text) for place, text in pairs]
+
+
+def _plain_symbols(given: Sequence[Any], answer: Answer, language: Language) -> dict[Any, Any]:
+    """x, x_dot, p_x as symbols whose names every language takes."""
+    table = answer._table
+    words = {table.time: "t", **{each: name for name, each in (*table.coordinates.items(), *table.parameters.items())}}
+    words |= {table.velocity(name): f"{name}_dot" for name in table.coordinates}
+    words |= {each: name for name, each in table.momenta.items()}
+    used: set[str] = set()
+    found = {}
+    for each in given:
+        name = words.get(each, str(each))
+        if language.printed in (sympy.mathematica_code, sympy.maple_code):
+            name = f"{name}0" if name in _RESERVED else name.replace("_", "")
+        name = f"{name}_" if keyword.iskeyword(name) or name.lower() in {word.lower() for word in used} else name
+        used.add(name)
+        found[each] = sympy.Symbol(name, real=True)
+    return found
+
+
+def _with_plain(expression: Any, plain: dict[Any, Any]) -> Any:
+    for each, symbol in sorted(plain.items(), key=lambda item: _rank(item[0])):
+        expression = expression.subs(each, symbol)
+    return expression
+
+
+def _rank(found: Any) -> int:
+    """Derivatives are replaced before functions, and these before the time in them."""
+    return 0 if isinstance(found, sympy.Derivative) else 1 if isinstance(found, AppliedUndef) else 2
+
+
+class _ExactPrinter(StrPrinter):  # type: ignore[misc]
+    """SymPy's own text, in which 1/3 stays exact."""
+
+    def _print_Rational(self, expr: Any) -> str:
+        return str(expr.p) if expr.q == 1 else f"Rational({expr.p}, {expr.q})"
+
+    def _print_Half(self, expr: Any) -> str:
+        return "Rational(1, 2)"
+
+
+def _sympy_program(answer: Answer) -> str:
+    """Symbols, the motion, L with its Euler-Lagrange residuals, and H, as a program that imports SymPy alone."""
+    table, words = answer._table, _python_words(answer)
+    renamed = {each: sympy.Symbol(word) for each, word in words.items() if not isinstance(each, AppliedUndef)}
+    calls = {
+        each: sympy.Function(word)(renamed[table.time])
+        for each, word in words.items()
+        if isinstance(each, AppliedUndef)
+    }
+
+    def text(expression: Any) -> str:
+        return str(_ExactPrinter().doprint(expression.subs(calls).subs(renamed)))
+
+    symbols = [f'{renamed[each]} = Symbol("{each}")' for each in renamed]
+    symbols += [f'{words[each]} = Function("{each.func}")' for each in calls]
+    symbols += [f'{name} = Function("{found}")' for name, found in table.functions.items()]
+    lines = ["from sympy import *", "", *symbols]
+    lines += ["motion = {", *(f"    {text(left)}: {text(right)}," for left, right in answer.equations.items()), "}"]
+    if answer.lagrangian is not None and calls:
+        q = ", ".join(text(each) for each in calls)
+        lines += [f"L = {text(answer.lagrangian)}", f"q, time = [{q}], {renamed[table.time]}"]
+        lines += ["residual = [(L.diff(x.diff(time)).diff(time) - L.diff(x)).doit().subs(motion) for x in q]"]
+        lines += ["print([simplify(each.doit()) for each in residual])  # zero along the motion"]
+    if answer.hamiltonian is not None:
+        lines += [f'{p} = Symbol("{p}")' for p in answer.hamiltonian.momenta]
+        lines += [f"H = {text(answer.hamiltonian.expr)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _python_words(answer: Answer) -> dict[Any, str]:
+    """A Python name for each symbol and coordinate that no name of SymPy hides."""
+    table = answer._table
+    taken = {*dir(sympy), "motion", "L", "H", "q", "x_", "residual", "time", "each", "print"}
+    named = [(table.time_name, table.time), *table.coordinates.items(), *table.parameters.items()]
+    return {each: f"{name}_" if name in taken or keyword.iskeyword(name) else name for name, each in named}

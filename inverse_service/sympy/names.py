@@ -1,0 +1,106 @@
+"""Which SymPy object each name of a document stands for."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import sympy
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names as FormulaNames
+from inverse_service.expressions.names import declared_name
+
+_GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
+
+
+@dataclass(frozen=True)
+class Table:
+    """SymPy objects by names: coordinates (x(t), or symbols), their velocities, parameters, function classes."""
+
+    time: Any
+    time_name: str = "t"
+    coordinates: Mapping[str, Any] = field(default_factory=dict)
+    velocities: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    functions: Mapping[str, Any] = field(default_factory=dict)
+    arguments: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @cached_property
+    def momenta(self) -> dict[str, Any]:
+        """The symbols p_x of the momenta."""
+        return {f"p_{name}": sympy.Symbol(f"p_{_plain(found)}") for name, found in self.coordinates.items()}
+
+    def symbol(self, name: str) -> Any:
+        """The object of a name; a symbol of the same name for one that is not in the table."""
+        for part in (self.coordinates, self.parameters, self.momenta):
+            if name in part:
+                return part[name]
+        if name == self.time_name:
+            return self.time
+        return sympy.Symbol(name)
+
+    def velocity(self, name: str) -> Any:
+        """x'(t), or the symbol of the velocity."""
+        return self.velocities[name] if name in self.velocities else self.coordinates[name].diff(self.time)
+
+    def acceleration(self, name: str) -> Any:
+        """x''(t), also where the velocity is a plain symbol."""
+        found = self.coordinates[name]
+        return sympy.Symbol(f"{found}_ddot") if name in self.velocities else found.diff(self.time, 2)
+
+    def of_formulas(self) -> FormulaNames:
+        """The names as the reader of formulas wants them."""
+        more = [self.time_name] if self.time_name != "t" else []
+        taken = {*self.coordinates, *self.functions}
+        words = (*self.parameters, *self.momenta, *more)
+        return FormulaNames(
+            tuple(self.coordinates), tuple(word for word in dict.fromkeys(words) if word not in taken), self.arguments
+        )
+
+
+def _plain(found: Any) -> str:
+    return str(found.func) if found.is_Function else str(found)
+
+
+def table_of_result(result: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> Table:
+    """The names of a result as new SymPy objects, or as those given for them."""
+    system, given = result.get("system") or {}, given or {}
+    time_name = system.get("time", "t")
+    time = given.get(time_name, sympy.Symbol(time_name))
+    functions = system.get("functions", {})
+    return Table(
+        time,
+        time_name,
+        {name: given.get(name, sympy.Function(name)(time)) for name in system.get("coordinates", ())},
+        {},
+        {name: given.get(name, sympy.Symbol(name)) for name in system.get("parameters", ())},
+        {name: given.get(name, sympy.Function(name)) for name in functions},
+        {name: tuple(arguments) for name, arguments in functions.items()},
+    )
+
+
+def names_for(objects: Iterable[Any], taken: Iterable[str] = ()) -> dict[Any, str]:
+    """A name for each object: its own where a document can declare it, else one like it."""
+    used, found = set(taken), {}
+    for each in objects:
+        wanted = _wanted(_plain(each))
+        name = next(word for word in (wanted, *(f"{wanted}_{k}" for k in range(2, 99))) if word not in used)
+        used.add(name)
+        found[each] = name
+    return found
+
+
+def _wanted(word: str) -> str:
+    """theta for \\theta, q_1 for q_{1}, var_diff for a word that stands for something else."""
+    plain = re.sub(r"[^A-Za-z0-9_]", "", word).strip("_")
+    plain = re.sub(r"_+", "_", plain)
+    if not _GOOD.fullmatch(plain):
+        return "s"
+    try:
+        return declared_name(plain, "") if plain not in ("e", "E", "I") else f"{plain}_0"
+    except InputError:
+        return f"var_{plain}"[:40]

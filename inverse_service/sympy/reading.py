@@ -1,0 +1,279 @@
+"""Systems of SymPy objects to documents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+from sympy.core.function import AppliedUndef
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Acceleration, Expression, Symbol, Velocity
+from inverse_service.sympy.names import Table, names_for
+from inverse_service.sympy.trees import Leaves, from_sympy
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The document that is asked, and the objects of its names."""
+
+    document: dict[str, Any]
+    names: Table
+
+
+@dataclass(frozen=True)
+class _Given:
+    """Expressions that are zero, what moves in them, and how its velocity is written where not as a derivative."""
+
+    zeros: tuple[Any, ...]
+    coordinates: tuple[Any, ...]
+    velocities: Mapping[Any, Any]
+    time: Any
+    accelerations: Mapping[Any, Any] | None = None
+
+
+def read(
+    system: Any,
+    coordinates: Sequence[Any] | None,
+    velocities: Mapping[Any, Any] | None,
+    time: Any,
+    questions: Mapping[str, Any],
+) -> Reading:
+    """The document of a system; InputError for what would have to be guessed."""
+    if hasattr(system, "form_lagranges_equations"):
+        system, coordinates = _of_lagrange(system)
+    elif hasattr(system, "kanes_equations"):
+        return _of_kane(system, questions)
+    given = _given(system, coordinates, velocities or {}, time)
+    table, leaves = _names(given)
+    equations: Any
+    if given.accelerations is not None:
+        equations = {table_name(table, x): to_text(_tree(f, given, leaves)) for x, f in given.accelerations.items()}
+    else:
+        equations = [f"{to_text(_tree(zero, given, leaves))} = 0" for zero in given.zeros]
+    return Reading({**_declared(table), "equations": equations, **_asked(questions, given, leaves)}, table)
+
+
+def read_constrained(
+    lagrangian: Any, constraints: Sequence[Any], coordinates: Sequence[Any], questions: Mapping[str, Any]
+) -> Reading:
+    """The document of a Lagrangian with constraints; all of them may be expressions that are zero, or equations."""
+    zeros = (_expression(lagrangian), *map(_zero, constraints))
+    given = _Given(zeros, tuple(coordinates), {}, _time_of(coordinates))
+    table, leaves = _names(given)
+    texts = [to_text(_tree(zero, given, leaves)) for zero in zeros]
+    document = {**_declared(table), "lagrangian": texts[0], "constraints": texts[1:]}
+    return Reading({**document, **_asked(questions, given, leaves)}, table)
+
+
+def table_name(table: Table, found: Any) -> str:
+    """The name of a coordinate."""
+    return next(name for name, each in table.coordinates.items() if each == found)
+
+
+def _declared(table: Table) -> dict[str, Any]:
+    found: dict[str, Any] = {"coordinates": list(table.coordinates)}
+    if table.parameters:
+        found["parameters"] = list(table.parameters)
+    if table.functions:
+        found["functions"] = {name: list(arguments) for name, arguments in table.arguments.items()}
+    return found if table.time_name == "t" else {**found, "time": table.time_name}
+
+
+def _asked(questions: Mapping[str, Any], given: _Given, leaves: Leaves) -> dict[str, Any]:
+    """The questions as the document has them; terms of an ansatz may be expressions."""
+    found = {key: value for key, value in questions.items() if value is not None}
+    if "ansatz" in found:
+        terms = found["ansatz"]
+        found["ansatz"] = [term if isinstance(term, str) else to_text(_tree(term, given, leaves)) for term in terms]
+    return found
+
+
+def _of_lagrange(method: Any) -> tuple[list[Any], list[Any]]:
+    """The equations and coordinates of a LagrangesMethod."""
+    if getattr(method, "_hol_coneqs", None) or len(method.coneqs):
+        raise InputError("This LagrangesMethod has constraints: give its Lagrangian and them to nonholonomic().")
+    if method.eom is None or not len(method.eom):
+        method.form_lagranges_equations()
+    return list(method.eom), list(method.q)
+
+
+def _of_kane(method: Any, questions: Mapping[str, Any]) -> Reading:
+    """Kane's equations: q' = h(q, u), u' = F(q, u), as pairs that are solved for the speeds."""
+    if len(method.u) != len(method.q):
+        raise InputError("This KanesMethod has fewer speeds than coordinates: use nonholonomic(L, constraints, q).")
+    time = _time_of(list(method.q))
+    slopes, size = list(method.rhs()), len(method.q)
+    unknown = {u: sympy.Dummy(f"u_{place}") for place, u in enumerate(method.u)}
+    rates = [q.diff(time) - h.xreplace(unknown) for q, h in zip(method.q, slopes[:size], strict=True)]
+    solved = sympy.solve(rates, list(unknown.values()), dict=True)
+    if len(solved) != 1:
+        raise InputError("The speeds of this KanesMethod do not follow from the velocities: choose others.")
+    speeds = {u: solved[0][unknown[u]] for u in method.u}
+    forces = {u.diff(time): f for u, f in zip(method.u, slopes[size:], strict=True)}
+    found = {q: h.diff(time).xreplace(forces).subs(speeds) for q, h in zip(method.q, slopes[:size], strict=True)}
+    return read(found, list(method.q), None, time, questions)
+
+
+def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[Any, Any], time: Any) -> _Given:
+    if isinstance(system, Mapping):
+        moving = tuple(coordinates or system)
+        _refuse_without_velocities(moving, velocities)
+        found = {x: _expression(f) for x, f in system.items()}
+        return _Given(tuple(found.values()), moving, velocities, time or _time_of(moving), found)
+    zeros = tuple(_zero(each) for each in _listed(system))
+    time = time or _found_time(zeros)
+    moving = tuple(coordinates or _moving(zeros, time, 2))
+    only_first = [] if coordinates else [each for each in _moving(zeros, time, 1) if each not in moving]
+    if only_first:
+        detail = f"{only_first[0]} has a first derivative only: name the coordinates, coordinates=[...]."
+        raise InputError(detail, "/coordinates")
+    if not moving:
+        detail = "no function of the time has a second derivative here: name the coordinates, coordinates=[x, y]."
+        raise InputError(detail, "/coordinates")
+    return _Given(zeros, moving, velocities, time)
+
+
+def _listed(system: Any) -> list[Any]:
+    if isinstance(system, sympy.MatrixBase):
+        return list(system)
+    return list(system) if isinstance(system, Sequence) else [system]
+
+
+def _zero(equation: Any) -> Any:
+    """The expression that an equation says is zero."""
+    if equation in (sympy.true, sympy.false, True, False):
+        raise InputError("an equation became True or False: give Eq(a, b, evaluate=False).", "/equations")
+    return equation.lhs - equation.rhs if isinstance(equation, sympy.Equality) else _expression(equation)
+
+
+def _expression(value: Any) -> Any:
+    """A SymPy expression; numbers are converted, texts are refused and not evaluated."""
+    try:
+        return sympy.sympify(value, strict=True)
+    except sympy.SympifyError:
+        detail = "a text stands among SymPy objects: give expressions, or the whole system as text."
+        raise InputError(detail, "/equations") from None
+
+
+def _refuse_without_velocities(moving: Iterable[Any], velocities: Mapping[Any, Any]) -> None:
+    for each in moving:
+        if not isinstance(each, AppliedUndef) and each not in velocities:
+            detail = f"{each} is a plain symbol: say which symbol is its velocity, velocities={{{each}: ...}}."
+            raise InputError(detail, "/coordinates")
+
+
+def _time_of(moving: Sequence[Any]) -> Any:
+    found = {each.args[0] for each in moving if isinstance(each, AppliedUndef) and len(each.args) == 1}
+    if len(found) > 1:
+        raise InputError("the coordinates depend on different variables: write all of them over one time.")
+    return found.pop() if found else sympy.Symbol("t")
+
+
+def _found_time(zeros: Sequence[Any]) -> Any:
+    """The variable of the second derivatives of functions of one variable."""
+    found = {
+        derivative.variable_count[0][0]
+        for zero in zeros
+        for derivative in zero.atoms(sympy.Derivative)
+        if isinstance(derivative.expr, AppliedUndef)
+        and derivative.expr.args == (derivative.variable_count[0][0],)
+        and derivative.variable_count[0][0].is_Symbol
+        and derivative.derivative_count >= 2
+    }
+    if len(found) != 1:
+        raise InputError("what the time is cannot be seen from the derivatives: say time=t.", "/time")
+    return found.pop()
+
+
+def _moving(zeros: Sequence[Any], time: Any, order: int) -> list[Any]:
+    """The functions of the time with a derivative of at least this order, in the order of the equations."""
+    first: dict[Any, int] = {}
+    for place, zero in enumerate(zeros):
+        for derivative in zero.atoms(sympy.Derivative):
+            moving = isinstance(derivative.expr, AppliedUndef) and derivative.expr.args == (time,)
+            if moving and derivative.derivative_count >= order:
+                first.setdefault(derivative.expr, place)
+    return sorted(first, key=lambda each: (first[each], sympy.default_sort_key(each)))
+
+
+def _names(given: _Given) -> tuple[Table, Leaves]:
+    """Names for all objects in the formulas, and what each of them is as a tree."""
+    velocities = set(given.velocities.values())
+    applied = {each for zero in given.zeros for each in zero.atoms(AppliedUndef)} - set(given.coordinates)
+    free = {each for zero in given.zeros for each in zero.free_symbols}
+    constants = free - velocities - {given.time} - set(given.coordinates) - _dummies(given.zeros)
+    symbols = sorted(constants, key=sympy.default_sort_key)
+    _refuse_two_of_a_name([*symbols, *([given.time] if given.time in free else [])])
+    classes = sorted({each.func for each in applied}, key=str)
+    names = names_for((*given.coordinates, *symbols, *classes))
+    time_name = _time_name(given.time, names)
+    functions = {names[each]: each for each in classes}
+    arguments = {names[each]: _formal(each, applied, given, {**names, given.time: time_name}) for each in classes}
+    table = Table(
+        given.time,
+        time_name,
+        {names[each]: each for each in given.coordinates},
+        {names[each]: given.velocities[each] for each in given.coordinates if each in given.velocities},
+        {names[each]: each for each in symbols},
+        functions,
+        arguments,
+    )
+    return table, _leaves(given, {**names, given.time: time_name}, classes)
+
+
+def _leaves(given: _Given, names: Mapping[Any, str], classes: Sequence[Any]) -> Leaves:
+    trees: dict[Any, Expression] = {}
+    for each, name in names.items():
+        if each in given.coordinates:
+            trees[each] = Symbol(name)
+            speed = given.velocities.get(each) if each in given.velocities else each.diff(given.time)
+            trees[speed] = Velocity(name)
+            if isinstance(each, AppliedUndef):
+                trees[each.diff(given.time, 2)] = Acceleration(name)
+        elif each not in classes:
+            trees[each] = Symbol(name)
+    return Leaves(trees, {each: names[each] for each in classes})
+
+
+def _dummies(zeros: Sequence[Any]) -> set[Any]:
+    """The bound variables of Subs."""
+    return {variable for zero in zeros for each in zero.atoms(sympy.Subs) for variable in each.variables}
+
+
+def _refuse_two_of_a_name(symbols: Sequence[Any]) -> None:
+    seen: dict[str, Any] = {}
+    for each in symbols:
+        if seen.setdefault(str(each), each) != each:
+            detail = f"two symbols are called {each} and have other assumptions: use one of them."
+            raise InputError(detail, "/parameters")
+
+
+def _time_name(time: Any, names: Mapping[Any, str]) -> str:
+    taken = set(names.values())
+    wanted = names_for([time]).get(time, "t") if str(time) != "t" else "t"
+    if wanted in taken or (wanted == "t" and "t" in taken):
+        raise InputError(f"{time} is the time and another symbol has its name: rename one of the two.", "/time")
+    return wanted
+
+
+def _formal(function: Any, applied: set[Any], given: _Given, names: Mapping[Any, str]) -> tuple[str, ...]:
+    """The names of the arguments of an arbitrary function: the coordinates it is applied to, or t."""
+    calls = [each.args for each in applied if each.func == function]
+    size = len(calls[0])
+    if any(len(call) != size for call in calls):
+        raise InputError(f"the function {function} has different numbers of arguments: give it one.", "/functions")
+    if all(call == (given.time,) for call in calls):
+        return (names[given.time],)
+    plain = next((call for call in calls if set(call) <= set(given.coordinates) and len(set(call)) == size), None)
+    chosen = plain or given.coordinates[:size]
+    if len(chosen) < size:
+        raise InputError(f"the function {function} has more arguments than there are coordinates.", "/functions")
+    return tuple(names[each] for each in chosen)
+
+
+def _tree(expression: Any, given: _Given, leaves: Leaves) -> Expression:
+    return from_sympy(_expression(expression), leaves)

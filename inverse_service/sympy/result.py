@@ -1,0 +1,283 @@
+"""Results as mappings with attributes; SymPy is imported by the first attribute that is an expression."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from inverse_service.sympy.names import Table
+
+VARIATIONAL = {"variational": True, "not_variational": False}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a proof: a sentence, its formula in LaTeX or nothing."""
+
+    text: str
+    latex: str = ""
+
+
+@dataclass(frozen=True)
+class Hamiltonian:
+    """H over (t, q, p), or over (t, q, v) where `implicit`; `momenta` are p_i(t, q, v) by their symbols."""
+
+    expr: Any
+    momenta: Mapping[Any, Any]
+    implicit: bool
+    coordinates: Sequence[Any] = ()
+    time: Any = None
+
+    def equations(self) -> list[Any]:
+        """Hamilton's equations q' = dH/dp, p' = -dH/dq; ValueError where H is over the velocities."""
+        import sympy
+
+        if self.implicit:
+            raise ValueError("this Hamiltonian is not written in the momenta")
+        pairs = list(zip(self.coordinates, self.momenta, strict=True))
+        functions = {p: sympy.Function(str(p))(self.time) for _, p in pairs}
+        rates = [sympy.Eq(q.diff(self.time), self.expr.diff(p).xreplace(functions)) for q, p in pairs]
+        return rates + [
+            sympy.Eq(functions[p].diff(self.time), -self.expr.diff(q).xreplace(functions)) for q, p in pairs
+        ]
+
+
+@dataclass(frozen=True)
+class Verification:
+    """SymPy's opinion: the Euler-Lagrange residuals along the motion, and H - (p v - L); all are 0 where they hold."""
+
+    euler_lagrange: tuple[Any, ...]
+    hamiltonian: Any = None
+
+    @property
+    def holds(self) -> bool | None:
+        """True where SymPy reduces all of them to 0, False where one differs from 0 in numbers, None where unsure."""
+        from inverse_service.sympy.verifying import is_zero
+
+        verdicts = [is_zero(each) for each in (*self.euler_lagrange, self.hamiltonian) if each is not None]
+        return False if False in verdicts else (None if None in verdicts else True)
+
+
+class Answer(Mapping[str, Any]):
+    """One answer: the keys of the document, and its formulas as SymPy expressions."""
+
+    def __init__(self, data: Mapping[str, Any], table: Table | None = None, system: Mapping[str, Any] | None = None):
+        self._data = data
+        self._given = table
+        self._system: Mapping[str, Any] = system if system is not None else (data.get("system") or {})
+
+    def __getitem__(self, key: str) -> Any:
+        return self._data[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._data)
+
+    def __len__(self) -> int:
+        return len(self._data)
+
+    def __bool__(self) -> bool:
+        raise TypeError("an answer is yes, no or open, so it is no truth value: use is_variational or verdict")
+
+    def __repr__(self) -> str:
+        found = self._data.get("lagrangian")
+        return f"{type(self).__name__}({self.verdict}{', L = ' + found['text'] if found else ''})"
+
+    @cached_property
+    def _table(self) -> Table:
+        from inverse_service.sympy.names import table_of_result
+
+        return self._given or table_of_result({"system": self._system})
+
+    def _expression(self, text: str) -> Any:
+        from inverse_service.sympy.texts import expression
+
+        return expression(text, self._table)
+
+    @property
+    def verdict(self) -> str:
+        """ "variational", "not_variational" or "undetermined"; "" for the forward problem."""
+        return str(self._data.get("verdict", ""))
+
+    @property
+    def is_variational(self) -> bool | None:
+        """True, False, or None where it was not settled."""
+        return VARIATIONAL.get(self.verdict)
+
+    @cached_property
+    def lagrangian(self) -> Any:
+        """The Lagrangian as an expression, None where none was found."""
+        found = self._data.get("lagrangian")
+        return None if found is None else self._expression(found["text"])
+
+    @cached_property
+    def lagrangians(self) -> tuple[Any, ...]:
+        """All Lagrangians found, the simplest first."""
+        others = self._data.get("other_lagrangians", [])
+        return tuple([self.lagrangian] if self.lagrangian is not None else []) + tuple(
+            self._expression(other["text"]) for other in others
+        )
+
+    @cached_property
+    def domain(self) -> tuple[Any, ...]:
+        """The conditions under which L is one, as relations."""
+        from inverse_service.sympy.texts import relation
+
+        found = self._data.get("lagrangian") or {}
+        return tuple(relation(text, self._table) for text in found.get("domain", ()))
+
+    @cached_property
+    def hamiltonian(self) -> Hamiltonian | None:
+        """H with its momenta, None where there is none."""
+        found = self._data.get("hamiltonian")
+        if found is None:
+            return None
+        momenta = {self._table.symbol(p): self._expression(text) for p, text in found["momenta"].items()}
+        coordinates = tuple(self._table.coordinates.values())
+        return Hamiltonian(self._expression(found["text"]), momenta, found["implicit"], coordinates, self._table.time)
+
+    @cached_property
+    def multiplier(self) -> Any:
+        """g_ij = d2L/dv_i dv_j as an ImmutableMatrix, None where there is no L."""
+        import sympy
+
+        found = self._data.get("multiplier")
+        return None if found is None else sympy.ImmutableMatrix([[self._expression(e) for e in row] for row in found])
+
+    @property
+    def proof(self) -> tuple[Step, ...]:
+        """The steps of the explanation."""
+        return tuple(Step(step["text"], step.get("latex", "")) for step in self._data.get("explanation", ()))
+
+    @property
+    def solution_space(self) -> Mapping[str, Any] | None:
+        """How many multipliers there are: order, dimensions, characters, statement."""
+        found: Mapping[str, Any] | None = self._data.get("solution_space")
+        return found
+
+    @property
+    def certificate(self) -> Mapping[str, Any] | None:
+        """What the independent checker needs."""
+        found: Mapping[str, Any] | None = self._data.get("certificate")
+        return found
+
+    def lambdify(self, what: str = "lagrangian", modules: Any = None) -> Callable[..., Any]:
+        """A numerical function of t, coordinates, velocities (momenta for H) and parameters; see `code.QUANTITIES`."""
+        from inverse_service.sympy import code
+
+        return code.lambdified(code.quantity_of(self, what), code.arguments_of(self, what), modules)
+
+    def verify(self) -> Verification:
+        """SymPy's own Euler-Lagrange residuals of L along the motion, and H - (p v - L); ValueError without L."""
+        from inverse_service.sympy.verifying import verification
+
+        return verification(self)
+
+    @cached_property
+    def equations(self) -> dict[Any, Any]:
+        """q'' = f: the acceleration of each coordinate."""
+        table, texts = self._table, self._system.get("equations", {})
+        return {table.acceleration(name): self._expression(text) for name, text in texts.items()}
+
+
+class Result(Answer):
+    """A whole result; `result["verdict"]` and all other keys of the document go on."""
+
+    @property
+    def verdict_with_time(self) -> str | None:
+        """The verdict for L(t, q, q')."""
+        found: str | None = self._data.get("verdict_with_time")
+        return found
+
+    @cached_property
+    def with_time(self) -> Answer | None:
+        """The answer to L(t, q, q') where it differs."""
+        found = self._data.get("with_time")
+        return None if found is None else Answer(found, self._table, self._system)
+
+    @cached_property
+    def associated(self) -> dict[str, Answer]:
+        """The answers to the associated systems of a nonholonomic one, by kind."""
+        parts = (self._data.get("nonholonomic") or {}).get("associated", ())
+        return {part["kind"]: Answer(part, self._table, {**self._system, **part}) for part in parts if part["defined"]}
+
+    @cached_property
+    def conditions(self) -> Any:
+        """Phi, nabla Phi and R as SymPy arrays, None where they were left out."""
+        from inverse_service.sympy.helmholtz import conditions_of_texts
+
+        found = self._data.get("conditions")
+        return None if found is None else conditions_of_texts(found, self._table)
+
+    @property
+    def special_cases(self) -> Mapping[str, Any] | None:
+        """The tree of special cases."""
+        found: Mapping[str, Any] | None = self._data.get("special_cases")
+        return found
+
+    def check(self, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """The independent checker's verdict and reasons."""
+        from inverse_service import check
+
+        return check(self._data, document)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result document."""
+        return dict(self._data)
+
+    def to_json(self, path: str | Path | None = None) -> str:
+        """The result document as JSON, also written to a file where one is named."""
+        text = json.dumps(dict(self._data), ensure_ascii=False, indent=1) + "\n"
+        if path is not None:
+            Path(path).write_text(text, encoding="utf-8")
+        return text
+
+    def to_latex(self) -> str:
+        """Equations, L and H as aligned formulas."""
+        rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
+        rows += [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self._data.get(key)]
+        return "\\begin{align*}\n" + " \\\\\n".join(rows) + "\n\\end{align*}\n"
+
+    def to_code(self, language: str = "python") -> str:
+        """The accelerations, L, H, momenta and multiplier as a program: "julia", "c", …, or "sympy"."""
+        from inverse_service.sympy.code import program
+
+        return program(self, language)
+
+    def to_python(self) -> str:
+        """`to_code("python")`."""
+        return self.to_code("python")
+
+    def _repr_latex_(self) -> str:
+        rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
+        rows += [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self._data.get(key)]
+        return "$\\displaystyle\\begin{aligned}" + " \\\\ ".join(rows) + "\\end{aligned}$"
+
+    def _repr_html_(self) -> str:
+        parts = [f"<p><b>{html.escape(self.verdict.replace('_', ' ') or 'equations of motion')}</b></p>"]
+        for letter, key in _LETTERS:
+            if found := self._data.get(key):
+                parts.append(f"<p>$\\displaystyle {letter} = {html.escape(found['latex'])}$</p>")
+        where = (self._data.get("lagrangian") or {}).get("domain", ())
+        parts += [f"<p>where {html.escape(', '.join(where))}</p>"] if where else []
+        steps = "".join(f"<li>{html.escape(step.text)}</li>" for step in self.proof)
+        parts += [f"<details><summary>Proof</summary><ol>{steps}</ol></details>"] if steps else []
+        return "".join(parts)
+
+
+_LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))
+
+
+def result_of(data: Mapping[str, Any], names: Any = None) -> Result:
+    """The result with these objects for its names: a Table, or SymPy objects by name."""
+    data = dict(data)
+    if not isinstance(names, Mapping):
+        return Result(data, names)
+    from inverse_service.sympy.names import table_of_result
+
+    return Result(data, table_of_result(data, names))

@@ -1,0 +1,127 @@
+"""Code in other languages gives the numbers that SymPy gives; it is run where its tool is there."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import sympy as sp
+
+from inverse_service import catalogue
+from inverse_service.errors import InputError
+from inverse_service.sympy import Result, from_result, solve
+from inverse_service.sympy.code import LANGUAGES, QUANTITIES
+
+t, k = sp.symbols("t k")
+r, phi = sp.Function("r")(t), sp.Function("phi")(t)
+VALUES = (0.3, 1.2, 0.4, 0.1, 0.7, 1.5)  # t, r, phi, and their velocities or momenta, k
+
+
+@pytest.fixture(scope="module")
+def kepler() -> Result:
+    force = r * sp.exp(-(r**2)) + sp.sin(r) * sp.cos(r)
+    return solve([r.diff(t, 2) - r * phi.diff(t) ** 2 + k * force, phi.diff(t, 2) + 2 * r.diff(t) * phi.diff(t) / r])
+
+
+def expected(found: Result) -> list[float]:
+    numbers: list[float] = []
+    for what in QUANTITIES:
+        value = found.lambdify(what, "math")(*VALUES) if what != "multiplier" else None
+        matrix = [] if value is not None else [found.multiplier.subs(r, VALUES[1])]
+        numbers += [float(each) for part in matrix for each in part]
+        numbers += [] if value is None else [float(each) for each in (value if isinstance(value, list) else [value])]
+    return numbers
+
+
+def run(command: list[str], folder: Path) -> list[float]:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return [float(word) for word in done.stdout.split()]
+
+
+def sizes(found: Result) -> dict[str, int]:
+    return {"accelerations": 2, "lagrangian": 1, "momenta": 2, "hamiltonian": 1, "multiplier": 4}
+
+
+ARGUMENTS = ", ".join(map(str, VALUES))
+
+
+def test_python_code_gives_the_numbers(kepler: Result, tmp_path: Path) -> None:
+    show = "print(*(value if isinstance(value, list) else [value]))"
+    lines = [f"value = {what}({ARGUMENTS})\n{show}" for what in QUANTITIES]
+    (tmp_path / "system.py").write_text(kepler.to_code("python") + "\n" + "\n".join(lines))
+    assert run([sys.executable, "system.py"], tmp_path) == pytest.approx(expected(kepler))
+
+
+@pytest.mark.parametrize(("language", "ending"), [("c", "c"), ("cpp", "cpp")])
+def test_c_code_gives_the_numbers(kepler: Result, tmp_path: Path, language: str, ending: str) -> None:
+    compiler = shutil.which("gcc" if language == "c" else "g++")
+    if compiler is None:
+        pytest.skip("no compiler")
+    calls = [
+        f'{what}(out, {ARGUMENTS}); for (int i = 0; i < {size}; i++) printf("%.17g ", out[i]);'
+        for what, size in sizes(kepler).items()
+    ]
+    start = "int main(void) { double out[4]; "
+    main = "#include <stdio.h>\n" + kepler.to_code(language) + start + " ".join(calls) + " return 0; }"
+    (tmp_path / f"system.{ending}").write_text(main)
+    subprocess.run([compiler, f"system.{ending}", "-o", "system", "-lm"], cwd=tmp_path, check=True)
+    assert run(["./system"], tmp_path) == pytest.approx(expected(kepler))
+
+
+def test_javascript_gives_the_numbers(kepler: Result, tmp_path: Path) -> None:
+    if shutil.which("node") is None:
+        pytest.skip("no node")
+    calls = [f"console.log([{what}({ARGUMENTS})].flat().join(' '));" for what in QUANTITIES]
+    (tmp_path / "system.js").write_text(kepler.to_code("javascript") + "\n".join(calls))
+    assert run(["node", "system.js"], tmp_path) == pytest.approx(expected(kepler))
+
+
+@pytest.mark.slow
+def test_rust_gives_the_numbers(kepler: Result, tmp_path: Path) -> None:
+    if shutil.which("rustc") is None:
+        pytest.skip("no rustc")
+    arguments = ", ".join(f"{value}f64" for value in VALUES)
+    calls = [f'for v in {what}({arguments}) {{ println!("{{}}", v); }}' for what in QUANTITIES]
+    (tmp_path / "system.rs").write_text(kepler.to_code("rust") + "fn main() { " + " ".join(calls) + " }")
+    subprocess.run(["rustc", "-A", "warnings", "system.rs"], cwd=tmp_path, check=True)
+    assert run(["./system"], tmp_path) == pytest.approx(expected(kepler))
+
+
+@pytest.mark.parametrize("name", ["sho", "knife-edge-second", "free-particle-linear-drag", "generic-class-one-second"])
+def test_the_sympy_program_shows_that_the_euler_lagrange_equations_hold(name: str, tmp_path: Path) -> None:
+    import inverse_service
+
+    program = inverse_service.solve(catalogue.document(name)).to_code("sympy")
+    assert "L = " in program
+    (tmp_path / "system.py").write_text(program)
+    done = subprocess.run([sys.executable, "system.py"], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.stderr == ""
+    assert set(done.stdout) <= set("[0, ]\n")
+
+
+@pytest.mark.parametrize("language", sorted(LANGUAGES))
+def test_every_language_has_every_quantity(kepler: Result, language: str) -> None:
+    text = kepler.to_code(language)
+    assert all(what in text for what in QUANTITIES)
+    assert "Not supported" not in text
+
+
+def test_names_that_a_language_keeps_for_itself_are_changed() -> None:
+    x, word = sp.Function("x")(t), sp.Symbol("lambda")
+    found = solve({x: -word * x})
+    assert "lambda_" in found.to_code("python")
+    compile(found.to_code("python"), "code", "exec")
+    compile(found.to_code("sympy"), "code", "exec")
+    assert "xdot" in solve({x: -x.diff(t)}).to_code("mathematica")
+
+
+def test_what_has_no_code_is_refused() -> None:
+    x, V = sp.Function("x")(t), sp.Function("V")
+    with pytest.raises(InputError, match="arbitrary functions"):
+        solve({x: -V(x)}).to_code("c")
+    with pytest.raises(InputError, match="languages are"):
+        from_result(solve({x: -x})).to_code("cobol")

@@ -1,0 +1,247 @@
+"""Programs that a SymPy user writes, as they stand in the API description; each answer is tested by SymPy itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+import sympy as sp
+from sympy.calculus.euler import euler_equations
+from sympy.physics.mechanics import KanesMethod, LagrangesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
+
+import inverse_service
+from inverse_service.errors import InputError
+from inverse_service.sympy import document, from_result, helmholtz, nonholonomic, solve, solve_many, table
+
+t = sp.Symbol("t")
+x, y, r, phi, theta = (sp.Function(name)(t) for name in ("x", "y", "r", "phi", "theta"))
+omega, k, m, g, length, c = sp.symbols("omega k m g l c")
+
+
+def test_1_an_oscillator() -> None:
+    found = solve(sp.Eq(x.diff(t, 2), -(omega**2) * x))
+    assert sp.expand(found.lagrangian - (x.diff(t) ** 2 / 2 - omega**2 * x**2 / 2)) == 0
+    assert found.verify().holds is True
+
+
+def test_2_expressions_that_are_zero() -> None:
+    found = solve([x.diff(t, 2) + k * x - k * y, y.diff(t, 2) + k * y - k * x])
+    assert found.is_variational is True
+    assert found.verify().holds is True
+
+
+def test_3_accelerations_by_coordinate() -> None:
+    assert solve({x: -x - 2 * x.diff(t)}).lagrangian == -sp.log(x + x.diff(t))
+
+
+def test_4_plain_symbols_with_their_velocities() -> None:
+    X, Y, vx, vy = sp.symbols("x y v_x v_y")
+    found = solve({X: -X * vy, Y: X * vx}, velocities={X: vx, Y: vy}).lagrangian
+    assert found.free_symbols <= {X, Y, vx, vy}
+    assert found.diff(vx, 2) != 0
+
+
+def double_pendulum() -> tuple[sp.Expr, list[sp.Expr]]:
+    q1, q2 = dynamicsymbols("q1 q2")
+    v1, v2 = q1.diff(dynamicsymbols._t), q2.diff(dynamicsymbols._t)
+    kinetic = m * length**2 * (2 * v1**2 + v2**2 + 2 * v1 * v2 * sp.cos(q1 - q2)) / 2
+    return kinetic + m * g * length * (2 * sp.cos(q1) + sp.cos(q2)), [q1, q2]
+
+
+def test_5_lagranges_method_gives_its_lagrangian_back_up_to_a_factor() -> None:
+    lagrangian, q = double_pendulum()
+    ratio = sp.simplify(solve(LagrangesMethod(lagrangian, q)).lagrangian / lagrangian)
+    assert ratio.is_constant()
+    assert ratio != 0
+
+
+def test_6_kanes_method_of_a_damped_mass() -> None:
+    q, u = dynamicsymbols("q u")
+    frame, point = ReferenceFrame("N"), Point("P")
+    point.set_vel(frame, u * frame.x)
+    method = KanesMethod(frame, q_ind=[q], u_ind=[u], kd_eqs=[q.diff() - u])
+    method.kanes_equations([Particle("p", point, m)], [(point, (-k * q - c * u) * frame.x)])
+    found = solve(method)
+    assert found.lagrangian.free_symbols >= {m, k, c}
+    assert sp.simplify(next(iter(found.equations.values())) - (-k * q - c * q.diff()) / m) == 0
+
+
+def test_7_euler_equations_of_the_answer() -> None:
+    found = solve({x: -(x**3)})
+    equation = euler_equations(found.lagrangian, [x], [t])[0]
+    assert sp.simplify(equation.lhs.subs(x.diff(t, 2), -(x**3))) == 0
+
+
+def test_8_an_arbitrary_potential() -> None:
+    V = sp.Function("V")
+    found = solve({x: -V(x, y).diff(x), y: -V(x, y).diff(y)})
+    p_x, p_y = sp.symbols("p_x p_y")
+    assert sp.simplify(found.hamiltonian.expr - p_x**2 / 2 - p_y**2 / 2 - V(x, y)) == 0
+    assert len(found.hamiltonian.equations()) == 4
+
+
+def test_9_numbers_from_the_answer() -> None:
+    found = solve([r.diff(t, 2) - r * phi.diff(t) ** 2 + k / r**2, phi.diff(t, 2) + 2 * r.diff(t) * phi.diff(t) / r])
+    f = sp.lambdify([r, phi, r.diff(t), phi.diff(t), k], found.lagrangian)
+    assert f(1, 0, 0.1, 1, 1) == pytest.approx(1.505)
+    assert found.lambdify()(0, 1, 0, 0.1, 1, 1) == pytest.approx(1.505)
+    assert found.multiplier == sp.ImmutableMatrix([[1, 0], [0, r**2]])
+
+
+def test_10_a_proof_that_there_is_none_in_a_notebook() -> None:
+    found = solve([sp.Eq(x.diff(t, 2), x**2 + y**2), sp.Eq(y.diff(t, 2), 0)])
+    assert found.is_variational is False
+    assert found.lagrangian is None
+    assert "<summary>Proof</summary>" in found._repr_html_()
+    assert len(found.proof) >= 2
+    with pytest.raises(ValueError, match="no Lagrangian"):
+        found.verify()
+
+
+def test_11_a_rolling_disk() -> None:
+    R, inertia, other = sp.symbols("R I J")
+    kinetic = (
+        m / 2 * (x.diff(t) ** 2 + y.diff(t) ** 2) + inertia / 2 * theta.diff(t) ** 2 + other / 2 * phi.diff(t) ** 2
+    )
+    constraints = [x.diff(t) - R * sp.cos(phi) * theta.diff(t), sp.Eq(y.diff(t), R * sp.sin(phi) * theta.diff(t))]
+    found = nonholonomic(kinetic, constraints, [phi, theta, x, y], associated="second")
+    assert found.is_variational is True
+    assert found.lagrangian.has(x.diff(t))
+    assert list(found.associated) == ["second"]
+
+
+def test_matrices_and_tuples_are_lists_of_equations() -> None:
+    zeros = [x.diff(t, 2) + y, y.diff(t, 2) + x]
+    assert (
+        solve(sp.Matrix(zeros)).lagrangian == solve(tuple(zeros)).lagrangian == inverse_service.solve(zeros).lagrangian
+    )
+
+
+def test_time_and_names_may_be_anything() -> None:
+    tau, odd = sp.Symbol("tau"), sp.Symbol(r"\lambda_{0}")
+    z = sp.Function("t")(tau)
+    found = solve(sp.Eq(z.diff(tau, 2), -odd * z * tau))
+    assert sp.simplify(found.lagrangian - (z.diff(tau) ** 2 / 2 - odd * tau * z**2 / 2)) == 0
+    S, E = sp.symbols("S E")
+    assert solve({x: -S * E * x}).lagrangian.free_symbols >= {S, E}
+
+
+def test_the_tensors_alone() -> None:
+    found = helmholtz([x.diff(t, 2) + y.diff(t), y.diff(t, 2) - x])
+    assert found.Phi.shape == (2, 2)
+    assert found.R.shape == (2, 2, 2)
+    assert sp.ImmutableMatrix([[0, sp.Rational(1, 2)], [0, 0]]) == found.N
+
+
+def test_many_systems_and_their_table() -> None:
+    systems = [sp.Eq(x.diff(t, 2), -x), "x'' = -x - x'", "x'' = -kx", {"equations": {"x": "x^2 + y^2", "y": "0"}}]
+    found = list(solve_many(systems))
+    assert found[0].lagrangian is not None
+    assert found[2]["error"]["status"] == 422
+    rows = table([found[0], found[1], found[3]])
+    verdicts = [row["verdict"] for row in (rows if isinstance(rows, list) else rows.to_dict("records"))]
+    assert verdicts == ["variational", "variational", "not_variational"]
+
+
+REFUSED = [
+    ([sp.Eq(x.diff(t, 2), -0.333333 * x)], "Float"),
+    ([sp.Eq(x.diff(t, 2), -sp.I * x)], "complex"),
+    ([x.diff(t, 2) + sp.Piecewise((x, x > 0), (0, True))], "piece"),
+    ([x.diff(t, 2) + y.diff(t)], "first derivative only"),
+    ([x.diff(t) + x], "time"),
+    ([x.diff(t, 2) + sp.Symbol("a") * x + sp.Symbol("a", positive=True)], "other assumptions"),
+    ([x.diff(t, 2) + sp.gamma(x)], "gamma"),
+    ([sp.true], "True or False"),
+    ({sp.Symbol("x"): -sp.Symbol("x")}, "plain symbol"),
+]
+
+
+@pytest.mark.parametrize(("system", "fragment"), REFUSED)
+def test_what_would_have_to_be_guessed_is_refused(system: object, fragment: str) -> None:
+    with pytest.raises(InputError) as caught:
+        solve(system)
+    assert fragment in caught.value.detail
+
+
+def test_texts_among_objects_are_not_evaluated() -> None:
+    with pytest.raises(InputError, match="text"):
+        solve({x: "__import__('os').system('true')"})
+
+
+def test_a_result_is_a_mapping_and_no_truth_value() -> None:
+    found = inverse_service.solve("x'' = -x")
+    assert found["verdict"] == found.verdict == "variational"
+    assert json.loads(found.to_json()) == found.to_dict()
+    assert dict(from_result(found.to_dict())) == found.to_dict()
+    assert found.check()["verdict"] == "valid"
+    assert "\\begin{aligned}" in found._repr_latex_()
+    with pytest.raises(TypeError, match="truth"):
+        bool(found)
+
+
+@pytest.mark.parametrize("given", ["x'' = -x", ["x'' = -x"], {"x": "-x"}, "sho", '{"equations": {"x": "-x"}}'])
+def test_solve_takes_texts_lists_and_accelerations(given: object) -> None:
+    assert inverse_service.solve(given)["system"]["equations"] == {"x": "-x"}
+
+
+def test_names_of_a_result_may_be_given() -> None:
+    position = sp.Symbol("x", positive=True)
+    found = from_result(inverse_service.solve({"equations": "x'' = -k*x", "parameters": ["k"]}), {"k": k, "x": x})
+    assert found.lagrangian.free_symbols == {t, k}
+    assert position not in found.lagrangian.free_symbols
+    assert document(sp.Eq(x.diff(t, 2), -k * x)) == {
+        "coordinates": ["x"],
+        "parameters": ["k"],
+        "equations": ["x'' + k*x = 0"],
+    } or document(sp.Eq(x.diff(t, 2), -k * x))["parameters"] == ["k"]
+
+
+def test_with_time_and_conditions_are_objects() -> None:
+    found = solve([x.diff(t, 2) + x.diff(t) - x**2 - y**2, y.diff(t, 2) + y.diff(t) - 2 * x * y])
+    assert found.conditions.Phi.shape == (2, 2)
+    if found.with_time is not None and found.with_time.lagrangian is not None:
+        assert found.with_time.lagrangian.has(sp.exp(t))
+        assert found.with_time.verify().holds is True
+
+
+GROUND = """
+import sympy
+from sympy.external.gmpy import GROUND_TYPES
+from inverse_service.sympy import solve
+t = sympy.Symbol("t"); x, y = sympy.Function("x")(t), sympy.Function("y")(t); a = sympy.Symbol("a")
+found = solve([x.diff(t, 2) + a*x - y/3, y.diff(t, 2) + y - x/3])
+assert found.verify().holds is True
+assert "accelerations" in found.to_code("python")
+print(GROUND_TYPES)
+"""
+
+
+@pytest.mark.parametrize("types", ["python", "flint"])
+def test_the_bridge_works_under_both_ground_types(types: str) -> None:
+    environment = {**os.environ, "SYMPY_GROUND_TYPES": types}
+    run = subprocess.run([sys.executable, "-c", GROUND], capture_output=True, text=True, check=False, env=environment)
+    assert (run.returncode, run.stdout.strip()) == (0, types), run.stderr
+
+
+LAZY = """
+import sys, inverse_service
+from inverse_service import sympy, InputError, Client, catalogue
+found = inverse_service.solve("x'' = -x")
+assert found.verdict == "variational" and "sympy" not in sys.modules
+found.lagrangian
+assert "sympy" in sys.modules
+"""
+
+
+def test_sympy_is_imported_by_the_first_expression_only() -> None:
+    run = subprocess.run([sys.executable, "-c", LAZY], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+
+
+def test_nothing_sets_the_ground_types_of_the_user() -> None:
+    before = os.environ.get("SYMPY_GROUND_TYPES")
+    solve(sp.Eq(x.diff(t, 2), -x)).verify()
+    assert os.environ.get("SYMPY_GROUND_TYPES") == before
