@@ -76,7 +76,7 @@ def assert_solved(known: Known, time_limit: float) -> None:
     assert result["explanation"]
     given = formulas(known.document, known.plain or result["system"]["equations"])
     for answer in (result, result["with_time"]):
-        if answer:
+        if answer is not None:
             assert answer["checked"] == "valid"
             if answer["lagrangian"]:
                 assert is_lagrangian(answer["lagrangian"]["text"], given)
