@@ -88,7 +88,7 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
     return ShownAnswer(
         QUESTIONS[question],
         part["verdict"],
-        headline(part, question),
+        headline(part, question, subject_of(result)),
         part["reason"],
         _lagrangian(part["lagrangian"], names),
         [_lagrangian_part(other, names) for other in part["other_lagrangians"]],
@@ -117,16 +117,22 @@ def branches_of(result: Mapping[str, Any]) -> list[tuple[ShownAnswer, ShownAnswe
     return found
 
 
-def headline(part: Mapping[str, Any], question: str) -> str:
+def subject_of(result: Mapping[str, Any]) -> str:
+    """What a verdict is about: the equations, or one associated system of a motion with constraints."""
+    part = result.get("nonholonomic")
+    return f"The equations of the {part['main']} associated system" if part else "These equations"
+
+
+def headline(part: Mapping[str, Any], question: str, subject: str = "These equations") -> str:
     """The verdict in one sentence."""
     kind = QUESTIONS[question]
     if part["verdict"] == "not_variational":
-        return f"These equations do not come from any regular Lagrangian {kind}."
+        return f"{subject} do not come from any regular Lagrangian {kind}."
     if part["verdict"] == "undetermined":
         return f"Whether a regular Lagrangian {kind} exists was not settled."
     if part["lagrangian"] is None:
         return f"A regular Lagrangian {kind} exists; none was found in closed form."
-    return f"These equations come from a regular Lagrangian {kind}."
+    return f"{subject} come from a regular Lagrangian {kind}."
 
 
 @dataclass(frozen=True, slots=True)
