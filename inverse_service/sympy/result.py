@@ -1,10 +1,10 @@
-"""Results as mappings with attributes; SymPy is imported by the first attribute that is an expression."""
+"""Results as dictionaries with attributes; SymPy is imported by the first attribute that is an expression."""
 
 from __future__ import annotations
 
 import html
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -64,28 +64,23 @@ class Verification:
         return False if False in verdicts else (None if None in verdicts else True)
 
 
-class Answer(Mapping[str, Any]):
+class Answer(dict[str, Any]):
     """One answer: the keys of the document, and its formulas as SymPy expressions."""
 
     def __init__(self, data: Mapping[str, Any], table: Table | None = None, system: Mapping[str, Any] | None = None):
-        self._data = data
+        super().__init__(data)
         self._given = table
-        self._system: Mapping[str, Any] = system if system is not None else (data.get("system") or {})
+        self._of: Mapping[str, Any] | None = system
 
-    def __getitem__(self, key: str) -> Any:
-        return self._data[key]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._data)
-
-    def __len__(self) -> int:
-        return len(self._data)
+    @property
+    def _system(self) -> Mapping[str, Any]:
+        return self._of if self._of is not None else (self.get("system") or {})
 
     def __bool__(self) -> bool:
         raise TypeError("an answer is yes, no or open, so it is no truth value: use is_variational or verdict")
 
     def __repr__(self) -> str:
-        found = self._data.get("lagrangian")
+        found = self.get("lagrangian")
         return f"{type(self).__name__}({self.verdict}{', L = ' + found['text'] if found else ''})"
 
     @cached_property
@@ -102,7 +97,7 @@ class Answer(Mapping[str, Any]):
     @property
     def verdict(self) -> str:
         """ "variational", "not_variational" or "undetermined"; "" for the forward problem."""
-        return str(self._data.get("verdict", ""))
+        return str(self.get("verdict", ""))
 
     @property
     def is_variational(self) -> bool | None:
@@ -112,13 +107,13 @@ class Answer(Mapping[str, Any]):
     @cached_property
     def lagrangian(self) -> Any:
         """The Lagrangian as an expression, None where none was found."""
-        found = self._data.get("lagrangian")
+        found = self.get("lagrangian")
         return None if found is None else self._expression(found["text"])
 
     @cached_property
     def lagrangians(self) -> tuple[Any, ...]:
         """All Lagrangians found, the simplest first."""
-        others = self._data.get("other_lagrangians", [])
+        others = self.get("other_lagrangians", [])
         return tuple([self.lagrangian] if self.lagrangian is not None else []) + tuple(
             self._expression(other["text"]) for other in others
         )
@@ -128,13 +123,13 @@ class Answer(Mapping[str, Any]):
         """The conditions under which L is one, as relations."""
         from inverse_service.sympy.texts import relation
 
-        found = self._data.get("lagrangian") or {}
+        found = self.get("lagrangian") or {}
         return tuple(relation(text, self._table) for text in found.get("domain", ()))
 
     @cached_property
     def hamiltonian(self) -> Hamiltonian | None:
         """H with its momenta, None where there is none."""
-        found = self._data.get("hamiltonian")
+        found = self.get("hamiltonian")
         if found is None:
             return None
         momenta = {self._table.symbol(p): self._expression(text) for p, text in found["momenta"].items()}
@@ -146,24 +141,24 @@ class Answer(Mapping[str, Any]):
         """g_ij = d2L/dv_i dv_j as an ImmutableMatrix, None where there is no L."""
         import sympy
 
-        found = self._data.get("multiplier")
+        found = self.get("multiplier")
         return None if found is None else sympy.ImmutableMatrix([[self._expression(e) for e in row] for row in found])
 
     @property
     def proof(self) -> tuple[Step, ...]:
         """The steps of the explanation."""
-        return tuple(Step(step["text"], step.get("latex", "")) for step in self._data.get("explanation", ()))
+        return tuple(Step(step["text"], step.get("latex", "")) for step in self.get("explanation", ()))
 
     @property
     def solution_space(self) -> Mapping[str, Any] | None:
         """How many multipliers there are: order, dimensions, characters, statement."""
-        found: Mapping[str, Any] | None = self._data.get("solution_space")
+        found: Mapping[str, Any] | None = self.get("solution_space")
         return found
 
     @property
     def certificate(self) -> Mapping[str, Any] | None:
         """What the independent checker needs."""
-        found: Mapping[str, Any] | None = self._data.get("certificate")
+        found: Mapping[str, Any] | None = self.get("certificate")
         return found
 
     def lambdify(self, what: str = "lagrangian", modules: Any = None) -> Callable[..., Any]:
@@ -191,19 +186,19 @@ class Result(Answer):
     @property
     def verdict_with_time(self) -> str | None:
         """The verdict for L(t, q, q')."""
-        found: str | None = self._data.get("verdict_with_time")
+        found: str | None = self.get("verdict_with_time")
         return found
 
     @cached_property
     def with_time(self) -> Answer | None:
         """The answer to L(t, q, q') where it differs."""
-        found = self._data.get("with_time")
+        found = self.get("with_time")
         return None if found is None else Answer(found, self._table, self._system)
 
     @cached_property
     def associated(self) -> dict[str, Answer]:
         """The answers to the associated systems of a nonholonomic one, by kind."""
-        parts = (self._data.get("nonholonomic") or {}).get("associated", ())
+        parts = (self.get("nonholonomic") or {}).get("associated", ())
         return {part["kind"]: Answer(part, self._table, {**self._system, **part}) for part in parts if part["defined"]}
 
     @cached_property
@@ -211,28 +206,28 @@ class Result(Answer):
         """Phi, nabla Phi and R as SymPy arrays, None where they were left out."""
         from inverse_service.sympy.helmholtz import conditions_of_texts
 
-        found = self._data.get("conditions")
+        found = self.get("conditions")
         return None if found is None else conditions_of_texts(found, self._table)
 
     @property
     def special_cases(self) -> Mapping[str, Any] | None:
         """The tree of special cases."""
-        found: Mapping[str, Any] | None = self._data.get("special_cases")
+        found: Mapping[str, Any] | None = self.get("special_cases")
         return found
 
     def check(self, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """The independent checker's verdict and reasons."""
         from inverse_service import check
 
-        return check(self._data, document)
+        return check(self, document)
 
     def to_dict(self) -> dict[str, Any]:
         """The result document."""
-        return dict(self._data)
+        return dict(self)
 
     def to_json(self, path: str | Path | None = None) -> str:
         """The result document as JSON, also written to a file where one is named."""
-        text = json.dumps(dict(self._data), ensure_ascii=False, indent=1) + "\n"
+        text = json.dumps(dict(self), ensure_ascii=False, indent=1) + "\n"
         if path is not None:
             Path(path).write_text(text, encoding="utf-8")
         return text
@@ -240,7 +235,7 @@ class Result(Answer):
     def to_latex(self) -> str:
         """Equations, L and H as aligned formulas."""
         rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
-        rows += [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self._data.get(key)]
+        rows += [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self.get(key)]
         return "\\begin{align*}\n" + " \\\\\n".join(rows) + "\n\\end{align*}\n"
 
     def to_code(self, language: str = "python") -> str:
@@ -255,15 +250,15 @@ class Result(Answer):
 
     def _repr_latex_(self) -> str:
         rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
-        rows += [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self._data.get(key)]
+        rows += [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self.get(key)]
         return "$\\displaystyle\\begin{aligned}" + " \\\\ ".join(rows) + "\\end{aligned}$"
 
     def _repr_html_(self) -> str:
         parts = [f"<p><b>{html.escape(self.verdict.replace('_', ' ') or 'equations of motion')}</b></p>"]
         for letter, key in _LETTERS:
-            if found := self._data.get(key):
+            if found := self.get(key):
                 parts.append(f"<p>$\\displaystyle {letter} = {html.escape(found['latex'])}$</p>")
-        where = (self._data.get("lagrangian") or {}).get("domain", ())
+        where = (self.get("lagrangian") or {}).get("domain", ())
         parts += [f"<p>where {html.escape(', '.join(where))}</p>"] if where else []
         steps = "".join(f"<li>{html.escape(step.text)}</li>" for step in self.proof)
         parts += [f"<details><summary>Proof</summary><ol>{steps}</ol></details>"] if steps else []
