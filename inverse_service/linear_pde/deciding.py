@@ -25,6 +25,8 @@ from inverse_service.linear_pde.unknowns import Unknowns, count_of_degree
 # Most negative verdicts fall at order 1, most positive ones at order 3: series are made for these first.
 _FIRST_ORDER, SECOND_ORDER = 1, 3
 _POINTS = 4
+# An order takes so many times as long as the one before: none is begun that would pass the deadline.
+_GROWTH = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +84,7 @@ class _Run:
     limits: Limits
     progress: Callable[[str], None]
     expected: int = _FIRST_ORDER
+    lasted: float = 0.0  # seconds of the last order
     history: list[tuple[int, ...]] = field(default_factory=list)
     # Rows that depend on others: where another run found them, and where this one did.
     expected_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
@@ -139,7 +142,9 @@ def _prolong(run: _Run, seed: int) -> Finding:
                 stop = f"order {order} of prolongation would need too large series"
                 return _stopped(run, prolongation, stop)
         run.progress(f"prolongation to order {order}")
+        began = time.monotonic()
         advance(prolongation)
+        run.lasted = time.monotonic() - began
         run.history.append(tuple(prolongation.dimension(d) for d in range(order + 1)))
         found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
         if found:
@@ -168,7 +173,7 @@ def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
     """The sentence that names the limit in the way of this order, or nothing."""
     if order > run.limits.order:
         return f"not settled by order {run.limits.order} of prolongation"
-    if time.monotonic() > run.limits.deadline:
+    if time.monotonic() + _GROWTH * run.lasted > run.limits.deadline:
         return f"the time limit came before order {order} of prolongation"
     unknowns, bits = prolongation.unknowns, 63 // prolongation.size
     total = prolongation.width(order - 1) + count_of_degree(unknowns, order)

@@ -81,6 +81,19 @@ def test_a_result_about_another_motion_is_refused_by_the_check() -> None:
         assert check_plain(other)["verdict"] == "invalid"
 
 
+def test_a_coordinate_that_depends_on_others_may_stand_before_them() -> None:
+    """The potential contains z, so y is taken for the dependent one."""
+    made = {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": "(x'^2+y'^2+z'^2)/2-z^2",
+        "constraints": ["z' = -x*y'"],
+        "associated": "any",
+    }
+    found = solve_document(made, SolveOptions(time_limit=60))["any_associated"]
+    assert found["certificate"]["system"]["coordinates"] == ["x", "z", "y"]
+    assert (found["verdict"], found["checked"]) == ("not_variational", "valid")
+
+
 def test_both_kinds_of_document_about_one_motion_have_one_answer() -> None:
     given = {
         "coordinates": ["x", "y", "z"],

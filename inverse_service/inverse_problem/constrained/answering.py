@@ -30,6 +30,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 # Of the time, what the decisions may take; the rest is for a closed form, H and the checks.
 _SHARE_OF_DECISION, _SHARE_OF_ANSATZ = 0.4, 0.5
 _STEEP = -3
+# Seconds without which no closed form is looked for: its parts do not look at the clock at every step.
+_LEAST_FOR_ANSATZ = 6.0
 _NOT_CONFIRMED = "the independent check could not confirm it"
 
 
@@ -156,7 +158,7 @@ def _lagrangians(work: _Work, with_time: bool, exists: bool) -> Sequence[MotionL
             )
             for one in fitting
         ]
-    if not exists:
+    if not exists or work.left() < _LEAST_FOR_ANSATZ:
         return []
     work.progress("any: ansatz along the constraints")
     limit = time.monotonic() + _SHARE_OF_ANSATZ * work.left()

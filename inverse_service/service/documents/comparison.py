@@ -68,7 +68,12 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
             trees, differ = [subtract(*pair) for pair in pairs], given.free != claimed.free
             constraints = [subtract(v, w) for v, w in given.on_constraints.items()]
         else:
-            constraints, trees, differ = list(_nonholonomic(document).constraints), [], False
+            made = _nonholonomic(document)
+            constraints, trees, differ = (
+                list(made.constraints),
+                [],
+                sorted(made.coordinates) != sorted(claimed.coordinates),
+            )
         trees += [substitute(tree, claimed.on_constraints) for tree in constraints]
     except (InputError, KeyError, ValueError):
         return CheckResult("invalid", ("The motion of a certificate cannot be compared with the document as given.",))
@@ -79,13 +84,11 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
         return CheckResult("incomplete" if found is None and not differ else "invalid", (sentence,))
     if is_motion(document):
         return CheckResult("valid", ("The motion is that of the document as given.",))
-    whole, order = first_system(claimed), _nonholonomic(document).coordinates
-    equations = {name: to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)}
-    # A certificate has the free coordinates first, the document its own order.
-    same = sorted(order) == sorted(equations)
-    system = {key: certificate["system"].get(key) for key in ("parameters", "functions")} | {
-        "coordinates": list(order if same else whole.coordinates), "equations": equations,
-    }  # fmt: skip
+    whole = first_system(claimed)
+    texts = {name: to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)}
+    system = {key: certificate["system"].get(key) for key in ("parameters", "functions")}
+    # A certificate names the free coordinates first.
+    system |= {"coordinates": list(made.coordinates), "equations": texts}
     return compared_with_document(document, Canonical(system, dict(certificate)), time_limit)
 
 

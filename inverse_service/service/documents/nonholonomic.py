@@ -42,6 +42,8 @@ SHARE_OF_SEARCH = 0.6
 SHARE_OF_MOTION = 0.3
 # And what the question about any associated system may take, after the others.
 SHARE_OF_ANY = 1 / 3
+# And what is left for checking all answers at the end.
+SHARE_LEFT = 0.1
 
 
 def solve_nonholonomic(
@@ -76,9 +78,8 @@ def solve_nonholonomic(
         series_order=schema.series_order,
     )
     found = study(report, systems, asked, progress)
-    any_associated = answer_about(
-        found, asked, min(end, time.monotonic() + SHARE_OF_ANY * options.time_limit), progress
-    )
+    third = time.monotonic() + SHARE_OF_ANY * options.time_limit
+    any_associated = answer_about(found, asked, min(end - SHARE_LEFT * options.time_limit, third), progress)
     main = found.answers[found.main]
     if main.solution is None:
         raise InputError(main.associated.explanation, "/associated")
