@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from api_schemas.base import Document
-from api_schemas.family_search import FamilySearchOptions, SearchPart
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
     Checked,
@@ -45,13 +44,14 @@ class NonholonomicDocument(QuestionDocument):
     variational; "any" asks that alone.
     `multiples`: what is added to the accelerations of the associated system (the first, if none is named), for each
     coordinate a formula that vanishes on the constraints; a list of such objects is a list of systems, each decided.
-    `search`: with "associated": "search", which families and how many members of each.
+    "search" and `search`, with which families of associated systems once were gone through, are accepted: since all
+    of them are decided at once they ask what leaving `associated` out asks.
     """
 
     lagrangian: Text
     constraints: Constraints
     associated: Kind | None = None
-    search: FamilySearchOptions | None = None
+    search: dict[str, Any] | None = None
     multiples: Families | None = None
 
 
@@ -241,4 +241,3 @@ class NonholonomicResult(ResultDocument):
 
     nonholonomic: NonholonomicPart | None
     any_associated: AnyAssociatedPart | None = None
-    search: SearchPart | None = None

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from inverse_service.cli.family_search_pages import family_search_latex
 from inverse_service.cli.forward_page import forward_latex, is_forward_result
 from inverse_service.cli.nonholonomic_pages import nonholonomic_latex
 from inverse_service.cli.special_cases_pages import special_cases_latex
@@ -30,8 +29,6 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
         lines += _answer(branch, asks_for_time(result), explain)
         if branch["with_time"] is not None:
             lines += _answer(branch["with_time"], True, explain)
-    if result.get("search") is not None:
-        lines += family_search_latex(result["search"])
     if result.get("special_cases") is not None:
         lines += special_cases_latex(result["special_cases"])
     return "\n".join([*lines, r"\end{document}"]) + "\n"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from inverse_service.cli.family_search_pages import family_search_lines
 from inverse_service.cli.forward_page import forward_text, is_forward_result
 from inverse_service.cli.nonholonomic_pages import any_associated_lines, nonholonomic_lines
 from inverse_service.cli.special_cases_pages import special_cases_lines
@@ -32,8 +31,6 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     lines += [*_system(result["system"]), *_cases(result)]
     for place, branch in enumerate(branches_of(result)):
         lines += [""] * (place > 0) + list(_both_answers(branch, asks_for_time(result), explain))
-    if result.get("search") is not None:
-        lines += ["", *family_search_lines(result["search"])]
     if result.get("special_cases") is not None:
         lines += ["", *special_cases_lines(result["special_cases"])]
     if explain:

@@ -21,12 +21,10 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
 )
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
-from inverse_service.mechanics.nonholonomic.associated_systems import AssociatedSystem
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service.documents import solving, translate
 from inverse_service.service.documents.checking import compare_motion
-from inverse_service.service.documents.nonholonomic_search import searched
 from inverse_service.service.documents.translate_nonholonomic import (
     to_any_associated,
     to_families,
@@ -36,9 +34,7 @@ from inverse_service.service.documents.translate_nonholonomic import (
     to_nonholonomic_schema,
 )
 
-# Of the time for all, what a search among associated systems may take.
-SHARE_OF_SEARCH = 0.6
-# And what finding the motion and what it keeps may take.
+# Of the time for all, what finding the motion and what it keeps may take.
 SHARE_OF_MOTION = 0.3
 # And what the question about any associated system may take, after the others.
 SHARE_OF_ANY = 1 / 3
@@ -59,16 +55,10 @@ def solve_nonholonomic(
     system = to_nonholonomic(schema)
     families = to_families(schema, system)
     report = motion_report(system, min(TIME_LIMIT, SHARE_OF_MOTION * options.time_limit))
-    kind, part = schema.associated, None
+    kind = schema.associated
     if kind == "any":
         return _about_the_motion(report, schema, options, end, progress)
-    if kind == "search":
-        _refuse_multiples(schema)
-        limit = SHARE_OF_SEARCH * (end - time.monotonic())
-        one, part = searched(report, schema, options.seed, limit, progress)
-        systems: tuple[AssociatedSystem, ...] = (one,)
-    else:
-        systems = associated_systems(report, kind, families)
+    systems = associated_systems(report, None if kind == "search" else kind, families)
     defined = next((one.system for one in systems if one.system is not None), None)
     asked = dataclasses.replace(
         options,
@@ -92,7 +82,6 @@ def solve_nonholonomic(
         **fields,
         nonholonomic=to_nonholonomic_part(found),
         any_associated=to_any_associated(any_associated),
-        search=part,
     )
     return solving.ordered(solving.checked(whole, end - time.monotonic()))
 
@@ -127,13 +116,6 @@ def _about_the_motion(
 
 def _share(schema: NonholonomicDocument) -> float:
     return solving.SHARE_BESIDE_CASES if schema.special_cases else solving.SHARE_OF_SOLVER
-
-
-def _refuse_multiples(schema: NonholonomicDocument) -> None:
-    if schema.multiples is not None:
-        raise InputError(
-            'multiples and "associated": "search" do not go together: leave one of them out.', "/multiples"
-        )
 
 
 def _with_images(main: AssociatedAnswer) -> Solution:

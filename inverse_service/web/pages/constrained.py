@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,16 +59,6 @@ class Motion:
     formulas: list[Markup]
     freedom: str
     steps: list[str]
-
-
-@dataclass(frozen=True, slots=True)
-class Search:
-    """The families of associated systems with their counts, and the variational ones."""
-
-    families: list[Mapping[str, Any]]
-    different: int
-    covered: str
-    found: list[Associated]
 
 
 def motion_of(result: Mapping[str, Any]) -> Motion | None:
@@ -150,18 +140,3 @@ def _confirmed(entry: Mapping[str, Any], names: Names) -> Confirmed:
         [(escape(s["text"]), s["verdict"]) for s in entry["statements"]],
         entry["holds"],
     )
-
-
-def search_of(result: Mapping[str, Any]) -> Search | None:
-    """The search among associated systems, None where it was not asked for."""
-    part = result.get("search")
-    if not part:
-        return None
-    names = typesetting.names_of(result["system"])
-    found = [_associated(_kind(member), member, names) for member in part["variational"]]
-    return Search(part["families"], part["different"], part["covered"], found)
-
-
-def _kind(member: Mapping[str, Any]) -> str:
-    known: Sequence[str] = member["kinds"]
-    return " and ".join(known) if known else ", ".join(member["families"])

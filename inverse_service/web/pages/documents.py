@@ -14,7 +14,7 @@ from inverse_service.service.documents.reading import read_document, read_json, 
 from inverse_service.web.pages.forms import Form
 
 KINDS = ("equations", "nonholonomic")
-ASSOCIATED = ("first", "second", "third", "search")
+ASSOCIATED = ("first", "second", "third", "any")
 FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
           "associated", "time", "special_cases", "ansatz", "time_limit")  # fmt: skip
 # What a link may say; `kind` is the form's own.

@@ -157,7 +157,6 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         cases=cases.cases_of(found),
         motion=constrained.motion_of(found),
         constrained=constrained.constrained_of(found),
-        search=constrained.search_of(found),
         also=answers.other_question(found),
         advice=advice_for(found, look.time_limit),
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),

@@ -28,7 +28,7 @@ ASSOCIATED = (
     ("first", "first", "force written with the velocities of the base"),
     ("second", "second", "force written with the velocities along the constraints"),
     ("third", "third", "the two swapped for each other like a rotation"),
-    ("search", "search", "decide a family of them and list every verdict"),
+    ("any", "any", "whether any has a Lagrangian at all: the motion alone"),
 )
 # Entries of the catalogue with the words of the palette.
 EXAMPLES = (

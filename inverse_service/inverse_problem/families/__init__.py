@@ -1,1 +1,0 @@
-"""Many systems that are combinations of few formulas, decided with shared work on several cores."""
