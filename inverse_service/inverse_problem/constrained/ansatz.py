@@ -9,9 +9,11 @@ associated system, not the motion.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
+from functools import reduce
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_trees import quotient_tree
@@ -33,7 +35,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.outcome import Lagrangian
-from inverse_service.inverse_problem.search.deadline import until
+from inverse_service.inverse_problem.search.deadline import check, until
 from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.factors import position_monomials, products
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
@@ -52,7 +54,7 @@ from inverse_service.inverse_problem.search.terms import (
 from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_MOST_TERMS, _TERMS = 6_000, 2_000
+_MOST_TERMS, _MOST_PRODUCTS, _TERMS = 6_000, 30_000, 2_000
 # The widest ansatz last: degree in the free velocities that change, lowest and highest power of those that do not,
 # letters of position in a product, degree in the coordinates.
 _WIDTHS = ((2, -1, 2, 2, 0), (2, -1, 2, 2, 1), (2, -2, 2, 2, 1), (2, -3, 2, 3, 1), (2, -3, 2, 2, 2), (2, -3, 3, 4, 2))
@@ -122,8 +124,12 @@ def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Mo
     before = 0
     for degree, low, high, letters, coordinates in _WIDTHS:
         shapes = _shapes(motion, degree, low, high)
-        factors = _functions(motion, material, letters, coordinates)
-        candidates = [key for key in distinct(products(transverse, products(shapes, factors))) if _is_reduced(key)]
+        parts = _functions(motion, material, letters, coordinates)
+        check(len(shapes) * len(transverse) + sum(map(len, parts)))
+        if len(transverse) * len(shapes) * math.prod(map(len, parts)) > _MOST_PRODUCTS:
+            continue
+        factors = [key for key in distinct(reduce(products, parts)) if _is_reduced(key)]
+        candidates = distinct(products(transverse, products(shapes, factors)))
         if before < len(candidates) <= _MOST_TERMS:
             before = len(candidates)
             yield candidates
@@ -160,16 +166,15 @@ def _is_alone(motion: ConstrainedMotion, name: str, f: Expression) -> bool:
     return not any(node in others for node in walk(f))
 
 
-def _functions(motion: ConstrainedMotion, material: Material, letters: int, coordinates: int) -> list[Monomial]:
-    """Products of letters of the motion, times polynomials in the coordinates, times parameters as f holds them."""
+def _functions(
+    motion: ConstrainedMotion, material: Material, letters: int, coordinates: int
+) -> tuple[list[Monomial], list[Monomial], list[Monomial]]:
+    """Parameters as f holds them, products of letters of the motion, and of coordinates: to be multiplied."""
     names = [monomial(Symbol(name)) for name in motion.coordinates]
     powers: list[Monomial] = [EMPTY]
     for count in range(1, coordinates + 1):
         for chosen in itertools.combinations_with_replacement(names, count):
-            product = EMPTY
-            for factor in chosen:
-                product = times(product, factor)
-            powers.append(product)
+            powers.append(reduce(times, chosen))
     constants = [EMPTY, *(key for key in material.parameter_monomials if key and all(e > 0 for _, e in key))][:3]
     squares = [times(a, b) for a, b in itertools.combinations_with_replacement(constants, 2)]
-    return distinct(products(distinct(squares), products(position_monomials(material, letters), powers)))
+    return distinct(squares), position_monomials(material, letters), powers

@@ -1,0 +1,95 @@
+"""Lagrangians found along the constraints, accepted by three programs: the checker, SymPy, and 40 digits."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import mpmath
+import pytest
+import sympy
+
+from benchmarks.sympy_form import SympyExpression, to_sympy, velocity
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.constrained import certify
+from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
+from inverse_service.inverse_problem.constrained.deciding import analyse_motion
+from inverse_service.inverse_problem.constrained.lagrangian import jet_of, own_system
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from tests.inverse_problem.constrained.motions import BLADE, disk, heisenberg, knife_edge, motion_of, particle
+
+INCLINED = {
+    "coordinates": ["phi", "x", "y"],
+    "lagrangian": "m*(x'^2+y'^2)/2+J*phi'^2/2+m*g*x",
+    "constraints": BLADE,
+    "parameters": ["m", "J", "g"],
+}
+FOUND: dict[str, dict[str, Any]] = {
+    "particle": particle("0"),
+    "knife edge": knife_edge("0"),
+    "Heisenberg": heisenberg("0"),
+    "Heisenberg, x^2 + y^2": heisenberg("x^2+y^2"),
+    "knife edge on an inclined plane": INCLINED,
+    "disk on an incline": disk("-x"),
+}
+
+
+def found(document: dict[str, Any]) -> tuple[ConstrainedMotion, Expression]:
+    motion = motion_of(document)
+    return motion, find_lagrangians(motion, False, 1, float("inf"))[0].expression
+
+
+def residuals(motion: ConstrainedMotion, lagrangian: Expression) -> list[SympyExpression]:
+    """The Euler-Lagrange expressions on the constraints, with the accelerations of the motion, by SymPy."""
+    tree = to_sympy(lagrangian)
+    on = {velocity(name): to_sympy(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)}
+    rates = {sympy.Symbol(name): on.get(velocity(name), velocity(name)) for name in motion.coordinates}
+    rates |= {velocity(n): to_sympy(f) for n, f in zip(motion.free, motion.free_accelerations, strict=True)}
+    rates |= {velocity(n): sum(sympy.diff(on[velocity(n)], v) * r for v, r in rates.items()) for n in motion.dependent}
+    rows = []
+    for name in motion.coordinates:
+        momentum = sympy.diff(tree, velocity(name))
+        rate = sum(sympy.diff(momentum, variable) * r for variable, r in rates.items())
+        rows.append((rate - sympy.diff(tree, sympy.Symbol(name))).subs(on))
+    return rows
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_three_programs_accept_what_is_found(name: str) -> None:
+    motion, lagrangian = found(FOUND[name])
+    certificate = certify.of_lagrangian(analyse_motion(motion), lagrangian, False)
+    assert check_certificate(certificate, seed=1).verdict == "valid"
+    rows = residuals(motion, lagrangian)
+    assert all(sympy.simplify(row) == 0 for row in rows)
+    generator = random.Random(name)
+    point = {symbol: mpmath.mpf(generator.uniform(0.5, 1.5)) for row in residual_symbols(motion) for symbol in row}
+    with mpmath.workdps(60):
+        values = [sympy.lambdify(list(point), row, "mpmath")(*point.values()) for row in rows]
+    assert all(abs(value) < mpmath.mpf(10) ** -40 for value in values)
+
+
+def residual_symbols(motion: ConstrainedMotion) -> list[list[SympyExpression]]:
+    names = [*motion.coordinates, *motion.parameters]
+    return [[sympy.Symbol(name) for name in names], [velocity(name) for name in motion.free]]
+
+
+def test_the_inclined_knife_edge_needs_velocities_to_the_power_minus_three() -> None:
+    motion, lagrangian = found(INCLINED)
+    tree, omega = to_sympy(lagrangian), velocity("phi")
+    assert sympy.simplify(tree * omega**3).subs(omega, 0) != 0
+    assert len(jet_of(lagrangian, motion).transverse_momenta) == 1
+
+
+def test_the_own_equations_of_a_lagrangian_have_the_motion_on_the_constraints() -> None:
+    motion, lagrangian = found(FOUND["Heisenberg"])
+    system = own_system(lagrangian, motion, float("inf"))
+    assert system is not None
+    on = {velocity(name): to_sympy(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)}
+    table = dict(zip(system.coordinates, system.accelerations, strict=True))
+    for name, force in zip(motion.free, motion.free_accelerations, strict=True):
+        assert sympy.simplify(to_sympy(table[name]).subs(on) - to_sympy(force)) == 0
+
+
+def test_where_there_is_none_nothing_is_found() -> None:
+    assert find_lagrangians(motion_of(particle("x^2")), False, 1, float("inf")) == []
