@@ -53,7 +53,7 @@ SYSTEMS = some.fixed_dictionaries(
 )
 NONHOLONOMIC = some.fixed_dictionaries(
     {"lagrangian": FORMULAS | VALUES, "constraints": some.lists(FORMULAS, max_size=2) | VALUES},
-    optional={**SHARED, "associated": some.sampled_from(["first", "second", "third", "search"]) | VALUES},
+    optional={**SHARED, "associated": some.sampled_from(["first", "second", "third", "search", "any"]) | VALUES},
 )
 
 

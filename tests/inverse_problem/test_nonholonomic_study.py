@@ -11,9 +11,7 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import ZERO, Expression, Symbol, multiply
-from inverse_service.inverse_problem.families import family_search
-from inverse_service.inverse_problem.families.family_search import FamilyOptions, search_families
+from inverse_service.expressions.tree import ZERO, Expression
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     AssociatedAnswer,
     MotionReport,
@@ -24,7 +22,6 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.nonholonomic.associated_systems import with_multiples
 from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 PARTICLE = catalogue.document("nonholonomic-particle")
 TWO_FREE = {
@@ -122,18 +119,3 @@ def test_too_many_constraints_are_refused() -> None:
 def test_an_answer_without_a_system_has_no_answer() -> None:
     (none,) = associated_systems(report_of(TWO_FREE), "second")
     assert AssociatedAnswer(none, None).answer is None
-
-
-def test_a_system_with_other_atoms_is_not_taken_for_a_member_of_a_family() -> None:
-    motion = report_of().exact
-    given = motion.geometry.system
-    x = Symbol(given.coordinates[0])
-    foreign = SecondOrderSystem(given.coordinates, (ZERO, ZERO, multiply(x, Symbol("unknown"))))
-    options = FamilyOptions(("products",), depth=1, most=4, carried=0, processes=1)
-    assert all(member.kinds == () for member in search_families(motion, options, [("foreign", foreign)]).variational)
-
-
-def test_families_that_cannot_be_written_in_time_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(family_search, "_WRITING", -1.0)
-    with pytest.raises(LimitError, match="too large"):
-        search_families(report_of().exact, FamilyOptions(("ratios",), time_limit=-1.0))

@@ -139,3 +139,11 @@ def test_the_sleigh_is_settled_in_whatever_order_its_coordinates_are_named() -> 
             "any_associated"
         ]
         assert (found["verdict"], found["checked"]) == ("not_variational", "valid")
+
+
+def test_a_document_that_asks_for_a_search_gets_what_decides_all_at_once() -> None:
+    asked = {key: KNIFE[key] for key in ("coordinates", "lagrangian", "constraints")}
+    asked |= {"associated": "search", "search": {"families": ["products"]}, "time_dependent_lagrangian": False}
+    found = solve_document(asked, SolveOptions(time_limit=60))
+    assert len(found["nonholonomic"]["associated"]) == 3
+    assert found["any_associated"]["verdict"] == "variational"
