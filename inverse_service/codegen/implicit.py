@@ -54,17 +54,14 @@ class Blocks:
         w.write(STOPPED_AT, w.select(stops, w.read(CLOCK), w.read(STOPPED_AT)))
         w.write(STOPPED_VALUE, w.select(stops, value, w.read(STOPPED_VALUE)))
 
-    def keep_sign(self, slot: str, value: str, code: int, smooth: str | None = None) -> None:
-        """The value must keep the sign it had first, but where `smooth` holds; 0 in the slot: there is no first yet."""
+    def keep_sign(self, slot: str, value: str, code: int) -> None:
+        """The value must keep the sign it had first; where the slot is 0 there is no first yet."""
         w = self.writer
         sign, zero = w.read(slot), w.number(0.0)
         own = w.select(w.compare("<", value, zero), w.number(-1.0), w.number(1.0))
         fresh = w.compare("==", sign, zero)
         sign = w.select(fresh, own, sign)
         good = w.compare(">", w.binary("*", sign, value), zero)
-        if smooth is not None:
-            good = w.compare("==", w.select(good, w.number(1.0), w.select(smooth, w.number(1.0), zero)), w.number(1.0))
-            sign = w.select(smooth, own, sign)
         w.write(slot, sign if self.active is None else w.select(self.active, sign, w.read(slot)))
         self.stop_unless(good, code, value)
 

@@ -102,13 +102,11 @@ class Kernel:
     def _watch(self) -> None:
         w = self.writer
         watches = self.program.watches
-        values = self.emitter.write([formula for watch in watches for formula in watch.formulas]) if watches else []
-        for place, watch in enumerate(watches):
-            value = values.pop(0)
+        values = self.emitter.write([watch.formula for watch in watches]) if watches else []
+        for place, (watch, value) in enumerate(zip(watches, values, strict=True)):
             limit, zero = w.number(watch.limit), w.number(0.0)
             if watch.kind == "sign":
-                smooth = w.compare("<", values.pop(0), limit) if watch.unless is not None else None
-                self.blocks.keep_sign(f"watch_{place}", value, WATCHED + place, smooth)
+                self.blocks.keep_sign(f"watch_{place}", value, WATCHED + place)
                 continue
             if watch.kind == "positive":
                 good = w.compare(">", value, zero)

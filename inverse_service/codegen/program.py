@@ -48,7 +48,7 @@ class Watch:
     """A quantity tested after each step.
 
     "sign" must keep its sign, "positive" must be above 0, "bound" and "resolution" must stay below `limit` in size and
-    have a value, "map" must stay below it where it has one. A sign may turn where `unless` is below `limit`.
+    have a value, "map" must stay below it where it has one.
     """
 
     kind: str
@@ -56,11 +56,6 @@ class Watch:
     quantity: str
     remedy: str
     limit: float = 1.0
-    unless: Formula | None = None
-
-    @property
-    def formulas(self) -> tuple[Formula, ...]:
-        return (self.formula,) if self.unless is None else (self.formula, self.unless)
 
 
 Statement = Assign | Solve | Iterate

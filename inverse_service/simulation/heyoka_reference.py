@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     PI,
     TIME,
@@ -31,6 +32,7 @@ from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.choices import Grid, Observation, Start
 from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.walls import kinks
 
 _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"), "coth": ("cosh", "sinh")}
 
@@ -81,8 +83,13 @@ def run_heyoka(
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
     if not good:
         return _not_begun(start, _outcome(str(code), 0, steps, times), compiled - begin)
+    table = table_of(problem.coordinates, rows[:good, :size], rows[:good, size:], dict(values), times[:good])
+    kinked = _first_kink(problem, table, good)
+    if kinked:
+        good, text = kinked
+        code = f"kink {text}"
+        table = table_of(problem.coordinates, rows[:good, :size], rows[:good, size:], dict(values), times[:good])
     positions, velocities = rows[:good, :size], rows[:good, size:]
-    table = table_of(problem.coordinates, positions, velocities, dict(values), times[:good])
     series = {item.name: array_value(item.expression, table) for item in observation.observables}
     return Trajectory(
         times=times[:good],
@@ -99,6 +106,17 @@ def run_heyoka(
     )
 
 
+def _first_kink(problem: Problem, table: dict[Expression, Any], rows: int) -> tuple[int, str] | None:
+    """(rows before it, text) of a kink of the accelerations that the motion passes: a Taylor series steps over it."""
+    found = []
+    for kink in {one for tree in problem.accelerations or () for one in kinks(tree)}:
+        signs = np.sign(array_value(kink, table))
+        turned = np.nonzero(signs[1:rows] != signs[0])[0]
+        if len(turned) and np.ndim(signs):
+            found.append((int(turned[0]) + 1, to_text(kink)))
+    return min(found) if found else None
+
+
 def _not_begun(start: Start, outcome: Outcome, seconds: float) -> Trajectory:
     place, speed = np.array([list(start.positions)]), np.array([list(start.velocities or ())])
     return Trajectory(np.zeros(1), place, None, speed, outcome, 0, 0, seconds, 0.0)
@@ -109,6 +127,9 @@ def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
         return Outcome("completed", int(steps[-1]), float(times[-1]))
     place = min(good, len(steps) - 1)
     at = int(steps[place]), float(times[place])
+    if code.startswith("kink"):
+        remedy = "a Taylor series has no kinks: use the method adaptive"
+        return Outcome("singular", *at, code.removeprefix("kink "), 0.0, remedy)
     if "cb_stop" in code:
         return Outcome("cancelled", *at)
     if "step_limit" in code:

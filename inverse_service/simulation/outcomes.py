@@ -156,7 +156,9 @@ def _vanished(
     f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, grid: Grid, begin: Initial
 ) -> tuple[str, float] | None:
     """The factor of L~'s denominators that passes 0 about the step that failed, with its value before it."""
-    raw = choice.method == "modified" or choice.form == "raw" or len(parts_of(choice)) == 2
+    raw = (
+        choice.method == "modified" or choice.form == "raw" or (choice.form != "verlet" and len(parts_of(choice)) == 2)
+    )
     if choice.method not in ("variational", "modified"):
         return None
     points = _way(f, card, run, lane, grid, begin)
@@ -186,7 +188,7 @@ def _way(f: Formulas, card: Card, run: Run, lane: int, grid: Grid, begin: Initia
 
 
 def _remedy(f: Formulas, choice: MethodChoice) -> str:
-    if len(parts_of(choice)) == 2:
+    if choice.form != "verlet" and len(parts_of(choice)) == 2:
         return "leave symmetrised out: its two places lie on different sides there; alpha = 1/2 has order 2 too"
     if choice.method == "variational" and choice.form == "raw":
         return "use the Hamiltonian form, which is smooth there"

@@ -172,7 +172,7 @@ def _point_program(
     needed = [
         *updates,
         *further,
-        *(one for watch in watches for one in watch.formulas),
+        *(watch.formula for watch in watches),
         *(formula for _, formula in observed),
     ]
     return Program(

@@ -210,7 +210,7 @@ def _program(
     displacement = tuple(d) if observation.velocities else ()
     way = tuple(d) if choice.guard else ()
     needed = [*(u for u in updates if u is not None), *displacement, *way]
-    needed += [*(formula for watch in watches for formula in watch.formulas), *(formula for _, formula in observed)]
+    needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return Program(
         state=state,
         arguments=("h", "a", *f.parameters),

@@ -22,6 +22,15 @@ def walls(tree: Expression, moving: set[Expression]) -> Iterator[Expression]:
                 yield found
 
 
+def kinks(tree: Expression) -> Iterator[Expression]:
+    """u of sqrt(u^2): zeros at which the formula is continuous, but not smooth."""
+    for node in walk(tree):
+        if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator != 1:
+            for factor in node.base.factors if isinstance(node.base, Product) else (node.base,):
+                if isinstance(factor, Power):
+                    yield factor.base
+
+
 def _walls_of(node: Expression) -> Iterator[Expression]:
     if isinstance(node, Power) and isinstance(node.exponent, Number):
         exponent = node.exponent.value

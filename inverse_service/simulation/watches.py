@@ -21,8 +21,8 @@ MAP_LIMIT = 1e-12
 RESOLVE = f"{SMALLER_STEP}, or go on with guard = false, unchecked"
 REGULAR_MOTION = "the equations of motion end there: use coordinates in which they are regular, or stop before"
 RESOLUTION = "the error of a step beside its change of the velocity, squared"
-# Ratios squared: a wall is passed smoothly below a hundredth; a force that acts in the last stage alone has a tenth.
-SMOOTH, RESOLVED = 1e-4, 0.05
+# The ratio squared; that of a force which acts in the last stage alone is a tenth.
+RESOLVED = 0.05
 ROUND_OFF, SMALLEST = 1e-18, 1e-300
 
 
@@ -97,8 +97,8 @@ def resolution_watches(
 ) -> list[Watch]:
     """The increments of v against the rule of the two ends: far apart where a step jumps over what the force does.
 
-    For an oscillation they differ by (h omega)^2/12 of themselves. Walls of the accelerations may be passed where they
-    differ by little: there the motion is smooth although its formula is not.
+    For an oscillation they differ by (h omega)^2/12 of themselves. Walls of the accelerations end the run too: behind
+    one even a motion that is smooth has lost its accuracy, because small errors were divided by what vanished.
     """
     moved = changes[f.size :]
     difference = sum(((d - (a + b) / 2) ** 2 for d, a, b in zip(moved, first, last, strict=True)), number(0))
@@ -112,7 +112,7 @@ def resolution_watches(
     after = [x + d for x, d in zip((*f.symbols("q"), *f.symbols("v")), changes, strict=True)]
     point = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*after, moment_at(ONE)], strict=True))
     walls = [
-        Watch("sign", wall.formula.subs(point), wall.text, REGULAR_MOTION, SMOOTH, ratio)
+        Watch("sign", wall.formula.subs(point), wall.text, REGULAR_MOTION)
         for wall in f.walls_of(f.problem.accelerations or ())
     ]
     return [*walls, Watch("resolution", ratio, RESOLUTION, RESOLVE, RESOLVED)]
