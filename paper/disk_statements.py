@@ -110,17 +110,17 @@ def _modified(short: Run, long: Run) -> Statement:
         end = f"Over T = 100 its radius changes by {shown(100 * later)} %."
     else:
         end = (
-            f"The run over T = 100 ends {method['outcome']} at t = {stopped['time']:.4g}, on its own singular set; up to "
-            f"there its radius has changed by {shown(100 * later)} %."
+            f"The run over T = 100 ends {method['outcome']} at t = {stopped['time']:.4g}, on its own singular set; "
+            f"until then its radius has changed by {shown(100 * later)} %."
         )
     return Statement(
         "disk-modified", "section 3.2, figure 4",
         "The modified integrator has the circular behaviour of the variational one and conserves the constraints.",
-        finding(change < 0.01 and defect < 1e-12),
-        f"It keeps the constraints ({shown(defect)}) and no circle: over the length of the figure its radius changes by "
-        f"{shown(100 * change)} %, that of the variational one by {shown(100 * circle)} %, that of the nonholonomic spiral "
-        f"by {shown(100 * spiral)} %; its path, the third panel of the first figure, is a slow spiral. {end} For alpha "
-        "other than 1/2 it is not symplectic, and it is singular where "
+        finding(change > 10 * circle and change < spiral / 5 and defect < 1e-12, "correction"),
+        f"It keeps the constraints ({shown(defect)}) and no circle: over the length of the figure its radius changes "
+        f"by {shown(100 * change)} %, that of the variational one by {shown(100 * circle)} %, that of the "
+        f"nonholonomic spiral by {shown(100 * spiral)} %; its path, the third panel of the first figure, is a slow "
+        f"spiral. {end} For alpha other than 1/2 it is not symplectic, and it is singular where "
         "1 + (theta'^2/phi'^3)(cos phi + sin phi) = 0.", CODE,
     )  # fmt: skip
 
