@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 from inverse_service.errors import InputError
@@ -84,6 +85,10 @@ class LatexTranslator(LatexDerivatives):
             raise refusal("a parameter depends on time", raw.column, 'declare it in "functions" with the argument t')
         if role == "coordinate":
             self._place += pieces - 1
+        elif self._ahead.is_command("left") and role_before(self._tokens, self._names) == "function":
+            start = len(self._tokens)
+            self._group(raw)  # the arguments in A^{2}{\left(x \right)}
+            self._tokens[start:] = [replace(self._tokens[start], space_before=False), *self._tokens[start + 1 :]]
         else:
             self._group(raw)
 

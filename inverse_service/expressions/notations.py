@@ -25,7 +25,7 @@ _CAPITALS = {
     "ArcTanh": "atanh", "Abs": "abs", "Sign": "sign",
 }  # fmt: skip
 _HEADS = {"Plus": "Add", "Times": "Mul", "Power": "Pow", "Equal": "Eq", "Equality": "Eq", "List": "Tuple"}
-_JOINED = {"Add": "+", "Mul": "*", "Pow": "^", "Eq": "=", "Tuple": ","}
+_JOINED = {"Add": "+", "Mul": "*", "Pow": "^", "Eq": "=", "Tuple": ",", "Hold": ","}
 _WORD = re.compile(r"[A-Z]")
 
 

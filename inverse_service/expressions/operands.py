@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+from inverse_service.expressions.checked import raised
 from inverse_service.expressions.derivative_calls import Variable, carry_out
 from inverse_service.expressions.names import Names, unknown_name
 from inverse_service.expressions.tokens import FACTOR, Token, TokenStream, limit_passed, refusal, unexpected
@@ -35,6 +36,10 @@ class OperandParser(ABC):
     @abstractmethod
     def _expression(self) -> Expression:
         """A formula up to the closing bracket or the end."""
+
+    @abstractmethod
+    def _exponent(self) -> Expression:
+        """What stands after a ^."""
 
     @abstractmethod
     def _arguments(self) -> list[Expression]:
@@ -151,8 +156,22 @@ class OperandParser(ABC):
         orders = self._orders(name, len(declared))
         if sum(orders) > self._limits.derivative_order:
             raise limit_passed(f"a derivative of {name} is too high", token.column, self._limits.derivative_order)
+        column, exponent = self._stream.ahead.column, None
+        if self._stream.take_operator("^"):
+            exponent = self._exponent()
+        found = self._called(name, declared, orders, token, exponent is not None)
+        return found if exponent is None else raised(found, exponent, column, self._limits)
+
+    def _called(
+        self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, after_power: bool
+    ) -> Expression:
+        """A with the arguments that follow, or with those it is declared with; A^2(x) is the square of A(x)."""
+        ahead = self._stream.ahead
         if not self._opens_arguments():
             return Arbitrary(name, tuple(Symbol(argument) for argument in declared), orders)
+        if after_power and ahead.space_before:
+            what = f"a bracket after a power of {name} could be a factor or its arguments"
+            raise refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
         arguments = self._arguments()
         if len(arguments) != len(declared):
             instead = f"write {len(declared)}, as in {name}({', '.join(declared)})"

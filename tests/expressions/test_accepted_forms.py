@@ -112,6 +112,7 @@ TEXT = [
     ("B[1,1](x, y)", "diff(B(x, y), x, y)"),
     ("B[2,0](x + y, y)", "B[2,0](x + y, y)"),
     ("diff(F(t), t)", "F'(t)"),
+    ("A^2(x + 1)*y + A^2", "A(x + 1)^2*y + A(r1)^2"),
     ("x\n + y", "x + y"),
     ("\u2113 x.", "l*x"),
     ("x (diff(y, t) + y(t))", "x*(y' + y)"),
@@ -151,6 +152,7 @@ LATEX = [
     (r"\[ \dot{x} \]", "x'"),
     (r"A'(r_1) + A^{\prime}(r_{1})", "A'(r1) + A'(r1)"),
     (r"{x} {y}", "x*y"),
+    (r"A^{2}{\left(x{\left(t \right)} \right)} + \frac{1}{A^{3}{\left(x \right)}}", "A(x)^2 + 1/A(x)^3"),
     (r"m\frac{x}{y} - x\frac{2}{t} + \dot x\frac{1}{t}", "m*x/y - 2*x/t + x'/t"),
     (
         r"A\frac{r_1}{2} + A\sqrt[3]{x} + m\sqrt[3]{x} + A\sqrt{x}",

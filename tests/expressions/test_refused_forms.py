@@ -75,6 +75,7 @@ REFUSED = [
     ("t'", 2, "no derivative"),
     ("A(x, y)", 1, "A(r1)"),
     ("B(x)", 1, "B(x, y)"),
+    ("A^2 (x + 1)", 5, "a factor or its arguments"),
     ("B'(x, y)", 2, "diff(B, x)"),
     ("B[1](x, y)", 2, "write 2"),
     ("B[x,1](x, y)", 9, "')'"),
