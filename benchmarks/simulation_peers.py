@@ -18,6 +18,7 @@ from inverse_service.simulation.methods import run
 from inverse_service.simulation.problem import Problem
 
 SPAN, TARGET, ROUNDS = 100.0, 1e-9, 5
+SHORT = 5e-3  # seconds
 BARE = Observation(velocities=False, momenta=False)
 Array = NDArray[np.float64]
 Attempt = Callable[[], tuple[float, Array | None]]  # (seconds, positions at the end)
@@ -57,11 +58,17 @@ def peer_rows(report: Callable[[str], None], rounds: int = ROUNDS) -> list[PeerR
         for _ in range(rounds):
             for method, found in chosen.items():
                 if found:
-                    times[method].append(found[0].attempt()[0])
+                    times[method].append(_warm(found[0].attempt))
         for method, found in chosen.items():
             seconds = (min(times[method]), statistics.median(times[method])) if found else None
             rows.append(PeerRow(name, method, found[0].label if found else "-", found[1] if found else None, seconds))
     return rows
+
+
+def _warm(attempt: Attempt) -> float:
+    """The best of several in a row, where one is short: the caches hold its code then, as in a long computation."""
+    first = attempt()[0]
+    return min([first, *(attempt()[0] for _ in range(20))]) if first < SHORT else first
 
 
 def _cheapest(settings: Iterator[_Setting], truth: Array) -> tuple[_Setting, float] | None:
@@ -86,11 +93,23 @@ def _methods(problem: Problem, start: Start, values: dict[str, float]) -> dict[s
         choice = MethodChoice("nonholonomic", 0.5, order=order)
         found[f"nonholonomic, order {order}"] = _ours(problem, choice, start, values)
     found["our Runge-Kutta 8, fixed step"] = _ours(problem, MethodChoice("runge_kutta", order=8), start, values)
+    found["our adaptive DOP853"] = _own_steps(problem, start, values)
     found["our Gauss-Legendre 12"] = _ours(problem, MethodChoice("reference"), start, values)
     for method in ("DOP853", "LSODA"):
         found[f"SciPy {method}"] = _scipy(problem, start, values, method)
     found["heyoka"] = _heyoka(problem, start, values)
     return found
+
+
+def _own_steps(problem: Problem, start: Start, values: dict[str, float]) -> Iterator[_Setting]:
+    for power in range(5, 15):
+        choice = MethodChoice("adaptive", tolerance=10.0**-power)
+
+        def attempt(choice: MethodChoice = choice) -> tuple[float, Array | None]:
+            found = run(problem, choice, start, Grid(SPAN, 1), values, Observation(momenta=False, velocities=False))
+            return found.run_seconds, found.positions[-1] if found.outcome.completed else None
+
+        yield _Setting(f"tol = 1e-{power}", attempt)
 
 
 def _ours(problem: Problem, choice: MethodChoice, start: Start, values: dict[str, float]) -> Iterator[_Setting]:

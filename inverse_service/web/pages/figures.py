@@ -24,6 +24,8 @@ def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """(name, title) of the figures that this result has."""
     if result["format"].startswith("inverse-service/work-precision"):
         return [("work-precision", "Work and precision")]
+    if any("members" in method for method in result["methods"]):
+        return []  # of an ensemble the page has the table
     observed, found = set(result["observe"]), []
     if "trajectory" in observed:
         if result["circle_coordinates"]:
