@@ -25,6 +25,7 @@ from inverse_service.expressions.tree import (
     TIME,
     Apply,
     Expression,
+    Number,
     Sum,
     Symbol,
     Velocity,
@@ -128,7 +129,9 @@ def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Mo
         check(len(shapes) * len(transverse) + sum(map(len, parts)))
         if len(transverse) * len(shapes) * math.prod(map(len, parts)) > _MOST_PRODUCTS:
             continue
-        factors = [key for key in distinct(reduce(products, parts)) if _is_reduced(key)]
+        constants, *others = parts
+        reduced = [key for key in distinct(reduce(products, others)) if _is_reduced(key)]
+        factors = distinct(products(constants, reduced))
         candidates = distinct(products(transverse, products(shapes, factors)))
         if before < len(candidates) <= _MOST_TERMS:
             before = len(candidates)
@@ -175,6 +178,21 @@ def _functions(
     for count in range(1, coordinates + 1):
         for chosen in itertools.combinations_with_replacement(names, count):
             powers.append(reduce(times, chosen))
-    constants = [EMPTY, *(key for key in material.parameter_monomials if key and all(e > 0 for _, e in key))][:3]
+    constants = [EMPTY, *_constants(motion, material)][:3]
     squares = [times(a, b) for a, b in itertools.combinations_with_replacement(constants, 2)]
     return distinct(squares), position_monomials(material, letters), powers
+
+
+def _constants(motion: ConstrainedMotion, material: Material) -> list[Monomial]:
+    """What each term of f holds of parameters, such as g*sin(alpha)."""
+    moving = {TIME, *map(Symbol, motion.coordinates), *map(Velocity, motion.coordinates)}
+    found: list[Monomial] = []
+    for terms in material.motion.forces:
+        for key in terms:
+            part = frozenset(
+                (letter, e)
+                for letter, e in key
+                if not isinstance(letter, Number) and not any(node in moving for node in walk(letter))
+            )
+            found += [part] if part else []
+    return distinct(found)
