@@ -96,8 +96,8 @@ def two_constraints() -> Statement:
         "For systems with more than one constraint and a potential V(r2) the result is open.",
         finding(good, "correction"),
         "It can be settled: the first and the second system have no regular Lagrangian for arbitrary A, B and V, "
-        "nor has that of the mobile robot. What is still open is whether another associated system has one; what was "
-        "searched is counted in docs/open-questions.md.",
+        "nor has that of the mobile robot. Whether another associated system has one is decided too: "
+        "docs/open-questions.md.",
         CODE,
         (Table(("system", "first", "second"), tuple(rows)),),
     )
