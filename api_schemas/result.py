@@ -132,12 +132,28 @@ class BranchPart(OtherAnswer):
     with_time: OtherAnswer | None = None
 
 
+class KindPart(Document):
+    """Whether there is a regular Lagrangian of a kind; with friction, `dissipation` is D in E_i = dD/dv_i.
+
+    `near` is the real point that the certificate speaks of.
+    """
+
+    verdict: Verdict
+    reason: str = ""
+    lagrangian: LagrangianPart | None = None
+    dissipation: Formula | None = None
+    certificate: dict[str, Any] | None = None
+    checked: Checked | None = None
+    near: dict[str, str] = Field(default_factory=dict)
+
+
 class ResultDocument(OtherAnswer):
     """Everything found out about one system; the main fields answer `question`.
 
     They hold, generically, on the open connected set that the strict inequalities of `domain` cut out. Where the
     answers differ with the signs of what stands under roots, `branches` has them all, that of the main fields first.
     `guessed` are names that the document did not declare and asked to be taken as constants (or functions).
+    `kinds` answers what the document asks about kinds of Lagrangians.
     """
 
     format: Literal["inverse-service/result/1"] = FORMAT
@@ -148,5 +164,6 @@ class ResultDocument(OtherAnswer):
     with_time: OtherAnswer | None = None
     branches: list[BranchPart] = Field(default_factory=list)
     special_cases: SpecialCasesPart | None = None
+    kinds: dict[str, KindPart] | None = None
     guessed: list[str] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)

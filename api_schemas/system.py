@@ -21,6 +21,7 @@ from api_schemas.sizes import (
 )
 
 MAX_ANSATZ_TERMS = 50
+MAX_KINDS = 12
 # Beyond this order the series of a multiplier fills pages.
 MAX_SERIES_ORDER = 8
 TAGS = ("<mapping>", "<list>", "<text>")
@@ -96,11 +97,25 @@ class QuestionDocument(NamedDocument):
     special_cases: bool = False
 
 
+class InvariantKind(Document):
+    """Lagrangians that are invariant: under translations along coordinates ("x"), and along vector fields."""
+
+    invariant: Annotated[
+        list[Name | Annotated[dict[Name, Formula], Field(min_length=1, max_length=MAX_COORDINATES)]],
+        Field(min_length=1, max_length=MAX_KINDS),
+    ]
+
+
 class SystemDocument(QuestionDocument):
     """A second-order system as users write it.
 
     `equations`: an object with each acceleration, a list or a text of whole equations; first-order pairs
     x' = h, p' = F, with h affine in p and solvable for it, are turned into second-order equations.
+    `kinds`: which kinds of Lagrangians are asked about: "natural" (T + A v - V), "riemannian" (T alone), "finsler"
+    (homogeneous of degree 2 in the velocities), {"invariant": ["x", {"x": "-y", "y": "x"}]}.
     """
 
     equations: Equations
+    kinds: Annotated[list[Literal["natural", "riemannian", "finsler"] | InvariantKind], Field(max_length=MAX_KINDS)] = (
+        Field(default_factory=list)
+    )

@@ -74,6 +74,9 @@ class Question:
     `claim` gives the set of the claim: `near`, `conditions`, `roots`.
     """
 
+    jet = 2  # the derivatives of L that are needed
+    kind: Any = None  # of the Lagrangians asked about
+
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
         (self.generator, self.deadline), self.timed, claim = tools, timed, claim or {}
         self.read_system(document)
@@ -84,6 +87,7 @@ class Question:
         self.names = {"t", *self.variables, *self.parameters}
         self.set_of_claim(claim)
         self.integrals = dict[str, tuple[list[str], tuple[str, tuple[str, ...]]]]()
+        self.orders = {"H2": 1, "H3": 0}  # of the conditions
         self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
 
     def read_system(self, document: Any) -> None:
@@ -276,17 +280,28 @@ class Question:
 
         def claims(ring: Expansion) -> Claims:
             lagrangian, zeros = Reader(ring, formula).value, list[tuple[Series, str]]()
+            drag = self.dissipation(ring)
             rates = {unit: rate.get(0, 0) for unit, rate in zip(ring.units, ring.field, strict=True)}
             for v, q, name in zip(ring.v, ring.q, self.coordinates, strict=True):
                 slope = ring.derivative(lagrangian, v)
                 terms = [value * rates[key] for key, value in slope.items() if key in rates]
+                terms += [-drag.get(ring.units[v], 0)]
                 residual = ring.arithmetic.settle({0: sum(terms, -lagrangian.get(ring.units[q], 0))})
                 zeros.append((residual, f"The Euler-Lagrange equation of {name} does not hold."))
+            zeros += self.further(ring, lagrangian, drag)
             return Claims(zeros, [(ring.hessian(lagrangian), "The Hessian of the Lagrangian is singular.")])
 
         self.prepare(lambda ring: Reader(ring, formula).value, [tokens])
-        self.settle(2, claims, 3 if self.rational else 2)
+        self.settle(self.jet, claims, 3 if self.rational else 2)
         return "The Euler-Lagrange equations of the Lagrangian hold and its Hessian is regular."
+
+    def dissipation(self, ring: Any) -> Series:
+        """What stands on the right of the Euler-Lagrange equations, by its v-derivatives; only a kind has it."""
+        return {}
+
+    def further(self, ring: Any, lagrangian: Series, drag: Series) -> list[tuple[Series, str]]:
+        """What else has to be zero for a Lagrangian of the kind."""
+        return []
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
         """The functions that are known by one derivative, which may hold those before them; the tokens of all."""
@@ -326,14 +341,16 @@ class Question:
     def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
         """The rows of a document in the order of their elimination, and the degree to which f is needed."""
         index, exponents, m = range(len(self.coordinates)), range(MAX_ORDER + 1), len(self.variables)
-        shape = {"order": exponents, "rows": [("H2|H3", index, index, (exponents,) * m), MAX_ROWS]}
+        shape = {"order": exponents, "rows": [("|".join(self.orders), index, index, (exponents,) * m), MAX_ROWS]}
         check_shape(document, shape, "certificate")
         order, listed = document["order"], document["rows"]
-        require(all(i < j + (kind == "H2") for kind, i, j, _ in listed), "A row of H2 needs i <= j, a row of H3 i < j.")
-        rows = [(kind, i, j, self.multi_index(alpha, order - (kind == "H2"))) for kind, i, j, alpha in listed]
-        degree = {row: (row[3] >> 8 * m) + (row[0] == "H2") for row in rows}
+        good = all(i < j if kind == "H3" else i == j if kind[0] == "S" else i <= j for kind, i, j, _ in listed)
+        require(good, "A row of H2 or K needs i <= j, a row of H3 i < j, a row of S i = j.")
+        rows = [(kind, i, j, self.multi_index(alpha, order - self.orders[kind])) for kind, i, j, alpha in listed]
+        degree = {row: (row[3] >> 8 * m) + self.orders[row[0]] for row in rows}
         rows.sort(key=lambda row: (degree[row], row[0], *(-index for index in row[1:])))  # this fills in least
-        return rows, max((degree[row] + 2 * (row[0] == "H3") for row in rows), default=0)
+        spare = 2 * (self.kind == "rayleigh")  # for the even part of f
+        return rows, max((degree[row] + 2 * (row[0] != "H2") for row in rows), default=0) + spare
 
     def nonexistence(self, document: dict[str, Any]) -> str:
         rows, most = self.listed(document)
@@ -481,11 +498,14 @@ def certified(document: Any, tools: Tools) -> str:
     kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
     from .constraints import Motion  # which is a Question
+    from .kinds import OfKind
 
-    kind_of = Motion if isinstance(document["system"].get("velocities"), dict) else Question
+    moving, among = isinstance(document["system"].get("velocities"), dict), document.get("among")
+    require(not moving or among is None, "A motion on constraints is asked about with all Lagrangians.")
+    kind_of = Motion if moving else Question if among is None else OfKind
     asked = kind_of(tools, document["system"], document["question"] == "time_dependent", document)
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
-    return checks[kind](document)
+    return checks[kind](document) + (f" Only Lagrangians of a kind are meant: {among}." if among is not None else "")
 
 
 def compared(result: Any, tools: Tools) -> list[str]:
@@ -500,7 +520,14 @@ def compared(result: Any, tools: Tools) -> list[str]:
     if other is not None:
         require(other.get("verdict") in (None, later), "with_time.verdict is not verdict_with_time.")
         certificates.append(agreed(other, later, "time_dependent", system, tools))
-    found = [certified(one, tools) for one in (*certificates, *motions(result.get("any_associated"))) if one]
+    others = list(motions(result.get("any_associated")))
+    if result.get("kinds") is not None:
+        from .kinds import certificates_of
+
+        asked = "time_dependent" if system.contains_time else "autonomous"
+        parts = certificates_of(result["kinds"])
+        others += [agreed(one, one["verdict"], asked, system, tools, among) for among, one in parts]
+    found = [certified(one, tools) for one in (*certificates, *others) if one]
     proven = later is None or any(one and proves(one, "time_dependent", later) for one in certificates)
     if not proven or None in certificates or "undetermined" in (verdict, later):
         raise Ended("incomplete", "A verdict is undetermined, or no certificate proves it.")
@@ -516,7 +543,8 @@ def motions(answer: Any) -> list[Any]:
     found = [one for key in ("certificate", "certificate_with_time") if (one := answer.get(key)) is not None]
     for one in found:
         check_certificate_shape(one)
-        require(one["claim"] in verdicts, "A certificate does not claim the verdict that it stands beside.")
+        good = one["claim"] in verdicts and one.get("among") is None
+        require(good, "A certificate does not claim the verdict that it stands beside.")
     require(
         {one["claim"] for one in found} == verdicts - {"undetermined"}, "A verdict on the motion has no certificate."
     )
@@ -529,13 +557,16 @@ def proves(certificate: dict[str, Any], question: str, verdict: str | None) -> b
     return certificate["claim"] == verdict and certificate["question"] in (question, wider)
 
 
-def agreed(answer: dict[str, Any], verdict: str | None, question: str, system: Question, tools: Tools) -> Any:
+def agreed(
+    answer: dict[str, Any], verdict: str | None, question: str, system: Question, tools: Tools, among: Any = None
+) -> Any:
     """The certificate of an answer, if it has one, once it is seen to speak of the same things."""
     certificate, shown = answer.get("certificate"), answer.get("lagrangian")
     if certificate is None:
         return None
     check_certificate_shape(certificate)
-    require(proves(certificate, question, verdict), "A certificate does not claim the verdict that it stands beside.")
+    good = proves(certificate, question, verdict) and certificate.get("among") == among
+    require(good, "A certificate does not claim the verdict that it stands beside.")
     require(system.content == Question(tools, certificate["system"]).content, "A certificate is about another system.")
     formula = None if shown is None else read_tokens(shown.get("text"), "lagrangian.text")
     certain = read_tokens(certificate.get("lagrangian"), "lagrangian") if certificate["kind"] == "lagrangian" else None

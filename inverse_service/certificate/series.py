@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 MAX_MONOMIALS, MAX_DEGREE = 400_000, 1 << 20
 Table = dict[int, list[tuple[Number, int, int, int, int, int]]]  # of a condition: see Expansion.condition
+Term = tuple[Series, int, int, int, int, int]  # of a condition: see Expansion.terms
 Row = tuple[str, int, int, int]  # the name of a row: kind, i, j, alpha
 Step = tuple[Any, int, frozenset[int]]  # of an elimination: the name of a row, its pivot, its other columns
 
@@ -228,14 +229,19 @@ class Expansion:
         terms = [self.derivative(self.forces[k], self.q[j]), *(self.multiply(*pair, self.degree) for pair in pairs)]
         return self.add(terms, [-4] + [2] * len(self.field) + [-1] * self.n)
 
-    def condition(self, kind: str, i: int, j: int) -> Table:
-        """A condition as a sum of terms value x^part g_ab and value x^part d_c g_ab, by their parts; see row()."""
-        table, sign, nothing = Table(), -1 if kind == "H3" else 1, self.shift + 8  # no exponent stands there
+    def terms(self, kind: str, i: int, j: int) -> list[Term]:
+        """A condition as a sum of terms: weight times factor times g_bk or its derivative by the unit."""
+        sign, nothing = -1 if kind == "H3" else 1, self.shift + 8  # no exponent stands there
         terms = [(rate, i, j, 2, 8 * a, self.units[a]) for a, rate in enumerate(self.field) if kind == "H2"]
         for k in range(self.n):
             left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in (j, i))
             terms += [(left, i, k, 1, nothing, 0), (right, j, k, sign, nothing, 0)]
-        for factor, b, k, weight, along, unit in terms:
+        return terms
+
+    def condition(self, kind: str, i: int, j: int) -> Table:
+        """The terms value x^part g_ab and value x^part d_c g_ab of a condition, by their parts; see row()."""
+        table = Table()
+        for factor, b, k, weight, along, unit in self.terms(kind, i, j):
             first, second, lift = self.v[b], self.v[k], self.units[self.v[b]] + self.units[self.v[k]] + unit
             for part, value in factor.items():
                 table.setdefault(part, []).append((value * weight, lift, 8 * first, 8 * second, first == second, along))

@@ -105,6 +105,13 @@ def solve(
     special_cases: Annotated[
         bool, typer.Option("--special-cases", help="Also: for which parameters is the verdict another?")
     ] = False,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--kind",
+            help="Also: is there an L of this kind? natural, riemannian, finsler, or invariant:x,y. Repeatable.",
+        ),
+    ] = None,
     guess: Annotated[
         bool | None,
         typer.Option(
@@ -116,7 +123,7 @@ def solve(
     """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
     from inverse_service.cli.solving import solve_file
 
-    sys.exit(solve_file(file, format.value, time_limit, seed, explain, special_cases, guess))
+    sys.exit(solve_file(file, format.value, time_limit, seed, explain, special_cases, guess, kind or ()))
 
 
 @application.command()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ def solve_file(
     explain: bool,
     special_cases: bool = False,
     guess: bool | None = None,
+    kinds: Sequence[str] = (),
 ) -> ExitCode:
     """Solve the document in a process of its own and print the result."""
     settings = read_settings()
@@ -41,12 +43,20 @@ def solve_file(
     asked = read_options(given, JobOptions(limit, settings.memory_limit, seed))
     if special_cases and isinstance(document, dict):
         document = {**document, "special_cases": True}
+    if kinds and isinstance(document, dict):
+        document = {**document, "kinds": [*document.get("kinds", ()), *map(kind_of_option, kinds)]}
     warm_alone(settings.memory_limit)
     result = _solve(document, SolveOptions(seed=asked.seed, time_limit=asked.time_limit), asked.memory_limit)
     write(_written(result, form, explain))
     if result.get("guessed") and form != "text":
         print(f"Not declared, taken as constants: {', '.join(result['guessed'])}.", file=sys.stderr)
     return ExitCode.OPEN if _is_open(result) else ExitCode.DONE
+
+
+def kind_of_option(text: str) -> str | dict[str, list[str]]:
+    """natural as it is, invariant:x,y as the document has it."""
+    name, _, coordinates = text.partition(":")
+    return {name: [part.strip() for part in coordinates.split(",")]} if coordinates else text
 
 
 def _is_open(result: dict[str, Any]) -> bool:

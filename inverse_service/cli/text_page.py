@@ -33,6 +33,8 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
         lines += [""] * (place > 0) + list(_both_answers(branch, asks_for_time(result), explain))
     if result.get("special_cases") is not None:
         lines += ["", *special_cases_lines(result["special_cases"])]
+    if result.get("kinds"):
+        lines += ["", *_kinds(result["kinds"])]
     if explain:
         lines += ["", *_conditions(result["conditions"])]
     return "\n".join(lines) + "\n"
@@ -41,6 +43,21 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
 def branches_of(result: dict[str, Any]) -> list[dict[str, Any]]:
     """The answers on each branch; the result itself where there is one."""
     return result.get("branches") or [result]
+
+
+KIND_SENTENCES = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
+
+
+def _kinds(kinds: dict[str, Any]) -> Iterator[str]:
+    yield "Lagrangians of a kind:"
+    for name, part in kinds.items():
+        reason = f", {part['reason']}" if part["reason"] else ""
+        check = f" (independent check: {part['checked']})" if part["checked"] else ""
+        yield f"  {name}: {KIND_SENTENCES[part['verdict']]}{reason}{check}"
+        yield from (f"    {sign} = {part[key]['text']}" for sign, key in _FORMULAS if part[key])
+
+
+_FORMULAS = (("L", "lagrangian"), ("D", "dissipation"))
 
 
 def _cases(result: dict[str, Any]) -> Iterator[str]:

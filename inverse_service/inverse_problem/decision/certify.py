@@ -32,6 +32,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.decision.power_series import count, is_rational, regular_series
+from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 FORMAT = "inverse-service/certificate/2"
@@ -43,11 +44,17 @@ _MOST_COEFFICIENTS = 5_000
 _MOST_CONDITIONS = 100  # that a certificate may have
 
 
-def of_lagrangian(analysis: Analysis, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
-    """L itself is the proof."""
+def of_lagrangian(
+    analysis: Analysis, lagrangian: Expression, with_time: bool, kind: LagrangianKind | None = None
+) -> dict[str, Any]:
+    """L itself is the proof, also that there is one of a kind."""
     domain = domain_of(analysis, lagrangian)
     head = _head(analysis, domain, with_time, "variational", "lagrangian")
-    return head | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
+    return head | _among(kind) | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
+
+
+def _among(kind: LagrangianKind | None) -> dict[str, Any]:
+    return {} if kind is None else {"among": kind.among}
 
 
 def integrals_of(tree: Expression) -> dict[str, Any]:
@@ -113,17 +120,21 @@ def _point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:
 
 
 def of_decision(
-    analysis: Analysis, decision: Decision, series_order: int | None = None, seed: int = 1
+    analysis: Analysis,
+    decision: Decision,
+    series_order: int | None = None,
+    seed: int = 1,
+    kind: LagrangianKind | None = None,
 ) -> dict[str, Any]:
     """The rows used for a negative verdict, the involution data of a positive one.
 
     With the latter, where f is rational, a power series of a regular solution to `series_order`
-    (left out: the order of the data).
+    (left out: the order of the data), unless the question is about a kind of Lagrangians.
     """
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
         head = _head(analysis, domain_of(analysis), decision.with_time, "not_variational", "nonexistence")
-        return head | {"order": decision.order, "rows": rows}
+        return head | _among(kind) | {"order": decision.order, "rows": rows}
     if decision.verdict != "variational" or decision.symbol is None:
         raise ValueError("only a definite decision has a certificate")
     # The dimension stopped falling between order - 1 and order.
@@ -139,6 +150,8 @@ def of_decision(
             "characters": list(decision.symbol.characters),
         },
     }
+    if kind is not None:
+        return head | _among(kind) | data
     return head | data | _series(analysis, decision, series_order or order, seed)
 
 

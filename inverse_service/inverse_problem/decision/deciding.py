@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -15,6 +15,7 @@ from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, equations, local_system
 from inverse_service.inverse_problem.kinds import helmholtz
+from inverse_service.inverse_problem.kinds.restricted import Derivation, added_equations
 from inverse_service.inverse_problem.outcome import SolutionSpace, Verdict
 from inverse_service.linear_pde.coefficients import Coefficients
 from inverse_service.linear_pde.deciding import Finding, Limits, settle
@@ -58,10 +59,18 @@ class HelmholtzAt:
 
     others: tuple[Matrix, ...] = ()
 
-    __slots__ = ("_analysis", "_expander", "_series", "_variables", "_velocities", "_with_time", "matrix", "unknowns")
+    __slots__ = (
+        "_among", "_analysis", "_expander", "_series", "_variables", "_velocities", "_with_time", "matrix", "unknowns"
+    )  # fmt: skip
 
-    def __init__(self, analysis: Analysis, with_time: bool, expander: Expander | None = None) -> None:
-        names = analysis.system.coordinates
+    def __init__(
+        self,
+        analysis: Analysis,
+        with_time: bool,
+        expander: Expander | None = None,
+        among: Sequence[Derivation] = (),
+    ) -> None:
+        names, self._among = analysis.system.coordinates, among
         self._analysis, self._with_time, self._expander = analysis, with_time, expander
         self._velocities = [Velocity(name) for name in names]
         self._variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, names), *self._velocities]
@@ -75,6 +84,15 @@ class HelmholtzAt:
         )
 
     def at(self, seed: int, order: int) -> LocalEquations:
+        """With the equations of the kind of L that is asked for."""
+        found = self._of_all(seed, order)
+        if not self._among:
+            return found
+        expansion = Expansion(draw_point(self._analysis.tower, seed), self._variables, order + 2)
+        more = added_equations(self._among, expansion, self._analysis.accelerations, self.unknowns)
+        return replace(found, equations=(*found.equations, *more))
+
+    def _of_all(self, seed: int, order: int) -> LocalEquations:
         """By compiled series; by sparse ones where those would be too large."""
         if self._expander is not None:
             return equations(self._expander(self._with_time, seed, order))
@@ -101,17 +119,19 @@ def decide(
     progress: Progress | None = None,
     analysis: Analysis | None = None,
     expander: Expander | None = None,
+    among: Sequence[Derivation] = (),
 ) -> Decision:
     """Is there a regular L(q, v), or with `time_dependent` a regular L(t, q, v)?
 
     Two points over two primes must agree; `undetermined` with the reason otherwise, and where the
     atoms of f cannot be reduced or a limit is reached. f that contains t asks for L(t, q, v).
-    `expander` takes the place of the expansion of the trees of f, for systems that share work.
+    `expander` takes the place of the expansion of the trees of f, for systems that share work. `among`: only
+    Lagrangians of a kind are asked about.
     """
     began = time.monotonic()
     with_time = time_dependent or system.depends_on_time
     try:
-        card = HelmholtzAt(analysis or analyse(system), with_time, expander)
+        card = HelmholtzAt(analysis or analyse(system), with_time, expander, among)
     except IrreducibleAtoms as problem:
         return Decision("undetermined", with_time, 0, reason=problem.detail)
     found = settle(card, seed, limits or Limits(), progress or (lambda _: None))

@@ -8,8 +8,10 @@ from collections.abc import Callable
 from typing import Any
 
 from api_schemas.result import ResultDocument
+from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import check_result
 from inverse_service.errors import CertificateRefused
+from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve_branches
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -18,7 +20,7 @@ from inverse_service.service.documents.checking import compare_before_leaving
 
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
 SHARE_OF_SOLVER = 0.8
-# What the solver may take where the special cases are wanted too.
+# What the solver may take where special cases or kinds are wanted too.
 SHARE_BESIDE_CASES = 0.4
 FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
 
@@ -35,19 +37,35 @@ def solve_document(
     end = time.monotonic() + options.time_limit
     schema = translate.to_schema(document)
     system = translate.to_system(schema)
+    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds else SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
-        time_limit=(SHARE_BESIDE_CASES if schema.special_cases else SHARE_OF_SOLVER) * (end - time.monotonic()),
+        time_limit=share * (end - time.monotonic()),
         ansatz=translate.to_ansatz(schema, system),
         given=translate.to_given(schema),
         series_order=schema.series_order,
     )
+    kinds = _kinds(schema, system)
     solution, *others = solve_branches(system, asked, progress)
     result = translate.to_result(solution, schema, others)
+    if kinds:
+        from inverse_service.service.documents.kinds import with_kinds
+
+        result = with_kinds(
+            result, solution, kinds, asked.seed, time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
+        )
     if schema.special_cases:
         result = with_special_cases(result, system, asked, (end, progress))
     return ordered(checked(result, end - time.monotonic()))
+
+
+def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
+    if not schema.kinds:
+        return ()
+    from inverse_service.service.documents.kinds import to_kinds
+
+    return to_kinds(schema, system)
 
 
 def with_special_cases(
@@ -72,6 +90,7 @@ def parse_document(document: Any) -> dict[str, Any]:
     schema = translate.to_schema(document)
     system = translate.to_system(schema)
     translate.to_ansatz(schema, system)
+    _kinds(schema, system)
     return translate.to_parse_answer(system, schema).model_dump(mode="json")
 
 

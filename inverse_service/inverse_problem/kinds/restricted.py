@@ -1,0 +1,136 @@
+"""Is there a regular L of one kind? The kinds are given by derivations Y that multiply L by a number.
+
+Y = Y^x d/dx over (t, q, v), Y^q free of v and Y^v affine in v, with Y(L) = c L. For g_ij = d2L/dv_i dv_j that is
+
+    K_ij   Y(g_ij) + g_ik dY_v^k/dv^j + g_jk dY_v^k/dv^i - c g_ij = 0,          i <= j
+
+(it holds where Y(L) = c L up to terms affine in v), and where Y(L) = c L holds exactly, Y is a symmetry of the motion,
+up to its speed:
+
+    S_i    g_ij s^j = 0,   s = Y(f) - Gamma(Y_v) - c f/2.
+
+natural (T + A v - V, T quadratic in v)   d/dv^k, c = 0, not exact: dg/dv = 0
+finsler (L homogeneous of degree 2)       v^k d/dv^k, c = 2: v dg/dv = 0, and f is homogeneous of degree 2
+riemannian (L = g v v/2)                  both
+invariant under X(q)                      X^c = X^i d/dq^i + v^k dX^i/dq^k d/dv^i, c = 0
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from inverse_service.algebra import series as ps
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.point import Expansion, Variable
+from inverse_service.algebra.series import Series
+from inverse_service.expressions.derivative import differentiate_in_time
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, number
+from inverse_service.inverse_problem.kinds.helmholtz import pairs_of
+from inverse_service.linear_pde.emission import NO_DERIVATIVE, Term, term_table
+from inverse_service.linear_pde.prolongation import Equations
+from inverse_service.linear_pde.unknowns import Unknowns
+
+
+@dataclass(frozen=True, slots=True)
+class Derivation:
+    """Y by its components, c, and whether Y(L) = c L is meant exactly."""
+
+    parts: Mapping[Variable, Expression]
+    weight: int
+    exact: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LagrangianKind:
+    """Its name, its derivations, and what a certificate calls it."""
+
+    name: str
+    derivations: tuple[Derivation, ...]
+    among: str | Mapping[str, Sequence[Mapping[str, str]]]
+
+
+def _natural(names: Sequence[str]) -> tuple[Derivation, ...]:
+    return tuple(Derivation({Velocity(name): number(1)}, 0, False) for name in names)
+
+
+def _homogeneous(names: Sequence[str]) -> tuple[Derivation, ...]:
+    return (Derivation({Velocity(name): Velocity(name) for name in names}, 2, True),)
+
+
+BUILDERS: Mapping[str, Callable[[Sequence[str]], tuple[Derivation, ...]]] = {
+    "natural": _natural,
+    "riemannian": lambda names: (*_natural(names), *_homogeneous(names)),
+    "finsler": _homogeneous,
+}
+
+
+def kind_named(name: str, names: Sequence[str]) -> LagrangianKind:
+    """The kind of this name for these coordinates."""
+    return LagrangianKind(name, BUILDERS[name](names), name)
+
+
+def invariant(fields: Sequence[Mapping[str, tuple[str, Expression]]], names: Sequence[str]) -> LagrangianKind:
+    """Under vector fields, each by its components along coordinates as (text, tree)."""
+    found = []
+    for field in fields:
+        lifted: dict[Variable, Expression] = {Symbol(name): to_kernels(tree) for name, (_, tree) in field.items()}
+        rates = {Velocity(name): differentiate_in_time(tree, names) for name, (_, tree) in field.items()}
+        found.append(Derivation({**lifted, **{v: to_kernels(rate) for v, rate in rates.items()}}, 0, True))
+    texts = [{name: text for name, (text, _) in field.items()} for field in fields]
+    return LagrangianKind("invariant", tuple(found), {"invariant": texts})
+
+
+def added_equations(
+    derivations: Sequence[Derivation], expansion: Expansion, forces: Sequence[Expression], unknowns: Unknowns
+) -> tuple[Equations, ...]:
+    """K and S of each, from series of two orders more than the prolongation takes."""
+    found, n = [], len(forces)
+    for place, derivation in enumerate(derivations):
+        field = {expansion.variables.index(x): expansion.expand(part) for x, part in derivation.parts.items()}
+        pairs = pairs_of("H2", n)
+        table = term_table(unknowns, _lie(expansion, field, derivation.weight, n), len(pairs), expansion.order - 2)
+        found.append(Equations(f"K{place}", pairs, 1, table))
+        if derivation.exact:
+            table = term_table(unknowns, _symmetry(expansion, field, derivation, forces), n, expansion.order - 2)
+            found.append(Equations(f"S{place}", tuple((i, i) for i in range(n)), 0, table))
+    return tuple(found)
+
+
+def _lie(expansion: Expansion, field: Mapping[int, Series], weight: int, n: int) -> list[Term]:
+    size, entry = len(expansion.variables), {pair: k for k, pair in enumerate(pairs_of("H2", n))}
+    terms, plain = [], expansion.ring.constant(-weight)
+    for equation, (i, j) in enumerate(pairs_of("H2", n)):
+        terms += [Term(equation, equation, a, part) for a, part in field.items()]
+        terms += [Term(equation, equation, NO_DERIVATIVE, plain)] * bool(weight)
+        for a, part in field.items():
+            k = a - (size - n)
+            for b, c in ((i, j), (j, i)) if k >= 0 else ():
+                slope = ps.derivative(part, size - n + c)
+                terms.append(Term(equation, entry[min(b, k), max(b, k)], NO_DERIVATIVE, slope))
+    return terms
+
+
+def _symmetry(
+    expansion: Expansion, field: Mapping[int, Series], derivation: Derivation, forces: Sequence[Expression]
+) -> list[Term]:
+    n, size = len(forces), len(expansion.variables)
+    series = [expansion.expand(f) for f in forces]
+    gamma = dict(enumerate([*(expansion.expand(v) for v in expansion.variables[size - n :]), *series], size - 2 * n))
+    zero, terms = ps.scale(series[0], 0), []
+    entry = {pair: k for k, pair in enumerate(pairs_of("H2", n))}
+    for k, f in enumerate(series):
+        part = _along(field, f, zero)
+        part = ps.subtract(part, _along(gamma, field.get(size - n + k, zero), zero))
+        part = ps.subtract(part, ps.scale(f, derivation.weight // 2)[: len(part)])
+        if any(part):
+            terms += [Term(i, entry[min(i, k), max(i, k)], NO_DERIVATIVE, part) for i in range(n)]
+    return terms
+
+
+def _along(field: Mapping[int, Series], series: Series, zero: Series) -> Series:
+    """Y(y), one order less; what is no longer known there is dropped."""
+    total = zero[: len(series) - 1]
+    for a, part in field.items():
+        total = ps.add(total, ps.multiply(part[: len(series) - 1], ps.derivative(series, a)))
+    return total

@@ -1,0 +1,87 @@
+"""The answers about kinds of Lagrangians, each with a certificate that the checker confirms."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.deciding import decide
+from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
+from inverse_service.inverse_problem.outcome import Answer, Lagrangian, Solution, Verdict
+from inverse_service.linear_pde.deciding import Limits
+
+_NO_TIME = "the time limit came before this question"
+_NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"
+_HOMOGENEOUS = ("riemannian", "finsler")
+
+
+@dataclass(frozen=True, slots=True)
+class KindAnswer:
+    """Whether there is a regular Lagrangian of a kind; `dissipation` is D where it is one with friction."""
+
+    verdict: Verdict
+    reason: str = ""
+    certificate: Mapping[str, Any] | None = None
+    lagrangian: Lagrangian | None = None
+    dissipation: Expression | None = None
+
+
+def answer_kind(solution: Solution, kind: LagrangianKind, seed: int, deadline: float) -> KindAnswer:
+    """The answer on the first branch, of L(q, q'), of L(t, q, q') where f contains t.
+
+    A Lagrangian that was found already and is of the kind is a yes; else the conditions on all multipliers of the
+    kind are decided.
+    """
+    main = solution.with_time if solution.system.depends_on_time else solution.autonomous
+    if solution.system.depends_on_time and kind.name in _HOMOGENEOUS:
+        return KindAnswer("undetermined", "f contains t: no homogeneous Lagrangian is looked for")
+    if main is not None and main.verdict == "not_variational" and main.checked == "valid":
+        return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
+    try:
+        analysis = analyse(solution.system)
+        return _of_known(analysis, main, kind, deadline) or _decided(analysis, kind, seed, deadline)
+    except IrreducibleAtoms as problem:
+        return KindAnswer("undetermined", problem.detail)
+
+
+def _of_known(analysis: Analysis, main: Answer | None, kind: LagrangianKind, deadline: float) -> KindAnswer | None:
+    """The first Lagrangian of an answer that the checker finds to be of the kind."""
+    with_time = analysis.system.depends_on_time
+    for lagrangian in _lagrangians(main):
+        certificate = certify.of_lagrangian(analysis, lagrangian.expression, with_time, kind)
+        if is_valid(certificate, deadline):
+            return KindAnswer("variational", "", certificate, lagrangian)
+    return None
+
+
+def _lagrangians(main: Answer | None) -> Sequence[Lagrangian]:
+    return () if main is None or main.lagrangian is None else (main.lagrangian, *main.other_lagrangians)
+
+
+def _decided(analysis: Analysis, kind: LagrangianKind, seed: int, deadline: float) -> KindAnswer:
+    if time.monotonic() > deadline:
+        return KindAnswer("undetermined", _NO_TIME)
+    with_time, limits = analysis.system.depends_on_time, Limits(deadline=deadline)
+    found = decide(analysis.system, with_time, seed, limits, analysis=analysis, among=kind.derivations)
+    if found.verdict == "undetermined":
+        return KindAnswer("undetermined", found.reason)
+    certificate = certify.of_decision(analysis, found, kind=kind)
+    if is_valid(certificate, deadline):
+        return KindAnswer(found.verdict, "", certificate)
+    words = found.verdict.replace("_", " ")
+    return KindAnswer(
+        "undetermined",
+        _NOT_FOUND if found.verdict == "variational" else f"found {words}, but the check could not confirm it",
+    )
+
+
+def is_valid(certificate: Mapping[str, Any], deadline: float) -> bool:
+    """Whether the checker confirms it in the time that is left."""
+    return check_certificate(certificate, time_limit=max(1.0, deadline - time.monotonic())).verdict == "valid"

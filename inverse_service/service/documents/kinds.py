@@ -1,0 +1,94 @@
+"""The key `kinds` of a System document: which kinds of Lagrangians are asked about, and what is answered."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from api_schemas.result import Formula, KindPart, ResultDocument
+from api_schemas.system import InvariantKind, SystemDocument
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, walk
+from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, invariant, kind_named
+from inverse_service.inverse_problem.of_kind.answering import KindAnswer, answer_kind
+from inverse_service.inverse_problem.outcome import Solution
+from inverse_service.mechanics.document_names import Declared
+from inverse_service.mechanics.parameter_values import parameter_values, with_values
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents.translate import lagrangian_part, plain
+
+_RATIONAL = (Number, Power, Product, Sum, Symbol)
+
+
+def to_kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
+    """The kinds of a document; raises InputError with the place of what cannot be read."""
+    found = []
+    for place, kind in enumerate(schema.kinds):
+        pointer = f"/kinds/{place}"
+        if isinstance(kind, InvariantKind):
+            fields = [
+                _field(field, schema, system, f"{pointer}/invariant/{k}") for k, field in enumerate(kind.invariant)
+            ]
+            found.append(invariant(fields, system.coordinates))
+        else:
+            found.append(kind_named(kind, system.coordinates))
+    if len({kind.name for kind in found}) < len(found):
+        raise InputError("a kind is named twice: name each once, all vector fields in one 'invariant'.", "/kinds")
+    return tuple(found)
+
+
+def _field(
+    field: str | Mapping[str, str], schema: SystemDocument, system: SecondOrderSystem, pointer: str
+) -> dict[str, tuple[str, Expression]]:
+    """{coordinate: (text, tree)}; a name is the translation along this coordinate."""
+    texts = {field: "1"} if isinstance(field, str) else field
+    names = Names(system.coordinates, system.parameters, {})
+    values = parameter_values(Declared(parameters=schema.parameters).named_parameters())
+    found = {}
+    for name, text in texts.items():
+        if name not in system.coordinates:
+            raise InputError(f"a vector field has components along {', '.join(system.coordinates)}.", pointer)
+        try:
+            tree = with_values(read_formula(text, names), values)
+        except InputError as error:
+            raise type(error)(error.detail, f"{pointer}/{name}", error.column) from None
+        if not all(_is_rational(node) for node in walk(tree)):
+            raise InputError("a component is a rational formula in coordinates and parameters.", f"{pointer}/{name}")
+        found[name] = (to_text(tree), tree)
+    return found
+
+
+def _is_rational(node: Expression) -> bool:
+    known = isinstance(node, _RATIONAL) and node != Symbol("t")
+    power = not isinstance(node, Power) or (isinstance(node.exponent, Number) and node.exponent.value.denominator == 1)
+    return known and power
+
+
+def with_kinds(
+    result: ResultDocument, solution: Solution, kinds: Sequence[LagrangianKind], seed: int, end: float
+) -> ResultDocument:
+    """The result with an answer for each kind, which share the time that is left."""
+    parts = {}
+    for place, kind in enumerate(kinds):
+        share = (end - time.monotonic()) / (len(kinds) - place)
+        parts[kind.name] = kind_part(answer_kind(solution, kind, seed, time.monotonic() + share))
+    return result.model_copy(update={"kinds": parts})
+
+
+def kind_part(found: KindAnswer) -> KindPart:
+    certificate: dict[str, Any] | None = None if found.certificate is None else plain(found.certificate)
+    drag = found.dissipation
+    return KindPart(
+        verdict=found.verdict,
+        reason=found.reason,
+        certificate=certificate,
+        checked=None if certificate is None else "valid",
+        lagrangian=None if found.lagrangian is None else lagrangian_part(found.lagrangian),
+        dissipation=None if drag is None else Formula(text=to_text(drag), latex=to_latex(drag)),
+        near=(certificate or {}).get("near") or {},
+    )
