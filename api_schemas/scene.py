@@ -38,7 +38,16 @@ MethodName = Literal[
     "heyoka",
 ]
 Observed = Literal[
-    "trajectory", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "velocities", "cost"
+    "trajectory",
+    "energy",
+    "constraints",
+    "momenta",
+    "matching_circle",
+    "phase",
+    "error",
+    "velocities",
+    "cost",
+    "lyapunov",
 ]
 Beginning = Literal["momenta", "discrete_constraint"]
 Word = Annotated[str, StringConstraints(min_length=1, max_length=MAX_NAME_CHARACTERS)]

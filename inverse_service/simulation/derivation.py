@@ -12,7 +12,7 @@ from inverse_service.expressions.tree import Expression
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.simulation.choices import POINT_METHODS, SCIPY
-from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, exact_motion
+from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature
 from inverse_service.simulation.initial import is_degenerate
 from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.regular_motion import DEGENERATE, regular_accelerations
@@ -47,7 +47,12 @@ def derive(scene: Scene, find: Find) -> Derived:
             exact = _exact(scene)
     compares = bool(COMPARED & set(scene.observe)) and not isinstance(exact, ExactMotion)
     accelerations = None
-    if used & USES_ACCELERATIONS or compares or (scene.events and used & {EXACT, "modified"}):
+    if (
+        used & USES_ACCELERATIONS
+        or compares
+        or "lyapunov" in scene.observe
+        or (scene.events and used & {EXACT, "modified"})
+    ):
         with _timed(seconds, "accelerations"):
             accelerations = _accelerations(scene)
     free: dict[str | None, FreeLagrangian | Unavailable] = {}
@@ -101,7 +106,7 @@ def _exact(scene: Scene) -> ExactMotion | NoExactMotion:
         return NoExactMotion("The system is given by its equations.")
     if scene.forces:
         return NoExactMotion("Further forces act.")
-    return exact_motion(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
+    return motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 
 
 def _accelerations(scene: Scene) -> tuple[Expression, ...] | Unavailable:

@@ -69,7 +69,7 @@ class NoExactMotion:
     reason: str
 
 
-def exact_motion(
+def motion_by_quadrature(
     coordinates: Sequence[str],
     lagrangian: Expression,
     constraints: Sequence[Expression],

@@ -19,6 +19,7 @@ from inverse_service.simulation.derivation import COMPARED, USES_EXACT, Derived,
 from inverse_service.simulation.ensemble_runs import EnsembleRun, run_members
 from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
+from inverse_service.simulation.lyapunov import largest_exponent
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.part_costs import COST, Means, part_costs
@@ -62,6 +63,7 @@ class SceneRun:
     truth: Truth | Unavailable | None
     runs: tuple[MethodRun, ...]
     members: tuple[EnsembleRun, ...] = ()
+    lyapunov: Mapping[str, Any] | None = None
 
 
 def run_scene(
@@ -88,7 +90,11 @@ def run_scene(
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
-    return SceneRun(scene, derived, truth, tuple(runs), tuple(members))
+    exponent = None
+    if "lyapunov" in scene.observe and isinstance(derived.accelerations, tuple):
+        tell("Lyapunov exponent")
+        exponent = largest_exponent(scene, derived.accelerations, stop)
+    return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent)
 
 
 def run_method(

@@ -15,7 +15,10 @@ Array = NDArray[np.float64]
 
 EXACT = "exact"
 # What each observed quantity is called in the scene, in the order in which a person reads them.
-OBSERVED = ("trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost")
+OBSERVED = (
+    "trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost",
+    "lyapunov",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -203,3 +203,15 @@ def test_members_are_put_on_the_constraints() -> None:
         assert method["outcomes"] == {"completed": 2}
         alone = single[label]["points"]["columns"]["x"][-1]
         assert method["members_columns"]["x_end"][0] == pytest.approx(alone, abs=1e-12)
+
+
+def test_lyapunov_exponents_come_from_the_variational_equations() -> None:
+    """x'' = x has the exponent 1; an oscillator none; friction c divides by two."""
+    for equation, expected in (("x'' = x", 1.0), ("x'' = -x", 0.0), ("x'' = -x - x'/5", -0.1)):
+        system = {"coordinates": ["x"], "equations": [equation]}
+        found = simulate(scene(system, ["adaptive"], time=200, step=1, observe=["lyapunov"]))["lyapunov"]
+        assert found["largest"] == pytest.approx(expected, abs=0.02)
+    pole = {"coordinates": ["x"], "equations": ["x'' = -1/x^2"]}
+    found = simulate(scene(pole, ["adaptive"], time=5, observe=["lyapunov"]))["lyapunov"]
+    assert found["largest"] is None
+    assert "ends at t = 1.1" in found["note"]

@@ -7,7 +7,7 @@ import pytest
 
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
-from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, exact_motion, positions_of
+from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature, positions_of
 
 TIMES = np.linspace(0, 50, 401)
 
@@ -15,7 +15,7 @@ TIMES = np.linspace(0, 50, 401)
 def known(coordinates: str, lagrangian: str, constraints: list[str], **values: float) -> ExactMotion | NoExactMotion:
     names = Names(tuple(coordinates.split()), tuple(values))
     trees = [read_formula(text, names) for text in constraints]
-    return exact_motion(names.coordinates, read_formula(lagrangian, names), trees, values)
+    return motion_by_quadrature(names.coordinates, read_formula(lagrangian, names), trees, values)
 
 
 def motion(*arguments: object, **values: float) -> ExactMotion:

@@ -117,6 +117,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "advice": advice(
             scene, found.derived.accelerations if isinstance(found.derived.accelerations, tuple) else None
         ),
+        **({} if found.lyapunov is None else {"lyapunov": dict(found.lyapunov)}),
         "circle_coordinates": None if scene.circle is None else [scene.coordinates[k] for k in scene.circle],
         "derived": sorted(found.derived.seconds),
         "seconds": dict(stages) | {f"derive: {name}": value for name, value in found.derived.seconds.items()},
