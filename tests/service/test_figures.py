@@ -36,6 +36,12 @@ def test_paths_have_equal_axes_and_the_true_motion(disk: dict[str, Any]) -> None
     assert len(panels) == 6
     assert all(axes.get_aspect() == 1 for axes in panels)
     assert all(axes.get_lines()[0].get_label() == "true motion" for axes in panels)
+    circles = [[line for line in axes.get_lines() if line.get_label() == "matching circle"] for axes in panels]
+    for method, found in zip(disk["result"]["methods"], circles, strict=True):
+        (line,) = found
+        known = method["circle"]["through_three_points"]
+        x, y = line.get_xdata() - known["centre"][0], line.get_ydata() - known["centre"][1]
+        assert np.allclose(np.hypot(x, y), known["radius"])
     assert "changes least by nonholonomic-0.5" in caption
     assert "most by nonholonomic-1 (a factor 531)" in caption
 

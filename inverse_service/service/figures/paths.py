@@ -60,6 +60,11 @@ def _panel(
         *thin.T, color=style.colour, linestyle="none", marker=style.marker, markersize=4, fillstyle="none",
         markevery=spread(len(thin), MOST_MARKERS), zorder=4,
     )  # fmt: skip
+    matching = (method.get("circle") or {}).get("through_three_points")
+    if matching is not None:  # the paper's matching circle, through three points of the first revolution
+        turn = np.linspace(0, 2 * np.pi, 361)
+        x, y = (matching["centre"][k] + matching["radius"] * wave(turn) for k, wave in enumerate((np.cos, np.sin)))
+        axes.plot(x, y, color=style.colour, linestyle=(0, (4, 3)), linewidth=1, zorder=1, label="matching circle")
     axes.plot(*path[0], marker="o", color="black", markersize=4, zorder=5)
     centre, half = box
     axes.set(xlim=(centre[0] - half, centre[0] + half), ylim=(centre[1] - half, centre[1] + half))
@@ -83,6 +88,8 @@ def _below(method: Mapping[str, Any], path: Array, centre: Array, half: float) -
         notes.append(f"off the circle by {shown(100 * circle['max_radial_distance'])} %")
     elif circle and (circle["revolutions"] or 0) >= 1:
         notes.append(f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}")
+    if len(path) > 2 * MOST_POINTS:
+        notes.append(f"every {len(path) // MOST_POINTS}th point is drawn")
     if method["outcome"] != "completed":
         notes.append(f"ends: {method['outcome']}")
     far = float(np.abs(path - centre).max())
@@ -100,6 +107,8 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
     }
     start = f"{result['name'] or 'Path'}: {result['steps']} steps of {shown(result['step'])}."
     black = " The black curve is the true motion." if compared else ""
+    if any((m.get("circle") or {}).get("through_three_points") for m in drawn):
+        black += " Dashed: the matching circles through three points."
     if not sizes:
         return f"{start}{black} Dots mark the start."
     best, worst = min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__)
