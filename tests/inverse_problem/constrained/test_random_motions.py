@@ -6,9 +6,11 @@ import random
 
 import pytest
 
+from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, substitute
+from inverse_service.inverse_problem.constrained import certify
 from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
 from inverse_service.inverse_problem.constrained.lagrangian import own_system
 from inverse_service.linear_pde.deciding import Finding
@@ -78,3 +80,12 @@ def test_random_motions_with_five_coordinates_are_never_left_open(seeds: range) 
     found = [decided(random_motion(seed)) for seed in seeds]
     assert all(one.exists is not None for one in found)
     assert sum(one.exists is False for one in found) >= len(found) // 4
+
+
+@pytest.mark.parametrize("seeds", [range(4), MANY])
+def test_each_no_of_a_random_motion_is_confirmed_by_the_checker(seeds: range) -> None:
+    for seed in seeds:
+        analysed = analyse_motion(random_motion(seed))
+        found = decide_motion(analysed, False, 1, float("inf"), lambda _: None)
+        if found.exists is False:
+            assert check_certificate(certify.of_finding(analysed, found, False), seed=1).verdict == "valid", seed
