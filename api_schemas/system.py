@@ -44,11 +44,15 @@ def number_as_text(value: Any) -> Any:
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=MAX_NAME_CHARACTERS)]
 Formula = Annotated[
-    str, StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS), BeforeValidator(number_as_text)
+    str,
+    StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS),
+    BeforeValidator(number_as_text, json_schema_input_type=str | float),
 ]
 Text = Annotated[str, StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS)]
 Value = Annotated[
-    str, StringConstraints(min_length=1, max_length=MAX_VALUE_CHARACTERS), BeforeValidator(number_as_text)
+    str,
+    StringConstraints(min_length=1, max_length=MAX_VALUE_CHARACTERS),
+    BeforeValidator(number_as_text, json_schema_input_type=str | float),
 ]
 Equations = Annotated[
     Annotated[dict[Name, Formula], Field(max_length=MAX_COORDINATES), Tag("<mapping>")]

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any
 
 from fastapi import FastAPI
-from fastapi.openapi.utils import get_openapi
 from starlette.middleware.cors import CORSMiddleware
 
-from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicResult
-from api_schemas.result import ResultDocument
-from api_schemas.scene import SceneDocument
-from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.settings import Settings
 from inverse_service.web import (
@@ -29,6 +23,7 @@ from inverse_service.web.head_requests import HeadAsGet
 from inverse_service.web.headers import SecurityHeaders
 from inverse_service.web.leaving import StopWhenLeft
 from inverse_service.web.measuring import Measured
+from inverse_service.web.openapi import described
 from inverse_service.web.pages import routing
 from inverse_service.web.pages.refused import page_of_refusal
 
@@ -37,7 +32,6 @@ SUMMARY = "Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof
 CORS_HEADERS = (
     "Authorization", "Cache-Control", "Content-Type", "Idempotency-Key", "Last-Event-ID", "Prefer", "X-API-Key",
 )  # fmt: skip
-REFERENCE = "#/components/schemas/{model}"
 
 
 def create_application(settings: Settings) -> FastAPI:
@@ -61,7 +55,7 @@ def create_application(settings: Settings) -> FastAPI:
     for part in (routes, routes_jobs, routes_simulation, routes_batches, routes_operations):
         app.include_router(part.router)
     app.include_router(routing.router, include_in_schema=False)
-    app.openapi = lambda: _description(app)  # type: ignore[method-assign]
+    app.openapi = lambda: described(app)  # type: ignore[method-assign]
     return app
 
 
@@ -73,16 +67,3 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
     finally:
         engine.stop()
-
-
-def _description(app: FastAPI) -> dict[str, Any]:
-    """OpenAPI with the schemas of the bodies that the routes read themselves."""
-    if app.openapi_schema is None:
-        found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
-        schemas = found.setdefault("components", {}).setdefault("schemas", {})
-        for model in (SystemDocument, NonholonomicDocument, SceneDocument, ResultDocument, NonholonomicResult):
-            schema = model.model_json_schema(ref_template=REFERENCE)
-            schemas.update(schema.pop("$defs", {}))
-            schemas[model.__name__] = schema
-        app.openapi_schema = found
-    return app.openapi_schema

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from api_schemas.problem import ProblemDocument
+from inverse_service.service.documents.problem_documents import TITLES
 from inverse_service.web.problems import MEDIA_TYPE
 
 
 def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """The problem documents of a route."""
-    return {status: {"model": ProblemDocument, "content": {MEDIA_TYPE: {}}} for status in statuses}
+    return {status: {"description": TITLES.get(status, "Refused"), "content": {MEDIA_TYPE: {}}} for status in statuses}
+
+
+def answers_of(*schemas: str) -> dict[str, Any]:
+    """The answer of a route that has one of several schemas."""
+    references = [{"$ref": f"#/components/schemas/{schema}"} for schema in schemas]
+    return {"description": "The answer.", "content": {"application/json": {"schema": {"anyOf": references}}}}
 
 
 def body_of(*schemas: str, others: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -21,9 +27,15 @@ def body_of(*schemas: str, others: dict[str, Any] | None = None) -> dict[str, An
     return {"requestBody": {"required": True, "content": content}}
 
 
+SOLVED = answers_of("NonholonomicResult", "ResultDocument", "ForwardResult")
+PARSED = answers_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer")
+OBJECT: dict[str, Any] = {
+    "description": "The result.",
+    "content": {"application/json": {"schema": {"type": "object"}}},
+}
 KEY_AND_RATE = refusals(401, 429, 503)
 BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
-SYSTEM_BODY = body_of("SystemDocument", "NonholonomicDocument")
+SYSTEM_BODY = body_of("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
 JOB_HEADERS = {
     "Location": {"description": "The address of the job.", "schema": {"type": "string"}},
     "Retry-After": {"description": "Seconds until it is worth to ask.", "schema": {"type": "integer"}},

@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from api_schemas import sizes
-from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer, ParseAnswer
+from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer
 from inverse_service import catalogue
 from inverse_service.expressions.limits import LIMITS
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
@@ -17,7 +17,7 @@ from inverse_service.service.jobs.body_tasks import parse_task
 from inverse_service.web.bodies import json_body_of
 from inverse_service.web.budget import FACTORS
 from inverse_service.web.clients import client_of, require_client
-from inverse_service.web.describing import BAD_BODY, SYSTEM_BODY, refusals
+from inverse_service.web.describing import BAD_BODY, PARSED, SYSTEM_BODY, refusals
 from inverse_service.web.preferences import DEFAULT_WAIT, MAX_WAIT
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
@@ -27,7 +27,11 @@ ANY_OBJECT = {"requestBody": {"required": True, "content": {"application/json": 
 router = APIRouter(dependencies=[Depends(require_client)])
 
 
-@router.post("/v1/parse", responses={200: {"model": ParseAnswer}, **BAD_BODY}, openapi_extra=SYSTEM_BODY)
+@router.post(
+    "/v1/parse",
+    responses={200: PARSED, **BAD_BODY},
+    openapi_extra=SYSTEM_BODY,
+)
 async def parse(request: Request) -> Response:
     """What was understood of a System document: text, LaTeX and MathML of each acceleration."""
     engine = engine_of(request)

@@ -13,7 +13,6 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from api_schemas.job import Job as JobDocument
 from api_schemas.job import JobList
-from api_schemas.result import ResultDocument
 from inverse_service.service.jobs.body_tasks import AskingTerms, ask_task
 from inverse_service.service.jobs.event_log import last_event
 from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
@@ -21,7 +20,15 @@ from inverse_service.service.jobs.ownership import Viewer
 from inverse_service.web.bodies import json_body_of
 from inverse_service.web.budget import FACTORS
 from inverse_service.web.clients import client_of, require_client, viewer_of
-from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, KEY_AND_RATE, SYSTEM_BODY, TIME_LIMIT_QUERY, refusals
+from inverse_service.web.describing import (
+    BAD_BODY,
+    JOB_HEADERS,
+    KEY_AND_RATE,
+    SOLVED,
+    SYSTEM_BODY,
+    TIME_LIMIT_QUERY,
+    refusals,
+)
 from inverse_service.web.engine import LOOK_AGAIN, Engine
 from inverse_service.web.hub import until_set
 from inverse_service.web.job_answers import job_fields, job_response, result_response, whole_job
@@ -44,7 +51,11 @@ EVENT = {
 
 @router.post(
     "/v1/solve",
-    responses={200: {"model": ResultDocument}, 202: {"model": JobDocument, "headers": JOB_HEADERS}, **BAD_BODY},
+    responses={
+        200: SOLVED,
+        202: {"model": JobDocument, "headers": JOB_HEADERS},
+        **BAD_BODY,
+    },
     openapi_extra=SYSTEM_BODY | TIME_LIMIT_QUERY,
 )
 async def solve(request: Request) -> Response:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fastapi import APIRouter, Depends
 from starlette.requests import Request
 from starlette.responses import Response
 
 from api_schemas.job import Job as JobDocument
 from inverse_service.web.clients import require_client
-from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, TIME_LIMIT_QUERY, body_of
+from inverse_service.web.describing import BAD_BODY, JOB_HEADERS, OBJECT, TIME_LIMIT_QUERY, body_of
 from inverse_service.web.routes_jobs import ask
 
 router = APIRouter(dependencies=[Depends(require_client)])
 SCENE = body_of("SceneDocument") | TIME_LIMIT_QUERY
-ANSWERS = {202: {"model": JobDocument, "headers": JOB_HEADERS}, **BAD_BODY}
+ANSWERS: dict[int | str, dict[str, Any]] = {
+    200: OBJECT,
+    202: {"model": JobDocument, "headers": JOB_HEADERS},
+    **BAD_BODY,
+}
 
 
 @router.post("/v1/simulate", responses=ANSWERS, openapi_extra=SCENE)

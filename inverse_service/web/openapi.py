@@ -1,0 +1,143 @@
+"""The OpenAPI description: what is accepted and answered, also by routes that read their bodies themselves."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from api_schemas.forward import ForwardParseAnswer, ForwardResult, LagrangianDocument
+from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
+from api_schemas.problem import ParseAnswer, ProblemDocument
+from api_schemas.result import ResultDocument
+from api_schemas.scene import SceneDocument
+from api_schemas.system import SystemDocument
+from inverse_service import catalogue
+
+REFERENCE = "#/components/schemas/{model}"
+DOCUMENTS = (SystemDocument, NonholonomicDocument, LagrangianDocument)
+RESULTS = (ResultDocument, NonholonomicResult, ForwardResult)
+OTHERS = (SceneDocument, ProblemDocument, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
+PROBLEM = "application/problem+json"
+ID = {"type": ["string", "number", "boolean", "null"]}
+OPTIONS = {
+    "type": "object",
+    "additionalProperties": False,
+    "properties": {
+        "time_limit": {"type": "number", "exclusiveMinimum": 0},
+        "memory_limit": {"type": "integer"},
+        "seed": {"type": "integer", "minimum": 0},
+    },
+}
+TAGS = {
+    "systems": "Does a system come from a Lagrangian? Read, solve, check.",
+    "simulations": "Scenes: integrate, and measure error against time.",
+    "jobs": "Questions that take longer: their state, their events, cancelling them.",
+    "batches": "Many documents at once.",
+    "catalogue": "Named systems.",
+    "operations": "Whether the service is well, and its limits.",
+}
+_TAG_OF = {
+    "parse": "systems", "solve": "systems", "check": "systems", "simulate": "simulations",
+    "work-precision": "simulations", "jobs": "jobs", "batches": "batches", "catalogue": "catalogue",
+}  # fmt: skip
+EXAMPLES = {"SystemDocument": "sho", "NonholonomicDocument": "vertically-rolling-disk"}
+
+
+def described(app: FastAPI) -> dict[str, Any]:
+    """The whole description, made once."""
+    if app.openapi_schema is None:
+        found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
+        found["info"] |= {"description": DESCRIPTION, "license": {"name": "MIT", "identifier": "MIT"}}
+        found |= {"servers": [{"url": "/"}], "tags": [{"name": n, "description": d} for n, d in TAGS.items()]}
+        components = found.setdefault("components", {})
+        components["schemas"] = _schemas(components.get("schemas", {}))
+        components["securitySchemes"] = {
+            "key": {"type": "apiKey", "in": "header", "name": "X-API-Key", "description": "Where keys are set."},
+            "bearer": {"type": "http", "scheme": "bearer", "description": "The same key as a token."},
+        }
+        found["security"] = [{}, {"key": []}, {"bearer": []}]
+        _finish_operations(found["paths"])
+        for holder in _objects(found):
+            for name, part in holder["properties"].items():
+                part.setdefault("description", _descriptions().get(name, ""))
+        app.openapi_schema = found
+    return app.openapi_schema
+
+
+DESCRIPTION = (
+    "Second-order systems q'' = f(t, q, q') in; a Lagrangian and its Hamiltonian with a certificate, or a proof that "
+    "there is none, out. Errors are RFC 9457 problem documents with the place of each fault and what to write instead."
+)
+
+
+def _schemas(known: dict[str, Any]) -> dict[str, Any]:
+    """All schemas, with the keys that are taken from every document and a description of every property."""
+    for model in (*DOCUMENTS, *RESULTS, *OTHERS):
+        schema = model.model_json_schema(ref_template=REFERENCE)
+        if model in (*DOCUMENTS, SceneDocument):
+            _without_defaults(schema)
+        known.update(schema.pop("$defs", {}))
+        known[model.__name__] = schema
+    for model in DOCUMENTS:
+        keys = {"id": ID, "time": {"type": "string"}, "options": OPTIONS, "$schema": {"type": "string"}}
+        known[model.__name__]["properties"] |= json.loads(json.dumps(keys))
+        known[model.__name__]["patternProperties"] = {"^_": {}}
+    for name, example in EXAMPLES.items():
+        known[name]["examples"] = [catalogue.document(example)]
+    for model in (*RESULTS, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer):
+        known[model.__name__]["properties"]["id"] = dict(ID)
+    for name in ("HTTPValidationError", "ValidationError"):
+        known.pop(name, None)
+    return known
+
+
+def _without_defaults(schema: dict[str, Any]) -> None:
+    """What has a default need not be sent; generators take a default for a promise that it is there."""
+    for holder in _objects(schema):
+        for part in holder["properties"].values():
+            part.pop("default", None)
+
+
+def _objects(value: Any) -> Iterator[dict[str, Any]]:
+    """Every schema with properties."""
+    if isinstance(value, dict):
+        if isinstance(value.get("properties"), dict):
+            yield value
+        for part in value.values():
+            yield from _objects(part)
+    elif isinstance(value, list):
+        for part in value:
+            yield from _objects(part)
+
+
+@lru_cache(maxsize=1)
+def _descriptions() -> dict[str, str]:
+    """What each field is, by its name: the page docs/fields.md is made of the same sentences."""
+    text = resources.files("api_schemas").joinpath("descriptions.json").read_text(encoding="utf-8")
+    found: dict[str, str] = json.loads(text)
+    return found
+
+
+def _finish_operations(paths: dict[str, Any]) -> None:
+    """Short names, tags, and problem documents as the only kind of error."""
+    calls = [(path, method, call) for path, methods in paths.items() for method, call in methods.items()]
+    names = Counter(_short(call) for _, _, call in calls)
+    for path, _, call in calls:
+        short, tag = _short(call), _TAG_OF.get(path.split("/")[2] if path.startswith("/v1/") else "", "operations")
+        call |= {"operationId": short if names[short] == 1 else f"{short}_{tag}", "tags": [tag]}
+        for status, answer in call["responses"].items():
+            if status[0] in "45":
+                answer["content"] = {PROBLEM: {"schema": {"$ref": REFERENCE.format(model="ProblemDocument")}}}
+
+
+def _short(call: dict[str, Any]) -> str:
+    """The name of the function, without the path and method that the framework adds."""
+    return re.split(r"_v1_|_(?:livez|readyz|metrics)_get", str(call["operationId"]))[0]

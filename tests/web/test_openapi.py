@@ -1,0 +1,178 @@
+"""The OpenAPI description is true: what is accepted and answered validates, and everything in it is described."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import httpx
+import jsonschema_rs
+import pytest
+
+from inverse_service import catalogue
+from inverse_service.settings import read_settings
+from inverse_service.web.application import create_application
+from tests.docs.blocks import PAGES, blocks
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def description() -> dict[str, Any]:
+    found: dict[str, Any] = create_application(read_settings()).openapi()
+    return json.loads(json.dumps(found))
+
+
+def objects(value: Any) -> Any:
+    if isinstance(value, dict):
+        if isinstance(value.get("properties"), dict):
+            yield value
+        for part in value.values():
+            yield from objects(part)
+    elif isinstance(value, list):
+        for part in value:
+            yield from objects(part)
+
+
+def validator(description: dict[str, Any], schema: dict[str, Any]) -> Any:
+    return jsonschema_rs.Draft202012Validator({**schema, "components": description["components"]})
+
+
+def body_schema(description: dict[str, Any], path: str) -> dict[str, Any]:
+    found: dict[str, Any] = description["paths"][path]["post"]["requestBody"]["content"]["application/json"]["schema"]
+    return found
+
+
+def test_every_property_is_described(description: dict[str, Any]) -> None:
+    bare = [
+        name for part in objects(description) for name, each in part["properties"].items() if not each["description"]
+    ]
+    assert bare == []
+
+
+def test_every_call_has_a_short_name_a_tag_and_a_summary(description: dict[str, Any]) -> None:
+    calls = [call for methods in description["paths"].values() for call in methods.values()]
+    names = [call["operationId"] for call in calls]
+    assert len(set(names)) == len(names) > 15
+    assert {"solve", "parse", "check", "simulate"} <= set(names)
+    assert all(call["tags"] and call["summary"] and call["description"] for call in calls)
+
+
+def test_errors_are_problem_documents_and_nothing_else(description: dict[str, Any]) -> None:
+    for methods in description["paths"].values():
+        for call in methods.values():
+            for status, answer in call["responses"].items():
+                if status[0] in "45":
+                    assert list(answer["content"]) == ["application/problem+json"]
+    assert "HTTPValidationError" not in description["components"]["schemas"]
+
+
+def test_references_lead_somewhere(description: dict[str, Any]) -> None:
+    text = json.dumps(description)
+    named = {part.partition('"')[0] for part in text.split("#/components/schemas/")[1:]}
+    assert named <= set(description["components"]["schemas"])
+
+
+def documents() -> list[dict[str, Any]]:
+    """Those of the catalogue, of the literature, and of every JSON block of the pages."""
+    found = [catalogue.document(name) for name in catalogue.names()]
+    lines = (ROOT / "tests" / "systems" / "literature.ndjson").read_text().splitlines()
+    found += [json.loads(line).get("document", {}) for line in lines if line.strip()]
+    for page in PAGES:
+        for block in blocks(page):
+            if block.language.startswith("json") and block.text.lstrip().startswith("{"):
+                value = json.loads(block.text)
+                found += [value] if {"equations", "lagrangian"} & value.keys() else []
+    return [document for document in found if document]
+
+
+def test_every_document_of_the_project_validates(description: dict[str, Any]) -> None:
+    check = validator(description, body_schema(description, "/v1/solve"))
+    more: list[dict[str, Any]] = [
+        {"equations": {"x": 0, "y": "-y"}, "parameters": {"k": 2.5, "m": None}, "id": 7, "options": {"time_limit": 5}},
+        {"equations": "y'' = -x", "time": "x", "parameters": "guess", "_comment": "Airy", "where": {"r": "x^2"}},
+        {"lagrangian": "x'^2/2"},
+    ]
+    for document in [*documents(), *more]:
+        assert not list(check.iter_errors(document)), document
+    assert list(check.iter_errors({"equations": "x'' = 0", "colour": 1}))
+    assert list(check.iter_errors({"equations": 3}))
+
+
+ASKED: list[dict[str, Any]] = [
+    {"equations": "x'' = -x - x'", "id": "a"},
+    {"equations": ["x'' = x^2 + y^2", "y'' = 0"]},
+    {"equations": "x'' = -k*abs(x)", "parameters": ["k"]},
+    {"equations": "y'' = -y", "time": "x"},
+    {"lagrangian": "x'^2/2 - x^2/2"},
+    {"coordinates": ["x", "y", "z"], "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' + x*y'"]},
+]
+
+
+def test_every_answer_validates(description: dict[str, Any], service: str) -> None:
+    client = httpx.Client(base_url=service)
+    for path in ("/v1/solve", "/v1/parse"):
+        answers = description["paths"][path]["post"]["responses"]
+        check = validator(description, answers["200"]["content"]["application/json"]["schema"])
+        for document in ASKED:
+            answer = client.post(path, json=document, headers={"Prefer": "wait=20"}, timeout=60)
+            assert answer.status_code == 200, answer.text[:300]
+            assert not [error.message[:200] for error in check.iter_errors(answer.json())], document
+    problem = validator(description, {"$ref": "#/components/schemas/ProblemDocument"})
+    refused = client.post("/v1/parse", json={"equations": "x'' = -kx", "parameters": "guess"})
+    assert not list(problem.iter_errors(refused.json()))
+    assert refused.json()["errors"][0]["instead"] == ["k*x"]
+
+
+CALLS = """
+import createClient from "openapi-fetch";
+import type { paths } from "./schema";
+const client = createClient<paths>({ baseUrl: "http://127.0.0.1:8000" });
+async function nine() {
+  const solved = await client.POST("/v1/solve", { body: { equations: "x'' = -x", id: 1, options: { time_limit: 5 } } });
+  if (solved.error) console.log(solved.error.detail, solved.error.errors?.[0]?.pointer);
+  if (solved.data && "verdict" in solved.data) console.log(solved.data.verdict, solved.data.lagrangian?.text);
+  await client.POST("/v1/solve", { body: { equations: { x: "-k*x" }, parameters: { k: 2 } } });
+  await client.POST("/v1/solve", { body: { lagrangian: "x'^2/2", constraints: ["x'"], coordinates: ["x"] } });
+  const parsed = await client.POST("/v1/parse", { body: { equations: "x'' = -x", parameters: "guess" } });
+  console.log(parsed.data?.coordinates, parsed.data?.guessed);
+  await client.POST("/v1/check", { body: {} });
+  const job = await client.GET("/v1/jobs/{id}", { params: { path: { id: "a" } } });
+  console.log(job.data?.status);
+  await client.GET("/v1/catalogue");
+  const limits = await client.GET("/v1/limits");
+  console.log(limits.data?.document);
+  await client.DELETE("/v1/jobs/{id}", { params: { path: { id: "a" } } });
+}
+nine();
+"""
+
+
+@pytest.mark.nightly
+def test_a_typescript_client_compiles(description: dict[str, Any], tmp_path: Path) -> None:
+    if shutil.which("npm") is None:
+        pytest.skip("no npm")
+    (tmp_path / "openapi.json").write_text(json.dumps(description))
+    (tmp_path / "calls.ts").write_text(CALLS)
+    (tmp_path / "package.json").write_text('{"name": "calls", "private": true, "type": "module"}')
+    packages = ["openapi-typescript@7", "openapi-fetch@0.13", "typescript@5", "@types/node@20"]
+    run(["npm", "install", "--silent", *packages], tmp_path)
+    run(["npx", "openapi-typescript", "openapi.json", "-o", "schema.d.ts"], tmp_path)
+    options = ["--strict", "--noEmit", "--module", "es2022", "--moduleResolution", "bundler", "--target", "es2022"]
+    run(["npx", "tsc", *options, "--lib", "es2022,dom", "--skipLibCheck", "calls.ts"], tmp_path)
+
+
+def run(command: list[str], folder: Path) -> None:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=600)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
+
+
+def test_every_field_of_a_result_is_on_its_page(description: dict[str, Any]) -> None:
+    page = (ROOT / "docs" / "fields.md").read_text()
+    schemas = description["components"]["schemas"]
+    for model in ("ResultDocument", "NonholonomicResult", "ForwardResult", "LagrangianPart", "HamiltonianPart"):
+        missing = [name for name in schemas[model]["properties"] if f"| `{name}` |" not in page]
+        assert missing == [], model
