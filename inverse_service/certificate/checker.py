@@ -48,8 +48,9 @@ from .plan import SPARE, Plan
 from .series import Count, Elimination, Expansion, Row, Step, followed, symbol_of, symbol_rows
 
 PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
+MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
 MAX_ATOMS = 40  # between which all linear relations are looked for
-Tools = tuple[random.Random, float]  # and the end of the time, by time.monotonic
+Tools = tuple[random.Random, float]  # and the end of its processor time
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +124,12 @@ class Question:
             check_shape(entry, {"root": TEXT, "is": TEXT}, "roots")
             self.roots.append((read_tokens(entry["root"], "roots.root"), read_tokens(entry["is"], "roots.is")))
 
+    def texts(self) -> list[tuple[str, ...]]:
+        """The formulas of the system and of the set of the claim."""
+        return [*self.force_texts, *(side for pair in (*self.conditions, *self.roots) for side in pair)]
+
     def check_time(self) -> None:
-        if not time.monotonic() < self.deadline:
+        if not time.thread_time() < self.deadline:
             raise Ended("incomplete", "The time limit ended the check.")
 
     def read_all(self, ring: Any) -> list[Any]:
@@ -148,9 +153,8 @@ class Question:
 
         `read` reads what the certificate has beside f, and is called with rings of all kinds.
         """
-        texts = [*self.force_texts, *formulas, *(side for pair in (*self.conditions, *self.roots) for side in pair)]
-        self.rational, self.read = rational and not any(map(is_irrational, texts)), read
-        if self.conditions or not self.rational:
+        self.rational, self.read = rational and not any(map(is_irrational, [*self.texts(), *formulas])), read
+        if self.conditions or self.near or not self.rational:
             trace = self.locate()
         if not self.rational:
             self.make_plan(trace)
@@ -185,7 +189,8 @@ class Question:
         distinct = min(MAX_ATOMS, len({(imaginary, value.str(20, radius=False)) for _, imaginary, value in trace}))
         bits, center = min(600 + 60 * distinct, 4000), self.place
         with ctx.workprec(bits):
-            traces = [self.traced(self.expansion(Balls(self, center, None), 0))]
+            first = self.expansion(Balls(self, center, None), 0)
+            traces = [self.traced(first)]
             for _ in range(20 * distinct + 200):
                 if len(traces) > distinct + SPARE:
                     break
@@ -193,7 +198,8 @@ class Question:
                     traces.append(self.traced(self.expansion(Balls(self, center.neighbour(), None), 0)))
                 except (Undefined, Unsettled):
                     self.check_time()
-            self.plan = Plan(traces, bits)
+            self.plan = Plan(traces, bits, self.check_time)
+            self.plan.classes = first.arithmetic.met  # for which the plan holds
         if self.plan.halved and not self.halves:
             self.halves = True
             self.make_plan(trace)
@@ -241,6 +247,8 @@ class Question:
         """A random prime of 61 bits modulo which all numbers have the roots that the plan takes of them."""
         step = 24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm])
         roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
+        if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:  # a text could hold all such primes
+            raise Ended("incomplete", "Roots of numbers are too many: too few primes have them all.")
         for _ in range(1_000_000):
             prime = self.generator.randrange((1 << 60) // step, (1 << 61) // step) * step + 1
             if fmpz(prime).is_probable_prime() and all(pow(q, (prime - 1) // n, prime) == 1 for q, n in roots):
@@ -305,11 +313,13 @@ class Question:
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
         """The functions that are known by one derivative, which may hold those before them; the tokens of all."""
+        check_shape(listed, {}, "integrals")
         check_shape(listed, {key: {"arguments": [NAME, 6], "derivatives": {}} for key in listed}, "integrals")
         check_shape(list(listed), [NAME, MAX_NAMES], "integrals")
         require(
             not {*listed} & ({*self.names, *self.functions} | RESERVED), "An integral has the name of another thing."
         )
+        require(all(map({*listed}.isdisjoint, self.texts())), "Only the Lagrangian may hold integrals.")
         tokens: tuple[str, ...] = ()
         for name, one in listed.items():
             arguments, slopes = one["arguments"], one["derivatives"]
@@ -321,6 +331,8 @@ class Question:
             (pair,) = ((by, read_tokens(text, f"integrals.{name}")) for by, text in slopes.items())
             known = {t for t in pair[1] if t in listed}
             require(known <= {*self.integrals}, f"integrals.{name} may hold integrals before it only.")
+            strange = {*pair[1]} & {"t", *self.variables} - {*arguments}
+            require(not strange, f"integrals.{name} has a derivative that holds what is no argument.")
             self.integrals[name] = (arguments, pair)
             tokens += (*arguments, *pair[1])
         return tokens
@@ -453,9 +465,11 @@ class Question:
 
 def judged(work: Callable[[Tools], list[str]], time_limit: float, seed: int | None) -> CheckResult:
     try:
-        return CheckResult("valid", tuple(work((random.Random(seed), time.monotonic() + time_limit))))
+        return CheckResult("valid", tuple(work((random.Random(seed), time.thread_time() + time_limit))))
     except Ended as end:
         return CheckResult(end.args[0], end.args[1:])
+    except (Undefined, Unsettled, StopIteration):
+        return CheckResult("incomplete", ("A number in the document could not be computed.",))
     except (RecursionError, MemoryError, OverflowError):
         return CheckResult("incomplete", ("The document is beyond the memory of the checker.",))
 

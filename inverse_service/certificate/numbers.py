@@ -244,7 +244,7 @@ class Balls:
     def __init__(self, question: Question, place: Place, classes: list[int] | None) -> None:
         self.question, self.place, self.classes = question, place, iter(classes or [])
         self.guessing, self.trace = classes is None, list[tuple[bool, bool, arb]]()
-        self.known = dict[int, tuple[str, list[arb]]]()
+        self.known, self.met = dict[int, tuple[str, list[arb]]](), list[int]()
         self.values = {name: self.number(value) for name, value in place.values.items()} | {"pi": arb.pi()}
 
     def draw(self) -> arb:
@@ -309,6 +309,7 @@ class Balls:
         if any(one != number for one in near):
             raise Unsettled
         self.known.setdefault(number, (name, values))
+        self.met.append(number)
         return number
 
     def jet(self, name: str, number: int, orders: tuple[int, ...]) -> arb:

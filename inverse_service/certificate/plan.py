@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -11,6 +12,7 @@ from flint import arb, fmpq, fmpz, fmpz_mat
 from .formulas import MAX_POWER, Ended
 
 MAX_CHOICES, MAX_SCALE, MAX_RELATED, MAX_SEARCHES = 64, 4096, 24, 12
+MAX_SIZE = arb(2) ** 20_000  # of numbers that are written as fractions
 SPARE = 4  # points more than there are independent atoms
 ONE, TURN, PI, TWO, THREE = 0, 1, 2, 3, 4  # the pairs (1, e), (i, e^i), (pi i, -1), (log 2, 2), (log 3, 3)
 
@@ -34,13 +36,24 @@ class Entry:
     times: int = 1
 
 
+def exactly(value: arb) -> Fraction:
+    """The midpoint; 0 for one that is too large or too small for a fraction: it takes part in no guess."""
+    middle = value.mid()
+    if not MAX_SIZE**-1 < abs(middle) < MAX_SIZE:
+        return Fraction(0)
+    exact = middle.fmpq()
+    return Fraction(int(exact.p), int(exact.q))
+
+
 class Plan:
     """How the atoms, in the order of reading, come from independent ones: guessed from decimals, proven elsewhere.
 
     `traces` are the atoms at points near the place, the first one at the place itself, with `bits` of precision.
     """
 
-    def __init__(self, traces: list[list[tuple[bool, bool, arb]]], bits: int) -> None:
+    def __init__(
+        self, traces: list[list[tuple[bool, bool, arb]]], bits: int, check_time: Callable[[], None] = lambda: None
+    ) -> None:
         self.bits, self.choices, self.entries = bits, 1, list[Entry]()
         self.classes: list[int] | None = None  # of the arguments of arbitrary functions, in the order of reading
         self.searches = 0
@@ -54,6 +67,7 @@ class Plan:
         self.basis: dict[bool, list[tuple[list[arb], int, dict[int, arb]]]] = {
             False: [(ones, 0, {ONE: arb(1)})], True: [(ones, 0, {TURN: arb(1)})]}  # fmt: skip
         for number, (logarithm, imaginary, _) in enumerate(traces[0] if traces else ()):
+            check_time()
             self.entries.append(self.entry(logarithm, imaginary, [trace[number][2] for trace in traces]))
 
     def entry(self, logarithm: bool, imaginary: bool, exact: list[arb]) -> Entry:
@@ -90,8 +104,7 @@ class Plan:
 
     def fraction(self, value: arb) -> Fraction | None:
         """The simple fraction that this is to all digits, if any."""
-        exact = value.mid().fmpq()
-        simple = Fraction(int(exact.p), int(exact.q)).limit_denominator(1 << 40)
+        simple = exactly(value).limit_denominator(1 << 40)
         return simple if abs(value - fmpq(simple.numerator, simple.denominator)) < self.small() else None
 
     def rational(self, values: list[arb], found: dict[int, arb], imaginary: bool) -> dict[int, Fraction] | None:
@@ -116,8 +129,7 @@ class Plan:
 
     def factored(self, value: arb) -> dict[int, Fraction] | None:
         """{pair of a prime number: exponent} for a rational number."""
-        exact = value.mid().fmpq()
-        simple = Fraction(int(exact.p), int(exact.q)).limit_denominator(1 << self.bits // 8)
+        simple = exactly(value).limit_denominator(1 << self.bits // 8)
         above, below = simple.numerator, simple.denominator
         if max(above, below).bit_length() > 100 or abs(value - fmpq(above, below)) > self.small() * value:
             return None
@@ -146,8 +158,7 @@ class Plan:
         return None
 
     def fixed(self, value: arb) -> int:
-        exact = (value.mid() * arb(2) ** (self.bits // 4)).mid().fmpq()
-        return int(exact.p // exact.q)
+        return math.floor(exactly(value * arb(2) ** (self.bits // 4)))
 
     def refined(self, parts: dict[int, Fraction]) -> bool:
         """Make the generators fine enough for these exponents, unless they would become too many or too fine."""

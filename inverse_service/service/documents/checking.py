@@ -18,6 +18,7 @@ TIME_LIMIT = 60.0
 OPEN_MOTION = "Whether this motion can be hamiltonised by any associated system is open."
 NOT_COMPARED = "The equations as given were not compared."
 _SYSTEM: Final[dict[str, Any]] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
+_NOTHING: Final = dict.fromkeys(("certificate", "lagrangian", "with_time", "verdict_with_time"))  # of another branch
 _FROM_BEST = ("valid", "incomplete", "invalid")
 
 
@@ -103,7 +104,7 @@ def _with_branches(alone: CheckResult, result: Any) -> CheckResult:
     listed = _object(result).get("branches")
     found = alone
     for branch in listed[1:] if isinstance(listed, list) else []:
-        other = check_result({**result, **_object(branch), "branches": []})
+        other = check_result({**result, **_NOTHING, **_object(branch), "branches": []})
         if _FROM_BEST.index(other.verdict) > _FROM_BEST.index(found.verdict):
             found = other
     return found

@@ -1,0 +1,225 @@
+"""Attacks that a review made on the checker of format 1, with their numbers, and those found on that of format 2."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service import check
+from inverse_service.certificate.checker import check_certificate, check_text
+from tests.certificate.documents import Document, all_rows
+from tests.certificate.tricks import D
+
+FORMAT = "inverse-service/certificate/2"
+FAR = "1" + "0" * 80
+
+
+def certificate(equations: dict[str, str], kind: str, **content: Any) -> Document:
+    claim = "not_variational" if kind == "nonexistence" else "variational"
+    system = {"coordinates": [*equations], "equations": equations}
+    system |= {key: content.pop(key) for key in ("parameters", "functions") if key in content}
+    return {
+        "format": FORMAT, "system": system, "question": "autonomous", "claim": claim, "kind": kind, **content
+    }  # fmt: skip
+
+
+def of_lagrangian(x: str, y: str, lagrangian: str, **content: Any) -> Document:
+    return certificate({"x": x, "y": y}, "lagrangian", lagrangian=lagrangian, **content)
+
+
+def result_of(one: Document) -> Document:
+    shown = {"lagrangian": {"text": one["lagrangian"]}} if one["kind"] == "lagrangian" else {}
+    return {"format": "inverse-service/result/1", "system": one["system"], "verdict": one["claim"],
+            "certificate": one, **shown}  # fmt: skip
+
+
+# --- 1.1, 1.2: dimensions of a system whose first derivatives seem to vanish beside a huge coordinate
+DIMENSIONS = {"order": 1, "degree": 1, "dimensions": [3, 10],
+              "symbol": {"dimension": 7, "prolonged": 12, "characters": [3, 3, 1, 0]}}  # fmt: skip
+FAR_AWAY = [
+    ("-sin(x)-y'", "-y", FAR),
+    ("x*cos(x)+y", "-sin(y)*x'", FAR),
+    ("-sin(x)-x+y*x'", "-y^3+x'", "1" + "0" * 300),
+    ("-y' + 0*exp(1)", "-y", "1" + "0" * 100),
+]
+
+
+@pytest.mark.parametrize(("x", "y", "place"), FAR_AWAY)
+def test_one_certificate_for_all_systems_proves_none(x: str, y: str, place: str) -> None:
+    forged = certificate({"x": x, "y": y}, "existence", near={"y": place}, **DIMENSIONS)
+    for seed in range(4):
+        assert check_certificate(forged, seed=seed).verdict != "valid"
+    assert check(result_of(forged), {"equations": {"x": x.replace(" + 0*exp(1)", ""), "y": y}})["verdict"] != "valid"
+
+
+# --- 1.3, 1.4: Lagrangians of other systems
+OSCILLATORS = "x'^2/2+y'^2/2-x^2/2-y^2"
+FALSE_LAGRANGIANS = {
+    "1.3 a factor that knows the precision": of_lagrangian("x^2+y^2", "0", f"exp(-200-490*({D}))*(x'^2+y'^2)/2"),
+    "1.3 a switch": of_lagrangian(
+        "x^2+y^2", "0", "exp(-445-245*tanh(1000*x))*(x'^2+y'^2)/2", near={"x": "0", "y": "0.5"}
+    ),
+    "1.4 a bell at 30": of_lagrangian("-x+y*exp(-x^2)", "-2*y+x'*exp(-x^2)", OSCILLATORS, near={"x": "30"}),
+    "1.4 a tail at 900": of_lagrangian("-exp(-x)*y'", "-2*x*exp(-x)", "x'^2/2+y'^2/2", near={"x": "900"}),
+    "1.4 a parameter of 1e300": of_lagrangian(
+        "-a*sin(x)+y'", "-a*y", "x'^2/2+y'^2/2+a*cos(x)-a*y^2/2", near={"a": "1" + "0" * 300}, parameters=["a"]
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FALSE_LAGRANGIANS)
+def test_a_lagrangian_of_another_system_is_refused(name: str) -> None:
+    forged = FALSE_LAGRANGIANS[name]
+    for seed in range(4):
+        assert check_certificate(forged, seed=seed).verdict == "invalid"
+    given = {"equations": forged["system"]["equations"], "parameters": forged["system"].get("parameters", [])}
+    assert check(result_of(forged), given)["verdict"] == "invalid"
+
+
+# --- 1.4, 1.5: rows of another system
+DECOUPLED = {"x": "x*x'^2+y'", "y": "-2*y"}
+BELL = {"x": "x*x'^2+y'", "y": "-exp(-x^2)*x'-2*y"}
+DAMPED = {"x": "-y'", "y": "-y"}
+FREE = {"x": f"-(1-{D})*y' + 0*exp(1)", "y": "-y"}
+
+
+@pytest.mark.parametrize(
+    ("true", "forged", "near"), [(DECOUPLED, BELL, {"x": "20"}), (DAMPED, FREE, {})], ids=["1.4", "1.5"]
+)
+def test_rows_of_another_system_prove_nothing(true: Document, forged: Document, near: Document) -> None:
+    """The same rows do prove it of the other system, so they are no straw men."""
+    verdicts = []
+    for order in (1, 2, 3):
+        claim = {"order": order, "rows": all_rows(2, 4, order), "near": near}
+        verdicts.append(check_certificate(certificate(true, "nonexistence", **claim)).verdict)
+        assert check_certificate(certificate(forged, "nonexistence", **claim)).verdict != "valid"
+    assert "valid" in verdicts
+
+
+# --- 1.6: a document that is almost the one of the certificate
+def test_a_document_that_differs_by_little_is_another() -> None:
+    honest = of_lagrangian("-x*sqrt(1+x^2)", "-2*y", "x'^2/2-(1+x^2)^(3/2)/3+y'^2/2-y^2", near={"x": "30"})
+    given = {"equations": {"x": "-x*sqrt(1+x^2)+y'*exp(-x^2)", "y": "-2*y+exp(-x^2)*x"}}
+    assert check(result_of(honest), {"equations": honest["system"]["equations"]})["verdict"] == "valid"
+    assert check(result_of(honest), given)["verdict"] == "invalid"
+
+
+# --- format 2: integrals
+def integral(slope: str, by: str = "t") -> Document:
+    return {"F": {"arguments": [by], "derivatives": {by: slope}}}
+
+
+TIMED = {"question": "time_dependent"}
+HIDING = {
+    "velocities in a derivative by t": of_lagrangian(
+        "x^2+y^2", "0", "x'^2/2+y'^2/2+F(t)", integrals=integral("-(x^2+y^2)*x'"), **TIMED
+    ),
+    "a coordinate in a derivative by another": of_lagrangian(
+        "x^2+y^2", "0", "x'^2/2+y'^2/2+F(y)", integrals=integral("x'*y", "y")
+    ),
+    "an integral that holds one of another argument": of_lagrangian(
+        "x^2+y^2", "0", "x'^2/2+y'^2/2+F(t)",
+        integrals={"G": integral("x", "x")["F"], **integral("-(x^2+y^2)*x'+G(x)")}, **TIMED
+    ),
+    "an equation that holds an integral": of_lagrangian(
+        "F(x)", "0", "x'^2/2+y'^2/2+x*F(x)", integrals=integral("0", "x")
+    ),
+    "a force that is only declared as an integral": of_lagrangian(
+        "F(t)", "0", "x'^2/2+y'^2/2+F(t)*x", integrals=integral("t"), **TIMED
+    ),
+    "a condition on an integral": of_lagrangian(
+        "0", "0", "x'^2/2+y'^2/2", integrals=integral("1"), conditions=["F(t) > 0"], **TIMED
+    ),
+    "two derivatives": of_lagrangian(
+        "y", "0", "x'^2/2+y'^2/2+F(x, y)",
+        integrals={"F": {"arguments": ["x", "y"], "derivatives": {"x": "y", "y": "0"}}},
+    ),
+    "the time by way of an integral": of_lagrangian("0", "0", "x'^2/2+y'^2/2+F(t)", integrals=integral("1")),
+    "an integral named like a coordinate": of_lagrangian(
+        "0", "0", "x'^2/2+y'^2/2", integrals={"x": integral("1")["F"]}, **TIMED
+    ),
+    "a number for the integrals": of_lagrangian("0", "0", "x'^2/2+y'^2/2", integrals=5),
+    "a list for the integrals": of_lagrangian("0", "0", "x'^2/2+y'^2/2", integrals=["F"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HIDING)
+def test_an_integral_hides_nothing(name: str) -> None:
+    found = check_certificate(HIDING[name])
+    assert found.verdict == ("incomplete" if name == "two derivatives" else "invalid"), found.reasons
+
+
+# --- format 2: branches, arguments that overlap, primes that a text could know
+STEP = "(x+1/10^300/10^300)"
+TURN = f"atan(A{STEP})+atan(1/A{STEP})-pi/2"  # 0 or -pi, by the sign of A there
+ROOTS = "*".join(f"{q}^(1/{n})" for q, n in ((2, 16), (3, 9), (5, 5), (7, 7), (11, 11), (13, 13)))
+UNSETTLED = {
+    "an angle that a value very near decides": of_lagrangian(
+        f"({TURN})*y'", "0*A(x)", "x'^2/2+y'^2/2", functions={"A": ["x"]}, conditions=["A(x) > 0"]
+    ),
+    "one function at two names with one value": of_lagrangian(
+        "(A(x)-A(y))*y'+0*exp(x)", "0", "x'^2/2+y'^2/2", functions={"A": ["x"]}, near={"x": "1/2", "y": "1/2"}
+    ),
+    "roots that few primes have": of_lagrangian(f"0*exp(x)*{ROOTS}", "0", "x'^2/2+y'^2/2"),
+    "conditions that exclude each other": of_lagrangian(
+        "0", "0", "x'^2/2+y'^2/2", conditions=["x > 1", "x < 1"]
+    ),
+    "a condition without a point": of_lagrangian("0", "0", "x'^2/2+y'^2/2", conditions=["0 > x^2"]),
+    "a condition that does not hold at the point": of_lagrangian(
+        "0", "0", "x'^2/2+y'^2/2", conditions=["x > 0"], near={"x": "-1e-99"}
+    ),
+    "a point where the force is not defined": of_lagrangian(
+        "-1/x^2", "0", "x'^2/2+y'^2/2+1/x", near={"x": "0"}
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNSETTLED)
+def test_what_is_not_settled_is_incomplete(name: str) -> None:
+    for seed in range(4):
+        found = check_certificate(UNSETTLED[name], seed=seed)
+        assert found.verdict in ("incomplete", "invalid"), found.reasons
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1/(cos(x/10^300)-1)",
+        "log(1-cos(x/10^300/10^300))",
+        "sin(x+2^(10^30))",
+        "sin(x+2^(10^300))",
+        "sin(x^(10^30))",
+        "exp(exp(exp(exp(x))))",
+        "atan(tan(x+2^(10^30)))",
+        "log(2)^(10^300)",
+        "+".join(f"log({2**49 + k})" for k in range(40)),
+    ],
+)
+@pytest.mark.parametrize("place", ["1/3", "3"])
+def test_numbers_of_any_size_leave_the_checker_alive(text: str, place: str) -> None:
+    forged = of_lagrangian(f"-x+0*({text})", "0", "x'^2+y'^2", near={"x": place})
+    assert check_certificate(forged, time_limit=5).verdict != "valid"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "[]", "{}", "null", "NaN", '"x"', "[" * 100_000, '{"a":' * 100_000, "1" * 100_000, '{"format": 1e999}',
+        '{"format": "inverse-service/certificate/2", "format": "inverse-service/certificate/2"}',
+        '{"format": "inverse-service/certificate/2", "system": {"coordinates": ["x", ["x"]], "equations": {"x": "0"}}}',
+        '{"format": "inverse-service/result/1", "system": null}',
+    ],
+    ids=lambda text: text[:30],
+)  # fmt: skip
+def test_text_that_is_no_document_is_invalid(text: str) -> None:
+    assert check_text(text).verdict == "invalid"
+
+
+def test_a_branch_does_not_borrow_the_proof_of_another() -> None:
+    honest = of_lagrangian("-x", "-y", "x'^2+y'^2-x^2-y^2")
+    one = result_of(honest)
+    branch = {key: one[key] for key in ("verdict", "certificate", "lagrangian")}
+    assert check({**one, "branches": [branch, branch]})["verdict"] == "valid"
+    assert check({**one, "branches": [branch, {"verdict": "variational"}]})["verdict"] == "incomplete"
+    assert check({**one, "branches": [branch, {}]})["verdict"] != "valid"
