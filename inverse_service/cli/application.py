@@ -42,6 +42,9 @@ class Format(StrEnum):
     fortran = "fortran"
     rust = "rust"
     javascript = "javascript"
+    coq = "coq"
+    lean = "lean"
+    identities = "identities"
 
 
 class CatalogueFormat(StrEnum):

@@ -24,6 +24,7 @@ from inverse_service.settings import read_settings
 
 MAX_TIME_LIMIT = 86_400.0
 STAGE_WIDTH = 78
+PROOFS = ("coq", "lean", "identities")
 
 
 def solve_file(
@@ -47,7 +48,7 @@ def solve_file(
         document = {**document, "kinds": [*document.get("kinds", ()), *map(kind_of_option, kinds)]}
     warm_alone(settings.memory_limit)
     result = _solve(document, SolveOptions(seed=asked.seed, time_limit=asked.time_limit), asked.memory_limit)
-    write(_written(result, form, explain))
+    write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain))
     if result.get("guessed") and form != "text":
         print(f"Not declared, taken as constants: {', '.join(result['guessed'])}.", file=sys.stderr)
     return ExitCode.OPEN if _is_open(result) else ExitCode.DONE
@@ -132,6 +133,16 @@ def show_stage(text: str) -> None:
     """The stage on the last line of the terminal, in the place of the one before."""
     sys.stderr.write(f"\r\x1b[K{text[:STAGE_WIDTH]}")
     sys.stderr.flush()
+
+
+def _proof(result: dict[str, Any], form: str, asked: JobOptions) -> str:
+    """The verdict for another prover, worked out in a process of its own too."""
+    outcome = run_alone(tasks.proof_task, (result, form, asked.seed), asked.time_limit, asked.memory_limit)
+    if outcome.status in ("deadline", "memory"):
+        raise InputError("No proof was written within the limits of time and memory.")
+    if outcome.status != "done":
+        raise RuntimeError(outcome.detail or outcome.status)
+    return str(outcome.value)
 
 
 def _written(result: dict[str, Any], form: str, explain: bool) -> str:

@@ -116,6 +116,12 @@ def check_document(text: str) -> dict[str, Any]:
     return found
 
 
+def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
+    """The verdict of a result for another prover; see `proofs.proof_document`."""
+    found: str = importlib.import_module(f"{FOLDER}.proofs").proof_document(result, form, seed)
+    return found
+
+
 def look(document: Any) -> None:
     """Raise DocumentRefused where a document has not the shape of one that is solved."""
     plain = prepared(document).document

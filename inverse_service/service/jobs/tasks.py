@@ -61,6 +61,11 @@ def understand_task(document: Any) -> Outcome:
     return _guarded("understand_document", document)
 
 
+def proof_task(result: dict[str, Any], form: str, seed: int) -> Outcome:
+    """The verdict of a result as theorems for another prover."""
+    return _guarded("proof_document", result, form, seed)
+
+
 def check_task(text: str) -> Outcome:
     """The text of a result to the checker's verdict."""
     return _guarded("check_document", text)

@@ -1,0 +1,1 @@
+"""Verdicts as explicit identities over the rationals, for other provers."""

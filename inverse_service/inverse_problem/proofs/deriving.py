@@ -1,0 +1,169 @@
+"""The identities behind a verdict: det g = 0 from the algebraic conditions, or the Euler-Lagrange equations of L."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flint import fmpq_mpoly
+
+from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.explanation.elimination import Unknown, expanded_determinant
+from inverse_service.inverse_problem.explanation.hierarchy import SufficientSet
+from inverse_service.inverse_problem.explanation.negative import SolvedConditions, solve_conditions
+from inverse_service.inverse_problem.explanation.wording import equation_name
+from inverse_service.inverse_problem.proofs.identities import (
+    Divisor,
+    Fact,
+    Identity,
+    content,
+    divided,
+    identity,
+    primitive,
+)
+from inverse_service.mechanics.conditions import ExactMotion, exact_motion
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+
+@dataclass(frozen=True, slots=True)
+class Theorem:
+    """`steps` lead from relations and equations to the last one's `gives`, where no factor of theirs is zero.
+
+    `equations` are rows of the algebraic conditions, multiplied by their denominators, with what they are. Where there
+    are `summands`, the statement is that this sum of products of quotients is zero; its numerator over the product of
+    `denominators`, as polynomials and exponents, is what the last step gives.
+    """
+
+    name: str
+    ring: ExactRing
+    relations: tuple[Fact, ...]
+    equations: tuple[tuple[Fact, str], ...]
+    steps: tuple[Identity, ...]
+    summands: tuple[tuple[int, tuple[Quotient, ...]], ...] = ()
+    denominators: tuple[tuple[fmpq_mpoly, int], ...] = ()
+
+    @property
+    def nonzero(self) -> tuple[fmpq_mpoly, ...]:
+        """What must not vanish: the irreducible factors of all factors and denominators."""
+        divisors = [factor for step in self.steps for factor, _ in step.factor.factor()[1]]
+        return tuple({str(one): one for one in [*divisors, *(below for below, _ in self.denominators)]}.values())
+
+
+def determinant_vanishes(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Theorem:
+    """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognised."""
+    solved = solve_conditions(analysis, chosen, seed, budget)
+    return _Elimination(solved, budget).theorem()
+
+
+class _Elimination:
+    """The rows of solved conditions as polynomials, and the identities between them in the order of their proof."""
+
+    def __init__(self, solved: SolvedConditions, budget: Budget) -> None:
+        self.solved, self.ring, self.budget = solved, solved.exact.ring, budget
+        places = {tree: index for index, tree in self.ring.trees.items()}
+        self.places = {unknown: places[symbol] for unknown, symbol in solved.symbols.items()}
+        self.relations = _relations(self.ring)
+        self.steps = list[Identity]()
+
+    def theorem(self) -> Theorem:
+        equations, values = list[tuple[Fact, str]](), list[Divisor]()
+        for step in self.solved.result.solved:
+            row = sum_of(self.solved.exact.motion.zero, [c * self._entry(u) for u, c in step.original.items()])
+            fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
+            equations.append((fact, equation_name(step.name).text))
+            values.append(self._reduced(Divisor(fact, self.places[step.pivot]), values))
+        for k in reversed(range(len(values))):
+            values[k] = self._reduced(values[k], values[k + 1 :])
+        values.sort(key=lambda value: len(value.fact.polynomial))
+        self._close(values)
+        steps = tuple(self.steps)
+        return Theorem("det_g_is_zero", self.ring, _used(self.relations, steps), tuple(equations), steps)
+
+    def _entry(self, unknown: Unknown) -> Quotient:
+        return self.ring.atoms[self.solved.symbols[unknown]]
+
+    def _interleaved(self, values: Sequence[Divisor]) -> list[Divisor]:
+        """The values, each followed by the relations, so that nothing grows."""
+        return [divisor for value in values for divisor in (value, *self.relations)] or [*self.relations]
+
+    def _reduced(self, row: Divisor, values: Sequence[Divisor]) -> Divisor:
+        """What is left of the row with the values put in, without the content that its coefficients share."""
+        fact = row.fact
+        found = divided(fact.polynomial, self._interleaved(values), self.budget)
+        left = primitive(found.rest / content(found.rest, self.places.values()))
+        if left == fact.polynomial:
+            return row
+        factor = found.rest / left
+        given = Fact(f"val{len(self.steps) + 1}", left)
+        self.steps.append(identity(given, factor, [(found.multiplier, fact), *((-c, f) for c, f in found.terms)]))
+        return Divisor(given, row.index)
+
+    def _close(self, values: Sequence[Divisor]) -> None:
+        n, one = self.solved.exact.motion.size, self.ring.constant(1)
+        matrix = [[self._entry((min(i, j), max(i, j))) for j in range(n)] for i in range(n)]
+        goal = expanded_determinant(matrix, one - one, one).numerator
+        found = divided(goal, self._interleaved(values), self.budget)
+        if not found.rest.is_zero():
+            raise TooLarge("the determinant of what remains was not recognised as zero")
+        self.steps.append(identity(Fact("det_g", goal), found.multiplier, found.terms))
+
+
+def euler_lagrange_hold(system: SecondOrderSystem, lagrangian: Expression, budget: Budget) -> tuple[Theorem, ...]:
+    """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognised."""
+    exact = exact_motion(system, 2, budget, trees=[lagrangian])
+    value = exact.ring.value(lagrangian)
+    return tuple(_vanishing(exact, system.coordinates[i], _summands(exact, value, i)) for i in range(exact.motion.size))
+
+
+def _summands(exact: ExactMotion, value: Quotient, i: int) -> list[tuple[int, tuple[Quotient, ...]]]:
+    """L_(v_i t) + L_(v_i q_j) v^j + L_(v_i v_j) f^j - L_(q_i), zeros left out."""
+    ring, n = exact.ring, exact.motion.size
+    slopes = [ring.partial(k) for k in range(2 * n + 1)]
+    momentum, one = slopes[1 + n + i](value), ring.constant(1)
+    rates = [one, *(ring.atoms[ring.variables[1 + n + j]] for j in range(n)), *exact.motion.accelerations]
+    found = [(1, (slope(momentum), rate)) for slope, rate in zip(slopes, rates, strict=True)]
+    found.append((-1, (slopes[1 + i](value), one)))
+    return [(sign, factors) for sign, factors in found if not any(factor.is_zero for factor in factors)]
+
+
+def _vanishing(exact: ExactMotion, name: str, summands: list[tuple[int, tuple[Quotient, ...]]]) -> Theorem:
+    ring, relations = exact.ring, _relations(exact.ring)
+    tables = [{k: e for factor in factors for k, e in factor.exponents} for _, factors in summands]
+    for table, (_, factors) in zip(tables, summands, strict=True):
+        table.update({k: sum(dict(factor.exponents).get(k, 0) for factor in factors) for k in table})
+    common = {k: max(table.get(k, 0) for table in tables) for table in tables for k in table}
+    whole = ring.field.context.constant(0)
+    for table, (sign, factors) in zip(tables, summands, strict=True):
+        term = ring.field.context.constant(sign)
+        for factor in factors:
+            term = term * factor.numerator
+        for k, most in common.items():
+            term = term * ring.field.denominators[k] ** (most - table.get(k, 0))
+        ring.field.budget.charge(len(term))
+        whole = whole + term
+    found = divided(whole, relations, ring.field.budget)
+    if not found.rest.is_zero():
+        raise TooLarge("an Euler-Lagrange expression was not recognised as zero")
+    step = identity(Fact("residual", whole), found.multiplier, found.terms)
+    below = tuple((ring.field.denominators[k], most) for k, most in common.items())
+    used = _used(relations, [step])
+    return Theorem(f"euler_lagrange_{name}", ring, used, (), (step,), tuple(summands), below)
+
+
+def _relations(ring: ExactRing) -> list[Divisor]:
+    """What the generators fulfil by definition, sin^2 + cos^2 = 1 and w^k = u, the greatest generator first."""
+    gen = ring.field.context.gen
+    listed = [ring.field.relations[index] for index in sorted(ring.field.relations)]
+    return [
+        Divisor(Fact(f"rel{k}", primitive(gen(one.generator) ** one.degree - one.right)), one.generator)
+        for k, one in enumerate(listed, 1)
+    ]
+
+
+def _used(relations: Sequence[Divisor], steps: Sequence[Identity]) -> tuple[Fact, ...]:
+    names = {fact.name for step in steps for _, fact in step.terms}
+    return tuple(relation.fact for relation in relations if relation.fact.name in names)

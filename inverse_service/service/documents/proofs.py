@@ -1,0 +1,79 @@
+"""The verdict of a result as theorems for another prover, or a sentence that says why none is written."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
+from inverse_service.inverse_problem.explanation.negative import LARGEST_N
+from inverse_service.inverse_problem.proofs.deriving import Theorem, determinant_vanishes, euler_lagrange_hold
+from inverse_service.inverse_problem.proofs.writing import coq, identities, lean
+from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+TERM_LIMIT = 20_000
+TIME_LIMIT = 10.0
+COMMENTS = {"coq": "(* {} *)\n", "lean": "-- {}\n"}
+WRITERS = {"coq": coq, "lean": lean}
+
+
+class NoTheorem(Exception):
+    """The verdict has no proof of this kind; its text says why."""
+
+
+def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
+    """A file for "coq" or "lean", or the "identities" as JSON; where there are none, the reason in their place."""
+    theorems, reason = _theorems(result, seed)
+    if form == "identities":
+        return json.dumps({"theorems": identities(theorems), "reason": reason}, ensure_ascii=False, indent=2) + "\n"
+    return WRITERS[form](theorems) if theorems else COMMENTS[form].format(reason)
+
+
+def _theorems(result: dict[str, Any], seed: int) -> tuple[Sequence[Theorem], str]:
+    try:
+        return _of_certificate(_certificate(result), seed), ""
+    except (NoTheorem, TooLarge, IrreducibleAtoms, ZeroDivisionError) as problem:
+        return (), f"No proof by identities is written: {str(problem).rstrip('.')}."
+
+
+def _certificate(result: dict[str, Any]) -> dict[str, Any]:
+    found = result.get("certificate") or (result.get("with_time") or {}).get("certificate")
+    if not isinstance(found, dict):
+        raise NoTheorem("the answer has no certificate")
+    if "velocities" in found["system"]:
+        raise NoTheorem("the claim is about the motion on constraints, not about one system of equations")
+    return found
+
+
+def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]:
+    given = certificate["system"]
+    functions = {name: tuple(arguments) for name, arguments in (given.get("functions") or {}).items()}
+    system = read_system(given["coordinates"], given["equations"], given.get("parameters") or (), functions)
+    budget = Budget(TERM_LIMIT, time.monotonic() + TIME_LIMIT)
+    if certificate["kind"] == "nonexistence":
+        return [_negative(system, seed, budget)]
+    if certificate["kind"] == "existence":
+        raise NoTheorem("no Lagrangian in closed form was found, its existence rests on involution")
+    if certificate.get("integrals"):
+        raise NoTheorem("the Lagrangian holds integrals")
+    names = Names(system.coordinates, system.parameters, functions)
+    lagrangian = read_formula(certificate["lagrangian"], names)
+    return euler_lagrange_hold(analyse(system).system, lagrangian, budget)
+
+
+def _negative(system: SecondOrderSystem, seed: int, budget: Budget) -> Theorem:
+    analysis = analyse(system)
+    chosen = smallest_sufficient_set(analysis, seed)
+    if chosen is None:
+        raise NoTheorem("the argument differentiates the conditions, it does not consist of algebraic steps alone")
+    if len(system.coordinates) > LARGEST_N:
+        raise NoTheorem(f"there are more than {LARGEST_N} coordinates")
+    return determinant_vanishes(analysis, chosen, seed, budget)

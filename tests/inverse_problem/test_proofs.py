@@ -1,0 +1,136 @@
+"""Verdicts as identities: exact over the rationals, and Coq compiles what is written of them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sympy
+
+import inverse_service
+from inverse_service import catalogue
+from inverse_service.service.documents.proofs import proof_document
+
+COQC = shutil.which("coqc")
+needs_coq = pytest.mark.skipif(COQC is None, reason="coqc is not installed")
+QUICK = ["vertically-rolling-disk-first", "knife-edge-first", "vertically-rolling-disk-third"]
+NEGATIVE = ["vertically-rolling-disk-first", "knife-edge-first", "generic-class-one-first", "extension"]
+
+
+def solved(document: dict[str, Any]) -> dict[str, Any]:
+    return inverse_service.solve(document).to_dict()
+
+
+def compiled(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    assert COQC is not None
+    (folder / "verdict.v").write_text(text, encoding="utf-8")
+    return subprocess.run([COQC, "verdict.v"], cwd=folder, capture_output=True, text=True, check=False)
+
+
+def theorems(result: dict[str, Any]) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads(proof_document(result, "identities", 1))["theorems"]
+    return found
+
+
+@needs_coq
+@pytest.mark.parametrize("name", QUICK)
+def test_coq_accepts_the_proof(name: str, tmp_path: Path) -> None:
+    text = proof_document(solved(catalogue.document(name)), "coq", 1)
+    assert "Theorem " in text
+    assert "Admitted" not in text
+    ended = compiled(text, tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+@needs_coq
+def test_coq_refuses_a_proof_with_a_false_row(tmp_path: Path) -> None:
+    text = proof_document(solved(catalogue.document("knife-edge-first")), "coq", 1)
+    spoilt = text.replace("(eq2 : 3*u3^3", "(eq2 : 5*u3^3")
+    assert spoilt != text
+    assert compiled(spoilt, tmp_path).returncode != 0
+
+
+@needs_coq
+def test_names_of_coq_may_be_names_of_a_system(tmp_path: Path) -> None:
+    document = {"equations": {"forall": "-R*eq1", "eq1": "-nz1*forall - u1"}, "parameters": ["R", "nz1", "u1"]}
+    text = proof_document(solved(document), "coq", 1)
+    assert "(* R_ is R *)" in text
+    assert compiled(text, tmp_path).returncode == 0
+
+
+@pytest.mark.nightly
+@needs_coq
+@pytest.mark.parametrize("name", catalogue.names())
+def test_coq_accepts_the_proofs_of_the_catalogue(name: str, tmp_path: Path) -> None:
+    text = proof_document(solved(catalogue.document(name)), "coq", 1)
+    ended = compiled(text, tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "Theorem " in text or text.startswith("(* No proof by identities is written: ")
+
+
+@pytest.mark.parametrize("name", NEGATIVE)
+def test_the_identities_hold_over_the_rationals(name: str) -> None:
+    """Each step expanded by SymPy; together they give the determinant, and divide by named factors only."""
+    (theorem,) = theorems(solved(catalogue.document(name)))
+    known = {key: sympy.sympify(text) for key, text in (theorem["relations"] | theorem["equations"]).items()}
+    named = {sympy.expand(sympy.sympify(text)) for text in theorem["nonzero"]}
+    for step in theorem["steps"]:
+        gives, factor = sympy.sympify(step["gives"]), sympy.sympify(step["factor"])
+        combined = sum(sympy.sympify(text) * known[key] for key, text in step["cofactors"].items())
+        assert sympy.expand(factor * gives - combined) == 0
+        parts = {sympy.expand(part) for part, _ in sympy.factor_list(factor)[1]}
+        assert all(part in named or sympy.expand(-part) in named for part in parts)
+        known[step["name"]] = gives
+    size = len(catalogue.document(name)["coordinates"])
+    entry = lambda i, j: sympy.Symbol(f"g_{min(i, j) + 1}{max(i, j) + 1}")  # noqa: E731
+    assert sympy.expand(known["det_g"] - sympy.Matrix(size, size, entry).det(method="berkowitz")) == 0
+
+
+def test_the_rows_are_those_of_the_conditions() -> None:
+    """The knife edge: (Phi)_23 is g_2j Phi^j_3 - g_3j Phi^j_2 with the Phi of the result, up to a factor."""
+    result = solved(catalogue.document("knife-edge-first"))
+    (theorem,) = theorems(result)
+    u = {letter: sympy.Symbol(letter) for letter in theorem["meanings"]}
+    meanings = {"tan(phi)": "u3", "phi'": "v_phi", "x'": "v_x"}
+    assert {text: letter for letter, text in theorem["meanings"].items()} == meanings
+    g = sympy.Matrix(3, 3, lambda i, j: sympy.Symbol(f"g_{min(i, j) + 1}{max(i, j) + 1}"))
+    phi = sympy.Matrix(
+        3,
+        3,
+        lambda i, j: sympy.sympify(result["conditions"]["Phi"][i][j].replace("phi'", "v_phi").replace("x'", "v_x")),
+    ).subs(sympy.tan(sympy.Symbol("phi")), u["u3"])
+    row = (g * phi)[1, 2] - (g * phi)[2, 1]
+    assert sympy.simplify(row / sympy.sympify(theorem["equations"]["eq1"])).is_number
+
+
+def test_a_lagrangian_is_a_theorem_for_each_coordinate() -> None:
+    result = solved({"equations": {"x": "-x/(x^2 + y^2)^(3/2)", "y": "-y/(x^2 + y^2)^(3/2)"}})
+    assert [theorem["theorem"] for theorem in theorems(result)] == ["euler_lagrange_x", "euler_lagrange_y"]
+
+
+@pytest.mark.parametrize(
+    ("equations", "reason"),
+    [
+        ({"x": "x'^2*y'", "y": "y'^2*x' + x"}, ""),
+        ({"x": "-atan(2)*x + atan(x)"}, "the answer has no certificate"),
+        ({"x": "-log(x + 3000)"}, "the Lagrangian holds integrals"),
+    ],
+)
+def test_where_no_proof_is_written_a_sentence_says_why(equations: dict[str, str], reason: str) -> None:
+    result = solved({"equations": equations})
+    text = proof_document(result, "coq", 1)
+    assert ("Theorem " in text) != text.startswith("(* No proof by identities is written: ")
+    assert reason in text
+
+
+def test_lean_gets_the_same_steps() -> None:
+    result = solved(catalogue.document("vertically-rolling-disk-first"))
+    text = proof_document(result, "lean", 1)
+    (theorem,) = theorems(result)
+    assert text.startswith("import Mathlib\n")
+    assert text.count("linear_combination") == len(theorem["steps"])
+    assert "sorry" not in text
