@@ -18,6 +18,7 @@ from inverse_service.service.documents.proofs import proof_document
 COQC = shutil.which("coqc")
 needs_coq = pytest.mark.skipif(COQC is None, reason="coqc is not installed")
 QUICK = ["vertically-rolling-disk-first", "knife-edge-first", "vertically-rolling-disk-third"]
+LETTERED = ["generic-class-two-first", "generic-class-with-potential-first"]
 NEGATIVE = ["vertically-rolling-disk-first", "knife-edge-first", "generic-class-one-first", "extension"]
 
 
@@ -72,7 +73,13 @@ def test_coq_accepts_the_proofs_of_the_catalogue(name: str, tmp_path: Path) -> N
     assert "Theorem " in text or text.startswith("(* No proof by identities is written: ")
 
 
-@pytest.mark.parametrize("name", NEGATIVE)
+@pytest.mark.parametrize("name", LETTERED)
+def test_long_factors_are_letters_with_their_meaning(name: str) -> None:
+    (theorem,) = theorems(solved(catalogue.document(name)))
+    assert any(text.count(" + ") + text.count(" - ") >= 4 for text in theorem["meanings"].values())
+
+
+@pytest.mark.parametrize("name", [*NEGATIVE, *LETTERED])
 def test_the_identities_hold_over_the_rationals(name: str) -> None:
     """Each step expanded by SymPy; together they give the determinant, and divide by named factors only."""
     (theorem,) = theorems(solved(catalogue.document(name)))

@@ -28,6 +28,7 @@ from inverse_service.inverse_problem.explanation.elimination import (
 from inverse_service.inverse_problem.explanation.hierarchy import (
     ConditionName,
     EquationName,
+    PointwiseConditions,
     SufficientSet,
     equation_terms,
     hierarchy,
@@ -124,10 +125,21 @@ class SolvedConditions:
     steps: tuple[Step, ...]
 
 
-def solve_conditions(
+@dataclass(frozen=True, slots=True)
+class ExactRows:
+    """The chosen equations with ring elements as coefficients, their tensors, and their values at a point."""
+
+    exact: ExactMotion
+    symbols: Mapping[Unknown, Symbol]
+    tensors: Tensors
+    equations: Mapping[EquationName, Linear]
+    table: PointwiseConditions
+
+
+def exact_rows(
     analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget, further_orders: int = 0
-) -> SolvedConditions:
-    """Eliminate exactly; the ring allows `further_orders` derivations of the result.
+) -> ExactRows:
+    """The rows of a set of conditions; the ring allows `further_orders` derivations of them.
 
     Raises TooLarge where the budget ends.
     """
@@ -136,10 +148,19 @@ def solve_conditions(
     exact = exact_motion(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
     table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
     tensors = hierarchy(exact.motion, depth)
-    result = eliminate(_exact_equations(exact, tensors, chosen.equations), table)
-    steps = tensor_steps(exact.ring, [(condition, tensors[condition]) for condition in chosen.conditions])
-    steps += [_solved_step(exact.ring, symbols, step) for step in result.solved]
-    return SolvedConditions(exact, symbols, result, tuple(steps))
+    return ExactRows(exact, symbols, tensors, _exact_equations(exact, tensors, chosen.equations), table)
+
+
+def solve_conditions(
+    analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget, further_orders: int = 0
+) -> SolvedConditions:
+    """Eliminate exactly; see `exact_rows`."""
+    rows = exact_rows(analysis, chosen, seed, budget, further_orders)
+    result = eliminate(rows.equations, rows.table)
+    ring = rows.exact.ring
+    steps = tensor_steps(ring, [(condition, rows.tensors[condition]) for condition in chosen.conditions])
+    steps += [_solved_step(ring, rows.symbols, step) for step in result.solved]
+    return SolvedConditions(rows.exact, rows.symbols, result, tuple(steps))
 
 
 def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: Budget) -> Explanation:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from flint import fmpq_mpoly
@@ -10,11 +10,11 @@ from flint import fmpq_mpoly
 from inverse_service.algebra.exact_derivations import sum_of
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.explanation.elimination import Unknown, expanded_determinant
-from inverse_service.inverse_problem.explanation.hierarchy import SufficientSet
-from inverse_service.inverse_problem.explanation.negative import SolvedConditions, solve_conditions
+from inverse_service.inverse_problem.explanation.elimination import Linear, Unknown, eliminate, expanded_determinant
+from inverse_service.inverse_problem.explanation.hierarchy import EquationName, PointwiseConditions, SufficientSet
+from inverse_service.inverse_problem.explanation.negative import exact_rows
 from inverse_service.inverse_problem.explanation.wording import equation_name
 from inverse_service.inverse_problem.proofs.identities import (
     Divisor,
@@ -25,17 +25,21 @@ from inverse_service.inverse_problem.proofs.identities import (
     identity,
     primitive,
 )
+from inverse_service.inverse_problem.proofs.lettering import lettered
 from inverse_service.mechanics.conditions import ExactMotion, exact_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+# Longer polynomials than this make proofs that take minutes; with letters they are short.
+TERMS_WITHOUT_LETTERS = 2_000
 
 
 @dataclass(frozen=True, slots=True)
 class Theorem:
     """`steps` lead from relations and equations to the last one's `gives`, where no factor of theirs is zero.
 
-    `equations` are rows of the algebraic conditions, multiplied by their denominators, with what they are. Where there
-    are `summands`, the statement is that this sum of products of quotients is zero; its numerator over the product of
-    `denominators`, as polynomials and exponents, is what the last step gives.
+    `equations` are rows of the algebraic conditions, without denominators and common factors, with what they are.
+    Where there are `summands`, the statement is that this sum of products of quotients is zero; its numerator over the
+    product of `denominators`, as polynomials and exponents, is what the last step gives.
     """
 
     name: str
@@ -54,25 +58,42 @@ class Theorem:
 
 
 def determinant_vanishes(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Theorem:
-    """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognised."""
-    solved = solve_conditions(analysis, chosen, seed, budget)
-    return _Elimination(solved, budget).theorem()
+    """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognised.
+
+    Where the formulas are long, their long factors become letters.
+    """
+    rows = exact_rows(analysis, chosen, seed, budget)
+    try:
+        short = Budget(TERMS_WITHOUT_LETTERS, budget.deadline)
+        rows.exact.ring.field.budget = short
+        return _Elimination(rows.exact.ring, rows.symbols, rows.equations, rows.table, short).theorem()
+    except TooLarge:
+        ring, equations = lettered(rows.exact.ring, rows.symbols, rows.equations, budget)
+        return _Elimination(ring, rows.symbols, equations, rows.table, budget).theorem()
 
 
 class _Elimination:
-    """The rows of solved conditions as polynomials, and the identities between them in the order of their proof."""
+    """Rows as polynomials, and the identities between them in the order of their proof."""
 
-    def __init__(self, solved: SolvedConditions, budget: Budget) -> None:
-        self.solved, self.ring, self.budget = solved, solved.exact.ring, budget
-        places = {tree: index for index, tree in self.ring.trees.items()}
-        self.places = {unknown: places[symbol] for unknown, symbol in solved.symbols.items()}
-        self.relations = _relations(self.ring)
+    def __init__(
+        self,
+        ring: ExactRing,
+        symbols: Mapping[Unknown, Symbol],
+        equations: Mapping[EquationName, Linear],
+        table: PointwiseConditions,
+        budget: Budget,
+    ) -> None:
+        self.ring, self.symbols, self.size, self.budget = ring, symbols, table.size, budget
+        self.solved = eliminate(equations, table).solved
+        places = {tree: index for index, tree in ring.trees.items()}
+        self.places = {unknown: places[symbol] for unknown, symbol in symbols.items()}
+        self.relations = _relations(ring)
         self.steps = list[Identity]()
 
     def theorem(self) -> Theorem:
         equations, values = list[tuple[Fact, str]](), list[Divisor]()
-        for step in self.solved.result.solved:
-            row = sum_of(self.solved.exact.motion.zero, [c * self._entry(u) for u, c in step.original.items()])
+        for step in self.solved:
+            row = sum_of(self.ring.constant(0), [c * self._entry(u) for u, c in step.original.items()])
             fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
             equations.append((fact, equation_name(step.name).text))
             values.append(self._reduced(Divisor(fact, self.places[step.pivot]), values))
@@ -84,7 +105,7 @@ class _Elimination:
         return Theorem("det_g_is_zero", self.ring, _used(self.relations, steps), tuple(equations), steps)
 
     def _entry(self, unknown: Unknown) -> Quotient:
-        return self.ring.atoms[self.solved.symbols[unknown]]
+        return self.ring.atoms[self.symbols[unknown]]
 
     def _interleaved(self, values: Sequence[Divisor]) -> list[Divisor]:
         """The values, each followed by the relations, so that nothing grows."""
@@ -103,7 +124,7 @@ class _Elimination:
         return Divisor(given, row.index)
 
     def _close(self, values: Sequence[Divisor]) -> None:
-        n, one = self.solved.exact.motion.size, self.ring.constant(1)
+        n, one = self.size, self.ring.constant(1)
         matrix = [[self._entry((min(i, j), max(i, j))) for j in range(n)] for i in range(n)]
         goal = expanded_determinant(matrix, one - one, one).numerator
         found = divided(goal, self._interleaved(values), self.budget)

@@ -142,7 +142,9 @@ def _hypotheses(theorem: Theorem, letters: Letters, unequal: str) -> Iterator[st
 
 def _comments(theorem: Theorem, letters: Letters) -> list[str]:
     means = [f"{name} is {text}" for name, text in letters.meanings.items()]
-    return means + [f"{fact.name} is {text}, with denominators multiplied out" for fact, text in theorem.equations]
+    return means + [
+        f"{fact.name} is {text}, without denominators and common factors" for fact, text in theorem.equations
+    ]
 
 
 def coq(theorems: Sequence[Theorem]) -> str:
