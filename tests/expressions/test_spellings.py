@@ -1,0 +1,44 @@
+"""Two hundred spellings of one formula: every way to write a velocity with every way to write a sine and a product."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.reader import read_formula
+
+NAMES = Names(("x",), ("k",))
+VELOCITIES = [
+    "x'", "x'(t)", "x_dot", "xdot", "diff(x, t)", "diff(x(t), t)", "Derivative(x(t), t)", "x.diff(t)", "x(t).diff(t)",
+    "der(x)", "dx/dt", "d/dt(x)", "D(x)(t)", "'diff(x, t)", "\u1e8b", "x\u0307", "x\u2032", "diff(x(t), (t, 1))",
+]  # fmt: skip
+SINES = ["sin(x)", "sin(x(t))", "sin x", "sp.sin(x)", "np.sin(x)", "sin (x)"]
+PRODUCTS = [("", " ", " "), ("", "*", "*"), ("", "\u00b7", "\u00d7")]
+LATEX_VELOCITIES = [
+    r"\dot x", r"\dot{x}", r"x'", r"x^{\prime}", r"\frac{dx}{dt}", r"\frac{d x}{d t}",
+    r"\frac{\mathrm{d}x}{\mathrm{d}t}", r"\frac{d}{d t} x{\left(t \right)}", r"\dot{x}(t)",
+]  # fmt: skip
+LATEX_SINES = [r"\sin(x)", r"\sin x", r"\sin{\left(x \right)}", r"\sin\left(x\right)", r"\operatorname{sin}(x)"]
+LATEX_PRODUCTS = [" ", r" \cdot ", r" \, ", r" \times "]
+
+
+@pytest.mark.parametrize(("velocity", "sine", "product"), list(itertools.product(VELOCITIES, SINES, PRODUCTS)))
+def test_a_spelling_in_plain_text_is_read(velocity: str, sine: str, product: tuple[str, str, str]) -> None:
+    _, first, second = product
+    if first == " " and velocity[:1] == "'":
+        pytest.skip("k 'diff( ... ) is k' to a reader")
+    text = f"-k{first}{sine}{second}{velocity}"
+    quotient = "/" in velocity
+    if sine == "sin x" and (second == " " or quotient):
+        text = f"-k{first}({sine}){second}{velocity}"
+    assert to_text(read_formula(text, NAMES)) == "-k*sin(x)*x'"
+
+
+@pytest.mark.parametrize(
+    ("velocity", "sine", "product"), list(itertools.product(LATEX_VELOCITIES, LATEX_SINES, LATEX_PRODUCTS))
+)
+def test_a_spelling_in_latex_is_read(velocity: str, sine: str, product: str) -> None:
+    assert to_text(read_formula(f"-k{product}{velocity}{product}{sine}", NAMES)) == "-k*x'*sin(x)"
