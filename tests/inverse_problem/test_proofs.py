@@ -18,7 +18,7 @@ from inverse_service.service.documents.proofs import proof_document
 COQC = shutil.which("coqc")
 needs_coq = pytest.mark.skipif(COQC is None, reason="coqc is not installed")
 QUICK = ["vertically-rolling-disk-first", "knife-edge-first", "vertically-rolling-disk-third"]
-LETTERED = ["generic-class-two-first", "generic-class-with-potential-first"]
+LETTERED = ["generic-class-three-first", "generic-class-with-potential-first"]
 NEGATIVE = ["vertically-rolling-disk-first", "knife-edge-first", "generic-class-one-first", "extension"]
 
 

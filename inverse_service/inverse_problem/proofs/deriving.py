@@ -20,15 +20,19 @@ from inverse_service.inverse_problem.proofs.identities import (
     Divisor,
     Fact,
     Identity,
+    Remainder,
+    coefficient,
     content,
     divided,
     identity,
     primitive,
 )
+from inverse_service.inverse_problem.proofs.kernels import null_vector
 from inverse_service.inverse_problem.proofs.lettering import lettered
 from inverse_service.mechanics.conditions import ExactMotion, exact_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
+Combination = tuple[fmpq_mpoly, Sequence[tuple[fmpq_mpoly, Fact]]]
 # Longer polynomials than this make proofs that take minutes; with letters they are short.
 TERMS_WITHOUT_LETTERS = 2_000
 
@@ -84,7 +88,7 @@ class _Elimination:
         budget: Budget,
     ) -> None:
         self.ring, self.symbols, self.size, self.budget = ring, symbols, table.size, budget
-        self.solved = eliminate(equations, table).solved
+        self.result = eliminate(equations, table)
         places = {tree: index for index, tree in ring.trees.items()}
         self.places = {unknown: places[symbol] for unknown, symbol in symbols.items()}
         self.relations = _relations(ring)
@@ -92,7 +96,7 @@ class _Elimination:
 
     def theorem(self) -> Theorem:
         equations, values = list[tuple[Fact, str]](), list[Divisor]()
-        for step in self.solved:
+        for step in self.result.solved:
             row = sum_of(self.ring.constant(0), [c * self._entry(u) for u, c in step.original.items()])
             fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
             equations.append((fact, equation_name(step.name).text))
@@ -124,13 +128,42 @@ class _Elimination:
         return Divisor(given, row.index)
 
     def _close(self, values: Sequence[Divisor]) -> None:
-        n, one = self.size, self.ring.constant(1)
-        matrix = [[self._entry((min(i, j), max(i, j))) for j in range(n)] for i in range(n)]
-        goal = expanded_determinant(matrix, one - one, one).numerator
-        found = divided(goal, self._interleaved(values), self.budget)
+        vector = null_vector(self.result, self.size, self.ring.constant(1))
+        terms = None if vector is None else self._by_kernel(vector, values)
+        goal = self._minor(range(self.size), range(self.size))
+        if terms is None:
+            found = self._emptied(goal, values)
+            terms = found.multiplier, found.terms
+        self.steps.append(identity(Fact("det_g", goal), *terms))
+
+    def _by_kernel(self, vector: Sequence[Quotient], values: Sequence[Divisor]) -> Combination:
+        """g k = 0, and k_m det g = sum over j of the cofactor (j, m) times (g k)_j."""
+        span, places = range(self.size), [self.places[0, j] for j in range(self.size)]
+        row = sum_of(self.ring.constant(0), [k * self._entry((0, j)) for j, k in enumerate(vector)]).numerator
+        k = [coefficient(row, place, 1) for place in places]
+        m = min((j for j in span if not k[j].is_zero()), key=lambda j: len(k[j]))
+        terms = []
+        for j in span:
+            entries = [self._entry((min(i, j), max(i, j))).numerator for i in span]
+            image = sum((k[i] * entries[i] for i in span), row * 0)
+            found = self._emptied(image, values)
+            fact = Fact(f"ker{j + 1}", image)
+            self.steps.append(identity(fact, found.multiplier, found.terms))
+            cofactor = self._minor([i for i in span if i != j], [i for i in span if i != m])
+            terms.append((-cofactor if (j + m) % 2 else cofactor, fact))
+        return k[m], terms
+
+    def _minor(self, rows: Sequence[int], columns: Sequence[int]) -> fmpq_mpoly:
+        matrix = [[self._entry((min(i, j), max(i, j))) for j in columns] for i in rows]
+        one = self.ring.constant(1)
+        return expanded_determinant(matrix, one - one, one).numerator
+
+    def _emptied(self, polynomial: fmpq_mpoly, values: Sequence[Divisor]) -> Remainder:
+        """The polynomial as a combination of values and relations; TooLarge where something is left."""
+        found = divided(polynomial, self._interleaved(values), self.budget)
         if not found.rest.is_zero():
             raise TooLarge("the determinant of what remains was not recognised as zero")
-        self.steps.append(identity(Fact("det_g", goal), found.multiplier, found.terms))
+        return found
 
 
 def euler_lagrange_hold(system: SecondOrderSystem, lagrangian: Expression, budget: Budget) -> tuple[Theorem, ...]:

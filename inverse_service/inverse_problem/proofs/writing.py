@@ -35,7 +35,7 @@ LEAN_HEAD = f"import Mathlib\n\n/- {HEAD} -/\n"
 REAL = "\N{DOUBLE-STRUCK CAPITAL R}"  # the type of the reals in Lean
 # Words that name no variable in Coq or Lean, and the names that proofs use themselves.
 _TAKEN = re.compile(
-    r"(eq|rel|nz|val)\d+|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|do|else|end|exists|fix|for|"
+    r"(eq|rel|nz|val|ker)\d+|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|do|else|end|exists|fix|for|"
     r"forall|from|fun|have|if|in|let|match|mod|open|return|show|then|theorem|Type|Prop|Set|SProp|using|where|with|"
     r"axiom|def|example|instance|lemma|local|macro|namespace|private|section|structure|variable|universe|class|"
     r"cofix|import|export|inductive|syntax|infix|notation|prefix|deriving|mutual|calc|suffices|nomatch|try|catch|"
