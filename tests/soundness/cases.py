@@ -18,6 +18,7 @@ from inverse_service.mechanics.reading import read_system
 from tests.generator import disguised, random_right_side, random_system
 from tests.generator.systems import GeneratedSystem
 from tests.soundness.corruption import corruptions, found_valid, spoilt_lagrangians
+from tests.soundness.forgery import forgeries
 from tests.soundness.rewriting import rewritten
 
 DECISION_LIMIT = 60.0
@@ -173,6 +174,7 @@ def corruption(outcome: Outcome, seed: int, index: int) -> None:
         corruptions(positive, negative, rng),
         corruptions(negative, positive, rng),
         spoilt_lagrangians(positive, yes, rng),
+        forgeries(positive, negative, yes, rng),
     ):
         counts, wrong = found_valid(spoilt)
         for verdict, count in counts.items():

@@ -36,7 +36,7 @@ def markdown(lines: Sequence[Line], counts: Mapping[str, int], seed: int, comman
         "\n".join(f"- **{kind}**: {MEANING[kind]}." for kind in _kinds(lines)),
         "Certificates of generated and disguised systems are checked for "
         + ", ".join(f"n = {n}: one in {share}" for n, share in CHECKED_SHARE.items())
-        + ". `incomplete` is the checker's time limit, or a number too close to zero to judge; "
+        + ". `incomplete` is the checker's time limit, or what neither rule of the checker settles; "
         "it never counts as confirmed.",
         "## By number of coordinates",
         _sizes_table(lines),
@@ -124,7 +124,8 @@ def _corrupted(lines: Sequence[Line]) -> str:
     return (
         f"{total} certificates: {invalid} invalid, {incomplete} incomplete, {valid} valid (each of these would be a "
         "fault of the checker). Spoilt are the claim, the system, the rows, dimensions, characters, the series, "
-        "the Lagrangian and its coefficients, each so that what is claimed is false by construction."
+        "the Lagrangian and its coefficients, each so that what is claimed is false by construction; forged are claims "
+        "with terms that only look like zero, or do not look like it, at points far away, and with integrals."
     )
 
 
