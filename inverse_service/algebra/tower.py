@@ -126,6 +126,20 @@ def _meet(
     return point
 
 
+def moved_point(tower: Tower, place: Point, moving: Sequence[Variable], number: int) -> Point:
+    """A point at which all but the moving variables, and the atoms that hold these, are as at `place`.
+
+    IrreducibleAtoms when no point is found.
+    """
+    for salt in range(_DRAWS // 64):
+        salts = {**place.salts, **dict.fromkeys(moving, 1 + number * _DRAWS + salt)}
+        point = _replayed(tower, place.prime, place.seed, salts)
+        wanted = [*((w, 1) for w in tower.radicands), *tower.signs]
+        if point is not None and all(_holds(p, sign, point) for p, sign in wanted):
+            return point
+    raise IrreducibleAtoms("no other point was found at which all roots exist together")
+
+
 def _replayed(tower: Tower, prime: int, seed: int, salts: Mapping[Variable, int]) -> Point | None:
     """The point with all atoms valued, or None where one has no value."""
     point = Point(prime, seed, tower.real_signs, dict(salts))

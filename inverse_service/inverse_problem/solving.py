@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -41,6 +42,7 @@ from inverse_service.inverse_problem.search.divergence import is_free_of_diverge
 from inverse_service.inverse_problem.search.found import SearchOutcome
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.long_numbers import with_letters
+from inverse_service.inverse_problem.search.members import reading_class
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.branches import MOST_BRANCHES, MOST_COUNTED, branches_of, on_branch
@@ -53,6 +55,10 @@ _SEARCH_SHARE = 0.5
 AS_GIVEN = "the equations as given"
 # Nodes of f up to which the space of all multipliers is computed even where L is known already.
 _SHORT = 2_000
+# Rational functions of the velocities, and what is harder to read (`reading_class`).
+_RATIONAL = 2
+# The cost up to which something nicer is searched for where a complete answer is known.
+_QUICK = 1.9
 
 
 @dataclass(slots=True)
@@ -151,7 +157,8 @@ def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
     if wanted is False and not depends:
         return autonomous, None
     if autonomous is not None and autonomous.verdict == "variational":
-        with_time = autonomous if _is_complete(autonomous) else _with_time_instead(work, autonomous)
+        plain = _is_complete(autonomous) and reading_class(_expression(autonomous)) < _RATIONAL
+        with_time = autonomous if plain else _with_time_instead(work, autonomous)
         same = _without_time(work, with_time) if with_time is not autonomous else None
         return (same, same) if same is not None else (autonomous, with_time)
     return autonomous, _answer(work, with_time=True)
@@ -210,15 +217,23 @@ def _is_complete(answer: Answer) -> bool:
 
 
 def _with_time_instead(work: _Work, autonomous: Answer) -> Answer:
-    """Where L(q, v) was not found or has no closed H: an L(t, q, v) that is better, if there is one."""
+    """Where L(q, v) was not found, has no closed H or is hard to read: a better L(t, q, v), if there is one."""
     if autonomous.lagrangian is not None and is_free_of_divergence(work.analysis, work.options.seed):
         return autonomous  # no factor e^(ct) is asked for, so the search would go the same way
     decision = _decide(work, with_time=True)
     if decision.verdict != "variational":
         return autonomous
-    answer = _by_lagrangian(work, decision)
-    better = answer is not None and (autonomous.lagrangian is None or _is_complete(answer))
-    return answer if answer is not None and better else autonomous
+    complete = _is_complete(autonomous)
+    answer = _by_lagrangian(work, decision, _QUICK if complete else math.inf)
+    if answer is None or (autonomous.lagrangian is not None and not _is_complete(answer)):
+        return autonomous
+    nicer = not complete or reading_class(_expression(answer)) < reading_class(_expression(autonomous))
+    return answer if nicer else autonomous
+
+
+def _expression(answer: Answer) -> Expression:
+    assert answer.lagrangian is not None
+    return answer.lagrangian.expression
 
 
 def _without_time(work: _Work, answer: Answer) -> Answer | None:
@@ -281,9 +296,9 @@ def _by_existence(work: _Work, decision: Decision) -> Answer:
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps)
 
 
-def _by_lagrangian(work: _Work, decision: Decision) -> Answer | None:
-    """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found."""
-    work.outcome = _searched(work, decision)
+def _by_lagrangian(work: _Work, decision: Decision, highest: float = math.inf) -> Answer | None:
+    """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found up to that cost."""
+    work.outcome = _searched(work, decision, highest)
     if work.outcome.found is None:
         return None
     first, *others = work.outcome.found.lagrangians
@@ -297,7 +312,7 @@ def _proposed(work: _Work, decision: Decision, tree: Expression) -> Answer:
     return of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
 
 
-def _searched(work: _Work, decision: Decision) -> SearchOutcome:
+def _searched(work: _Work, decision: Decision, highest: float) -> SearchOutcome:
     """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
     began, checked = time.monotonic(), work.seconds.get("check", 0.0)
 
@@ -310,6 +325,7 @@ def _searched(work: _Work, decision: Decision) -> SearchOutcome:
             work.progress,
             work.options.ansatz,
             lambda tree: _is_confirmed(work, put_back(tree), decision.with_time),
+            highest,
         )
 
     lettered = with_letters(work.analysis)

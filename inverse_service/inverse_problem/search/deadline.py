@@ -12,8 +12,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
-from inverse_service.errors import IrreducibleAtoms
-
 
 @dataclass(slots=True)
 class _Work:
@@ -26,10 +24,8 @@ _ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
 _AMOUNTS: ContextVar[tuple[_Work, ...]] = ContextVar("amounts", default=())
 
 
-class OutOfTime(IrreducibleAtoms):
-    """The time or the work for the search is used up; an ansatz then counts as one that found nothing."""
-
-    code = "out-of-time"
+class OutOfTime(Exception):
+    """The time or the work for the search is used up; caught where that amount was set, and nowhere between."""
 
 
 @contextmanager

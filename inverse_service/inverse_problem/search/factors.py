@@ -33,10 +33,10 @@ class Factors:
     in_time: tuple[Monomial, ...]
     plain: tuple[Monomial, ...]
 
-    def of_degree(self, i: int, degree: int) -> list[Monomial]:
+    def of_degree(self, i: int, degree: Fraction) -> list[Monomial]:
         """Candidates phi with g_ii = phi v_i^degree, from all c_il or from c_ii alone."""
         own = times(EMPTY, self.along.get(i, EMPTY), 2 + degree)
-        return list(dict.fromkeys([own, times(own, self.across.get(i, EMPTY))]))
+        return list(dict.fromkeys([own, times(own, self.across.get(i, EMPTY), 1 + degree)]))
 
 
 NO_FACTORS = Factors({}, {}, (EMPTY,), (EMPTY,))

@@ -13,7 +13,7 @@ from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.choice import as_tree
 from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until, within
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
-from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms
+from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms, label
 from inverse_service.inverse_problem.search.found import Found, SearchOutcome
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
@@ -25,7 +25,6 @@ from inverse_service.inverse_problem.search.sampling import Sampler, make_sample
 from inverse_service.inverse_problem.search.specialists import SPECIALISTS, Specialist
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms
 from inverse_service.inverse_problem.search.tidy import tidied
-from inverse_service.inverse_problem.search.velocity_free import may_be_velocity_free
 
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
@@ -39,15 +38,18 @@ def search(
     progress: Callable[[str], None],
     own_terms: Sequence[Expression] = (),
     holds: Callable[[Expression], bool] = lambda _: True,
+    highest: float = math.inf,
 ) -> SearchOutcome:
     """The first family that holds a regular Lagrangian, or what was tried; the caller's own terms come first.
+
+    Families and methods of more than the `highest` cost are left out.
 
     A family counts only if one of its Lagrangians `holds`; those before that one are left out.
     """
     tried: list[tuple[str, int]] = []
     try:
         with until(deadline):
-            rungs = _climb(analysis, with_time, seed, progress, own_terms, tried)
+            rungs = _climb(analysis, with_time, seed, progress, own_terms, tried, highest)
             candidates = (_kept(one, analysis, holds) for one in rungs)
             found = next((kept for kept in candidates if kept), None)
     except OutOfTime:
@@ -73,6 +75,7 @@ def _climb(
     progress: Callable[[str], None],
     own_terms: Sequence[Expression],
     tried: list[tuple[str, int]],
+    highest: float,
 ) -> Iterator[Found]:
     """What each rung finds, those that find nothing left out."""
     known: set[Monomial] = set()
@@ -81,23 +84,17 @@ def _climb(
     except TooManyTerms:
         return
     factors: Factors | None = None
-    quadratic: bool | None = None
     own = own_family(own_terms)
     rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS]
-    for rung in sorted(rungs, key=lambda rung: rung.cost):
+    for rung in sorted((rung for rung in rungs if rung.cost <= highest), key=lambda rung: rung.cost):
         check()
         if isinstance(rung, Specialist):
             found = _proposed(material, rung, seed, tried, progress)
         else:
-            if rung.quadratic:
-                quadratic = may_be_velocity_free(material, seed) if quadratic is None else quadratic
-                if not quadratic:
-                    tried.append((rung.name, 0))
-                    continue
             progress(f"ansatz: {rung.name}")
             factors = find_factors(material, seed) if factors is None and rung.cost > 1 else factors
-            terms = kinetic_terms(material, rung, factors or NO_FACTORS)
-            if tried and set(terms) <= known:
+            terms = kinetic_terms(material, rung, factors or NO_FACTORS, seed)
+            if terms and set(terms) <= known:
                 continue
             known.update(terms)
             tried.append((rung.name, len(terms)))
@@ -134,7 +131,7 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
         space = solve_multiplier(_sampler(material, terms), terms, seed)
         members = needed_combinations(space, seed)
         chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
-        residuals = [answers(material, space.combinations[k]) for k in members] if family.by_residuals else []
+        residuals = [answers(material, space.combinations[k]) for k in members]
         further = dict.fromkeys(key for group in residuals for key in group)
         return _with_potentials(material, family, chosen, list(further), seed) if chosen else None
     except _NO_POINTS:
@@ -152,8 +149,6 @@ def _with_potentials(
     terms = all_terms(material, family, [*chosen, *further])
     try:
         space = solve_ansatz(_sampler(material, terms), terms, seed)
-    except OutOfTime:
-        raise
     except _NO_POINTS:
         terms = _in_known_letters(material, terms, chosen)
         space = solve_ansatz(_sampler(material, terms), terms, seed)
@@ -161,7 +156,7 @@ def _with_potentials(
     if not members:
         return None
     trees = dict.fromkeys(as_tree(member.terms) for member in members)
-    return Found(tuple(trees), family.name, tuple(map(as_tree, members[0].parts)))
+    return Found(tuple(trees), label(family, chosen), tuple(map(as_tree, members[0].parts)))
 
 
 def _in_known_letters(material: Material, terms: Sequence[Monomial], chosen: Sequence[Monomial]) -> list[Monomial]:

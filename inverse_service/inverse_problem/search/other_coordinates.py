@@ -34,13 +34,15 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.coordinate_changes import Change, suggested
-from inverse_service.inverse_problem.search.deadline import check, end
+from inverse_service.inverse_problem.search.deadline import OutOfTime, check, end, within
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _WORK = 1_000_000
 _MOST_CHANGES = 2
+# To write f in other coordinates; what takes longer is not the shorter system that is wanted.
+_WORK_OF_A_CHANGE = 60_000
 _TERMS, _WORK_TO_SIMPLIFY = 500, 150_000
 
 
@@ -78,8 +80,9 @@ def _transformed(material: Material, size: int) -> Iterator[tuple[Change, Second
     for change in suggested(material):
         check()
         try:
-            other = transformed(material.analysis.system, change, size)
-        except (ArithmeticError, ValueError):
+            with within(_WORK_OF_A_CHANGE):
+                other = transformed(material.analysis.system, change, size)
+        except (ArithmeticError, ValueError, OutOfTime):
             continue
         if other is not None:
             yield change, other

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.search.families import Family, is_linear
+from inverse_service.inverse_problem.search.families import Family
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, monomial, terms_of
 
 NAME = "the given terms"
 _MOST_TERMS = 1_000
-_BOUND = 300
 
 
 def own_family(given: Sequence[Expression]) -> Family | None:
@@ -22,8 +21,7 @@ def own_family(given: Sequence[Expression]) -> Family | None:
     monomials = list(dict.fromkeys(key for term in given for key in monomials_of(term)))[:_MOST_TERMS]
     if not monomials:
         return None
-    linear = tuple(key for key in monomials if is_linear(key))
-    return Family(NAME, 0, lambda material, factors: monomials, depth=0, bound=_BOUND, companions=linear)
+    return Family(NAME, 0, lambda material: [], 0, tuple(monomials))
 
 
 def monomials_of(term: Expression) -> list[Monomial]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, variables_in
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.algebra.series import SingularPoint
-from inverse_service.algebra.tower import Tower, draw_point
+from inverse_service.algebra.tower import Tower, draw_point, moved_point
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.letter_series import LetterValues, letter_values
@@ -34,7 +34,10 @@ class _AtPoint:
 
 @dataclass(slots=True)
 class SamplePoints:
-    """The points of a tower that follow from a seed, on the constraints if any; `variables` are t, q, v."""
+    """The points of a tower that follow from a seed, on the constraints if any; `variables` are t, q, v.
+
+    With `base` only v differs from there.
+    """
 
     forces: Sequence[Expression]
     variables: Sequence[Symbol | Velocity]
@@ -42,6 +45,7 @@ class SamplePoints:
     seed: int
     prime: int
     constrained: Mapping[Velocity, Expression] = field(default_factory=dict)
+    base: Point | None = None
     places: list[_AtPoint] = field(default_factory=list)
 
     def point(self, k: int) -> Point:
@@ -50,9 +54,15 @@ class SamplePoints:
     def place(self, k: int) -> _AtPoint:
         while len(self.places) <= k:
             check(_WORK_OF_A_POINT)
-            point = draw_point(self.tower, self.seed + 1 + len(self.places), self.prime)
+            point = self._drawn(len(self.places))
             self.places.append(_AtPoint(point, self._drift(point)))
         return self.places[k]
+
+    def _drawn(self, k: int) -> Point:
+        if self.base is None:
+            return draw_point(self.tower, self.seed + 1 + k, self.prime)
+        moving = [variable for variable in self.variables if isinstance(variable, Velocity)]
+        return moved_point(self.tower, self.base, moving, k)
 
     def _drift(self, point: Point) -> list[int]:
         known: dict[Expression, int] = {}

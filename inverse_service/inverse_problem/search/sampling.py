@@ -54,6 +54,11 @@ class Sampler:
             )
         return self.known[seed]
 
+    def at_one_place(self, seed: int) -> SamplePoints:
+        """Points that share t and the coordinates."""
+        base = draw_point(self.tower, seed)
+        return SamplePoints(self.analysis.accelerations, self.variables, self.tower, seed, base.prime, base=base)
+
     def prime(self, seed: int) -> int:
         """The prime of the points that follow from a seed."""
         return self.points(seed).prime
@@ -122,8 +127,14 @@ def letter_table(
     sampler: Sampler, letters: Sequence[Expression], count: int, seed: int, with_third: bool = False, first: int = 0
 ) -> LetterTable:
     """The table at `count` random points without the `first`; points at which a letter vanishes are left out."""
-    kernels = tuple(to_kernels(letter) for letter in letters)
-    known, order = sampler.points(seed), 3 if with_third else 2
+    return table_at(sampler.points(seed), letters, count, with_third, first)
+
+
+def table_at(
+    known: SamplePoints, letters: Sequence[Expression], count: int, with_third: bool = False, first: int = 0
+) -> LetterTable:
+    """The same for given points."""
+    kernels, order = tuple(to_kernels(letter) for letter in letters), 3 if with_third else 2
     numbers: list[int] = []
     rows: list[list[LetterValues]] = []
     for k in itertools.count():
@@ -136,7 +147,7 @@ def letter_table(
         if row is not None:
             numbers.append(k)
             rows.append(row)
-    n, shape = len(sampler.analysis.accelerations), (count - first, len(letters))
+    n, shape = len(known.forces), (count - first, len(letters))
     arrays = [
         np.array([[letter[column] for letter in row] for row in rows[first:]], np.uint64).reshape(*shape, *(n,) * rank)
         for column, rank in enumerate((0, 1, 1, 1, 2, 2), 1)

@@ -181,9 +181,10 @@ def _is_diagonal(matrix: Matrix) -> bool:
 
 
 def _oriented(setting: _Setting, matrix: Matrix, table: RealTable | None) -> Matrix:
-    """The matrix or its opposite, with a positive trace at the real point."""
+    """The matrix or its opposite, with a positive trace at the real point, or if that is 0 a positive first entry."""
     values = _real(setting, matrix, table)
-    return matrix if values is None or values.trace() >= 0 else [[-entry for entry in row] for row in matrix]
+    positive = values is None or (values.trace() or values[0, 0]) >= 0
+    return matrix if positive else [[-entry for entry in row] for row in matrix]
 
 
 def _real(setting: _Setting, matrix: Matrix, table: RealTable | None) -> RealMatrix | None:

@@ -1,15 +1,77 @@
-"""Functions of the velocities that ansätze are built from."""
+"""Functions of the velocities that ansätze are built from, in sets that grow."""
 
 from __future__ import annotations
 
 import itertools
 from fractions import Fraction
 
-from inverse_service.expressions.tree import Apply, Expression, Sum, Velocity
+from inverse_service.algebra.real_point import RealTable, real_sign
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.expressions.tree import (
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Sum,
+    Velocity,
+    multiply,
+    number,
+    square_root,
+    walk,
+)
 from inverse_service.inverse_problem.search.factors import HALF
 from inverse_service.inverse_problem.search.material import Material, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity
-from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    TooManyTerms,
+    monomial,
+    split_content,
+    terms_of,
+    times,
+    tree_of,
+)
+
+_FOUR = Fraction(4)
+_POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
+# Nodes of a sum that is taken as a letter.
+_LONGEST = 60
+_ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
+
+
+def quadratic(material: Material) -> list[Monomial]:
+    """v_i v_j."""
+    return pairs(material)
+
+
+def with_roots(material: Material) -> list[Monomial]:
+    """v_i v_j and v_i sqrt(p) for what holds velocities in f, as in the square F^2 of a Finsler function."""
+    letters = [letter for letter in moving_letters(material) if isinstance(letter, Sum)]
+    rooted = [times(monomial(v), frozenset([(p, HALF)])) for p in letters for v in material.motion.velocities]
+    return [*pairs(material), *rooted] if rooted else []
+
+
+def ratios(material: Material) -> list[Monomial]:
+    """v_i v_j and v_i v_j / v_k."""
+    return distinct([*pairs(material), *quotients(material, 2)])
+
+
+def functions(material: Material) -> list[Monomial]:
+    """These, powers and logarithms of one velocity, and what f itself holds."""
+    alone = [shape for v in material.motion.velocities for shape in single(v)]
+    return distinct([*ratios(material), *alone, *of_letters(material)])
+
+
+def products_and_roots(material: Material) -> list[Monomial]:
+    """Products of up to four velocities, v_i log v_j, v_i v_j v_k / v_l^2 and its like, roots of velocities."""
+    higher = [*powers(material, 3), *(powers(material, 4) if material.motion.size < 4 else [])]
+    crossed = [monomial(a, Apply("log", b)) for a, b in itertools.permutations(material.motion.velocities, 2)]
+    double = [*quotients(material, 3), *(quotients(material, 4) if material.motion.size < 3 else [])]
+    below = divisors(material)
+    double += [frozenset([(v, _FOUR), (w, -_FOUR / 2)]) for v in material.motion.velocities for w in below if v != w]
+    return distinct([*functions(material), *higher, *crossed, *double, *roots(material)])
 
 
 def pairs(material: Material) -> list[Monomial]:
@@ -23,97 +85,105 @@ def powers(material: Material, degree: int) -> list[Monomial]:
     return [monomial(*chosen) for chosen in itertools.combinations_with_replacement(velocities, degree)]
 
 
-def quotients(material: Material) -> list[Monomial]:
-    """v_i v_j / w with w another velocity, or a sum of velocities that is a factor of f.
+def quotients(material: Material, degree: int) -> list[Monomial]:
+    """Products of `degree` velocities over w^(degree - 1) or w^(degree - 2), w another velocity or a sum of them in f.
 
     Where some velocities are constant along the motion, only these are divided by.
     """
+    exponents = {degree - 1, degree - 2} - {0}
     return [
-        times(pair, monomial(w), -1)
-        for pair in pairs(material)
+        times(product, monomial(w), -e)
+        for product in powers(material, degree)
         for w in (*divisors(material), *material.linear_sums)
-        if all(w != letter for letter, _ in pair)
+        if all(w != letter for letter, _ in product)
+        for e in exponents
     ]
 
 
 def divisors(material: Material) -> list[Expression]:
+    """The velocities that are constant along the motion, else all."""
     motion = material.motion
     constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
     return list(constant or motion.velocities)
 
 
-def roots_of_constants(material: Material) -> list[Monomial]:
-    """w^(+-1/2) and v_i v_j w^(+-1/2) for velocities w that are constant along the motion."""
+def roots(material: Material) -> list[Monomial]:
+    """w^(+-1/2) v_i v_j and v_i^a v_j^b with halves a + b = 1 or 2; w is constant along the motion."""
     motion = material.motion
     constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
-    roots: list[Monomial] = [frozenset([(w, e)]) for w in constant for e in (HALF, -HALF)]
-    return [*roots, *(times(pair, root) for root in roots for pair in pairs(material))]
-
-
-def double_quotients(material: Material) -> list[Monomial]:
-    """v_i v_j v_k / w^2."""
-    return [
-        times(triple, monomial(w), -2)
-        for triple in powers(material, 3)
-        for w in divisors(material)
-        if all(w != letter for letter, _ in triple)
-    ]
-
-
-def single(velocity: Expression) -> list[tuple[int, Monomial]]:
-    """(k, shape) with second derivative proportional to v^k."""
-    log = Apply("log", velocity)
-    found: list[tuple[int, Monomial]] = [(-1, monomial(velocity, log)), (-2, monomial(log))]
-    found += [(e - 2, frozenset([(velocity, Fraction(e))])) for e in (2, 3, 4, -1, -2)]
+    found = [times(pair, frozenset([(w, e)])) for w in constant for e in (HALF, -HALF) for pair in pairs(material)]
+    for a, b in itertools.permutations(motion.velocities, 2):
+        found += [frozenset([(a, HALF), (b, 3 * HALF)]), frozenset([(a, HALF), (b, HALF)])]
     return found
 
 
-def roots_of_velocity(velocity: Expression) -> list[Monomial]:
-    return [frozenset([(velocity, e)]) for e in (HALF, 3 * HALF)]
-
-
-def crossed_logarithms(material: Material) -> list[Monomial]:
-    """v_i log v_j."""
-    return [monomial(a, Apply("log", b)) for a, b in itertools.permutations(material.motion.velocities, 2)]
+def single(velocity: Expression) -> list[Monomial]:
+    """Powers, log v and v log v."""
+    log = Apply("log", velocity)
+    return [monomial(velocity, log), monomial(log), *(frozenset([(velocity, e)]) for e in _POWERS)]
 
 
 def of_letters(material: Material) -> list[Monomial]:
-    """Powers and logarithms of the letters of f that hold velocities, and those times a velocity.
-
-    Exponentials are taken as they occur together in f, in numerators and inside sums.
-    """
+    """Powers, logarithms and exponentials of what holds velocities in f, and those times a velocity."""
     shapes: list[Monomial] = exponentials(material)
-    for letter in material.velocity_letters:
-        if not (isinstance(letter, Apply) and letter.function == "exp"):
-            shapes += [frozenset([(letter, Fraction(e) * HALF)]) for e in (1, -1, 2, -2, 3, -3, 4)]
-            shapes.append(monomial(Apply("log", letter)))
+    for letter in moving_letters(material):
+        plain_sum = isinstance(letter, Sum)  # its powers are sums of products that stand in the list themselves
+        shapes += [frozenset([(letter, e)]) for e in _ROOTS if not (plain_sum and e > 0 and e.denominator == 1)]
+        shapes.append(monomial(Apply("log", letter)))
+        shapes += _arctangents(letter)
     plain = [EMPTY, *(monomial(v) for v in material.motion.velocities)]
     return distinct([times(a, b) for a in shapes for b in plain])
 
 
-def velocities_times_roots(material: Material) -> list[Monomial]:
-    """v_i sqrt(p) for the letters p of degree 2 in the velocities whose roots stand in f, as in F^2 of a spray."""
-    rooted = {letter for terms in material.motion.forces for key in terms for letter, e in key if e.denominator == 2}
-    rooted |= {
-        letter
-        for outer in material.velocity_letters
-        for key in (terms_of(outer) if isinstance(outer, Sum) else ())
-        for letter, e in key
-        if e.denominator == 2
-    }
-    letters = [p for p in material.velocity_letters if p in rooted and velocity_degrees(p) == {2}]
-    return [times(monomial(v), frozenset([(p, HALF)])) for p in letters for v in material.motion.velocities]
+def moving_letters(material: Material) -> list[Expression]:
+    """Sums that are factors or radicands in f, and functions other than exponentials, that hold velocities."""
+    known = [p for p in material.velocity_letters if not _is_exponential(p)]
+    found = dict.fromkeys(p for p in known if not isinstance(p, Sum) or _is_plain(p))
+    for tree in material.analysis.system.accelerations:
+        for node in walk(tree):
+            if isinstance(node, Sum) and has_velocity(node) and _is_plain(node):
+                try:
+                    found[split_content(terms_of(node))[2]] = None
+                except TooManyTerms:
+                    continue
+    table = material.analysis.real_point
+    letters: list[Expression] = [letter for letter in found if not isinstance(letter, Number | Velocity)]
+    return list(dict.fromkeys(_positive(letter, table) for letter in letters)) if table else letters
 
 
-def velocity_degrees(letter: Expression) -> set[Fraction]:
-    """The degrees in the velocities of the terms of a sum; none where something else holds velocities."""
+def _positive(letter: Expression, table: RealTable) -> Expression:
+    """The letter, or its opposite where that is positive at the real point, so that its roots exist."""
     try:
-        keys = [[(p, e) for p, e in key if has_velocity(p)] for key in terms_of(letter)]
-    except TooManyTerms:
-        return set()
-    if not all(isinstance(p, Velocity) for key in keys for p, _ in key):
-        return set()
-    return {sum((e for _, e in key), Fraction(0)) for key in keys}
+        negative = isinstance(letter, Sum) and real_sign(letter, table) < 0
+    except (IrreducibleAtoms, NoRealValue):
+        return letter
+    return tree_of({key: -value for key, value in terms_of(letter).items()}) if negative else letter
+
+
+def _is_plain(node: Sum) -> bool:
+    """A short sum without roots in it."""
+    exponents = [part.exponent for part in walk(node) if isinstance(part, Power)]
+    whole = all(isinstance(e, Number) and e.value.denominator == 1 for e in exponents)
+    return whole and sum(1 for _ in walk(node)) <= _LONGEST
+
+
+def _arctangents(letter: Expression) -> list[Monomial]:
+    """atan(c v) for a letter a v^2 + b with numbers a, b, c^2 = a/b."""
+    match letter:
+        case Sum((first, second)) if isinstance(second, Number) or isinstance(first, Number):
+            square, constant = (first, second) if isinstance(second, Number) else (second, first)
+        case _:
+            return []
+    ((key, value),) = terms_of(square).items()
+    ratio = value / constant.value if isinstance(constant, Number) else Fraction(0)
+    if ratio <= 0 or len(key) != 1 or not all(isinstance(v, Velocity) and e == 2 for v, e in key):
+        return []
+    ((v, _),) = key
+    return [monomial(Apply("atan", multiply(square_root(number(ratio)), v)))]
+
+
+def _is_exponential(letter: Expression) -> bool:
+    return isinstance(letter, Apply) and letter.function == "exp"
 
 
 def exponentials(material: Material) -> list[Monomial]:
@@ -127,13 +197,9 @@ def exponentials(material: Material) -> list[Monomial]:
             except TooManyTerms:
                 continue
     for key in keys:
-        part: Monomial = frozenset((p, e) for p, e in key if _is_moving_exponential(p))
+        part: Monomial = frozenset((p, e) for p, e in key if _is_exponential(p) and has_velocity(p))
         if part:
             found[part] = None
             found[times(EMPTY, part, -1)] = None
             found.update(dict.fromkeys(frozenset([(p, Fraction(s))]) for p, _ in part for s in (1, -1, 2, -2)))
     return distinct(list(found))
-
-
-def _is_moving_exponential(letter: Expression) -> bool:
-    return isinstance(letter, Apply) and letter.function == "exp" and has_velocity(letter)

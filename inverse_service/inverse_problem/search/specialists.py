@@ -10,7 +10,6 @@ from inverse_service.inverse_problem.search import (
     constant_velocity,
     decoupled,
     other_coordinates,
-    parameters,
     scalar_multiplier,
 )
 from inverse_service.inverse_problem.search.found import Ladder
@@ -19,10 +18,6 @@ from inverse_service.inverse_problem.search.holomorphic import (
     holomorphic_lagrangians,
     is_even,
     is_plural,
-)
-from inverse_service.inverse_problem.search.linear_systems.autonomous import (
-    is_autonomous_and_linear,
-    separate_lagrangians,
 )
 from inverse_service.inverse_problem.search.linear_systems.time_dependent import is_linear, linear_lagrangians
 from inverse_service.inverse_problem.search.material import Material
@@ -70,13 +65,6 @@ SPECIALISTS: tuple[Specialist, ...] = (
         "The system is linear: a g that depends on t alone has to solve g' = g N + (g N)^T and keep g Phi symmetric.",
     ),
     Specialist(
-        "linear systems, separate coordinates",
-        6.6,
-        is_autonomous_and_linear,
-        _alone(separate_lagrangians),
-        "The system is linear and falls apart in other linear coordinates; Lagrangians of the parts are added up.",
-    ),
-    Specialist(
         "velocities carried by a constant one",
         2.5,
         constant_velocity.applies,
@@ -100,18 +88,10 @@ SPECIALISTS: tuple[Specialist, ...] = (
     ),
     Specialist(
         "decoupled blocks one by one",
-        3.7,
+        3.55,
         decoupled.applies,
         decoupled.propose,
         "The system falls apart into blocks; Lagrangians of the blocks are added up.",
-    ),
-    Specialist(
-        "symbolic parameters by interpolation",
-        4.5,
-        parameters.applies,
-        parameters.propose,
-        "With numbers in the place of the parameters a Lagrangian is found; how its coefficients depend on them "
-        "follows from many such numbers.",
     ),
     Specialist(
         "other coordinates",

@@ -22,6 +22,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
+    number,
     rebuild,
     walk,
 )
@@ -34,6 +35,7 @@ from inverse_service.inverse_problem.search.terms import (
     Terms,
     TooManyTerms,
     monomial_tree,
+    split_content,
     terms_of,
     times,
     tree_of,
@@ -76,7 +78,7 @@ def _velocity_sums(tree: Expression) -> int:
 
 def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:
     found = []
-    for form in (collect, _inside, lambda given: _grouped(given, system)):
+    for form in (collect, _inside, _with_common_factor, lambda given: _grouped(given, system)):
         try:
             found.append(form(tree))
         except _FAILED:
@@ -101,6 +103,24 @@ def _inside(tree: Expression) -> Expression:
     """Every sum collected by itself where that makes it shorter."""
     tree = rebuild(tree, _inside)
     return min(tree, collect(tree), key=_size) if isinstance(tree, Sum) else tree
+
+
+def _with_common_factor(tree: Expression) -> Expression:
+    """An exponential of t that all terms share before a bracket: e^(ct) (x'^2 - x^2)/2."""
+    terms = terms_of(tree)
+    content, shared, _ = split_content(terms) if terms else (Fraction(0), EMPTY, tree)
+    common: Monomial = frozenset((p, e) for p, e in shared if _is_exponential_of_time(p))
+    if not common:
+        return tree
+    content = content if content == Fraction(1, 2) else Fraction(1)
+    rest = {times(key, common, -1): value / content for key, value in terms.items()}
+    moving = {key: value for key, value in rest.items() if any(has_velocity(p) for p, _ in key)}
+    inside = add(tree_of(moving), tree_of({key: value for key, value in rest.items() if key not in moving}))
+    return multiply(number(content), monomial_tree(common), inside)
+
+
+def _is_exponential_of_time(letter: Expression) -> bool:
+    return isinstance(letter, Apply) and letter.function == "exp" and any(node == TIME for node in walk(letter))
 
 
 def _grouped(tree: Expression, system: SecondOrderSystem) -> Expression:

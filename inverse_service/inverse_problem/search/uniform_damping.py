@@ -19,8 +19,8 @@ from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.divergence import divergence_factor
 from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.integrating import integrating_factor
-from inverse_service.inverse_problem.search.linear_systems.lagrangian import holds
 from inverse_service.inverse_problem.search.material import Material, coefficient
+from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -45,7 +45,7 @@ def damped_lagrangians(material: Material, seed: int, ladder: Ladder) -> Sequenc
         undamped = ladder(analysis, with_time, seed, _WORK)
         trees = undamped.lagrangians if undamped is not None else ()
         damped = [multiply(factor, tree) for tree in trees]
-        found = [tree for tree in damped if table and holds(material.analysis.system, tree, table, seed)]
+        found = [tree for tree in damped if table and holds_numerically(material.analysis.system, tree, table, seed)]
         if found:
             return tuple(found)
     return ()

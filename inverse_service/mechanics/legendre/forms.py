@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from fractions import Fraction
+from math import isqrt
 
 from inverse_service.errors import LimitError
 from inverse_service.expressions.collecting import collect, expand
@@ -112,6 +114,53 @@ def _apart(tree: Expression) -> Expression:
             return power(base, value * exponent)
         case _:
             return inner
+
+
+def cancelled(sign: int, tree: Expression) -> Expression:
+    """The tree with sqrt(u^2) = sign u, atan(tan u) = u and log(exp u) = u, which hold on one branch only; shorter."""
+    found = _cancelled(tree, sign)
+    return tree if found == tree else simplified(found)
+
+
+_INVERSE = {("atan", "tan"), ("log", "exp"), ("exp", "log"), ("asin", "sin"), ("acos", "cos"), ("atanh", "tanh")}
+
+
+def _cancelled(tree: Expression, sign: int) -> Expression:
+    inner = rebuild(tree, lambda part: _cancelled(part, sign))
+    match inner:
+        case Apply(outer, Apply(function, argument)) if (outer, function) in _INVERSE:
+            return argument
+        case Power(Product(factors), Number(e)) if e.denominator == 2:
+            squares = [factor for factor in factors if _is_square(factor)]
+            rest = multiply(*(factor for factor in factors if not _is_square(factor)))
+            whole = multiply(number(sign), *(_root_of_square(factor) for factor in squares))
+            return multiply(power(whole, e.numerator), power(rest, e)) if squares else inner
+        case Power(Power() as square, Number(e)) if e.denominator == 2 and _is_square(square):
+            return power(multiply(number(sign), _root_of_square(square)), e.numerator)
+        case _:
+            return inner
+
+
+def _is_square(factor: Expression) -> bool:
+    match factor:
+        case Power(_, Number(value)):
+            return value.denominator == 1 and value % 2 == 0
+        case Number(value):
+            return (
+                value > 0
+                and isqrt(value.numerator) ** 2 == value.numerator
+                and (isqrt(value.denominator) ** 2 == value.denominator)
+            )
+    return False
+
+
+def _root_of_square(factor: Expression) -> Expression:
+    match factor:
+        case Power(base, Number(value)):
+            return power(base, value / 2)
+        case Number(value):
+            return number(Fraction(isqrt(value.numerator), isqrt(value.denominator)))
+    raise ValueError("the factor is no square")
 
 
 def _is_whole(exponent: Expression) -> bool:

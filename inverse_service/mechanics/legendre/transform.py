@@ -7,8 +7,9 @@ not pass is never returned. Where p = dL/dv has several inverses, `note` says on
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 from inverse_service.errors import InputError
@@ -31,7 +32,15 @@ from inverse_service.expressions.tree import (
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Parts, split
 from inverse_service.mechanics.legendre.branch import Branch, resolved
-from inverse_service.mechanics.legendre.forms import roots_apart, shortest, sign_part, simplified, size, velocities_in
+from inverse_service.mechanics.legendre.forms import (
+    cancelled,
+    roots_apart,
+    shortest,
+    sign_part,
+    simplified,
+    size,
+    velocities_in,
+)
 from inverse_service.mechanics.legendre.points import (
     Claim,
     Judgement,
@@ -159,11 +168,13 @@ def _best(block: Block, points: Sequence[Point], reach: Reach) -> _Chosen | None
 
 
 def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
-    """Each branch after the same with roots of products taken apart, where that is shorter; both are checked."""
+    """Each branch after shorter forms of it that hold on parts of its domain only; all are checked."""
     for branch in branches:
-        apart = Branch(tuple(map(roots_apart, branch.velocities)), roots_apart(branch.hamiltonian), branch.conditions)
-        if size(apart.hamiltonian) < size(branch.hamiltonian):
-            yield apart
+        forms: list[Callable[[Expression], Expression]] = [roots_apart, partial(cancelled, 1), partial(cancelled, -1)]
+        for form in forms:
+            other = Branch(tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions)
+            if size(other.hamiltonian) < size(branch.hamiltonian):
+                yield other
         yield branch
 
 

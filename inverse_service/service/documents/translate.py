@@ -179,9 +179,10 @@ def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Ans
 
 
 def _found_more(time: Answer, main: Answer) -> bool:
-    """Whether the question with time has a Lagrangian, or a Hamiltonian in closed form, that the other lacks."""
-    closed = [a.hamiltonian is not None and not a.hamiltonian.implicit for a in (time, main)]
-    return time.lagrangian is not None and (main.lagrangian is None or (closed[0] and not closed[1]))
+    """Whether the question with time has a Lagrangian of its own; the solver gives one only where it is better."""
+    return time.lagrangian is not None and (
+        main.lagrangian is None or time.lagrangian.expression != main.lagrangian.expression
+    )
 
 
 def answers_time(solution: Solution, time_dependent: bool | None) -> bool:

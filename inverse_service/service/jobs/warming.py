@@ -19,7 +19,7 @@ from inverse_service.service.jobs.tasks import guard
 # Together these systems need all kernels.
 SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
 # Where kernels are defined.
-FOLDERS = ("algebra", "inverse_problem/search", "inverse_problem/search/darboux", "linear_pde")
+FOLDERS = ("algebra", "inverse_problem/search", "linear_pde")
 SENTENCE = "Compiling for this machine, once; this takes some 15 seconds of processor time."
 # Far more than it takes on a slow machine that does other work, s.
 PATIENCE = 900.0

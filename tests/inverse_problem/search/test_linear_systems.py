@@ -17,7 +17,6 @@ from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.search.ladder import search_smaller
-from inverse_service.inverse_problem.search.linear_systems.autonomous import separate_lagrangians
 from inverse_service.inverse_problem.search.linear_systems.modes import invariant_multipliers
 from inverse_service.inverse_problem.search.linear_systems.reading import linear_system
 from inverse_service.inverse_problem.search.linear_systems.roots import even_root
@@ -101,33 +100,6 @@ def test_undamped_systems_have_lagrangians_without_time(name: str) -> None:
         assert_is_lagrangian(read_system(list(equations), equations, tuple(parameters)), tree)
 
 
-SEPARATE = {
-    "isotropic": ({"x": "-x'/2-x", "y": "-y'/2-y"}, ""),
-    "symbolic": ({"x": "-g*x'-k*x", "y": "-g*y'-2*k*y"}, "gk"),
-    "proportional": ({"x": "-(2*x'-y') - (2*x-y)", "y": "-(2*y'-x') - (2*y-x)"}, ""),
-    "relative damping": ({"x": "-(x-y)-(x'-y')", "y": "-(y-x)-(y'-x')"}, ""),
-    "resisted": ({"x": "-x'", "y": "-2*y'"}, ""),
-    "overdamped and critical": ({"x": "-5*x'-x", "y": "-2*y'-y"}, ""),
-    "constant forces": ({"x": "-x'-x+1", "y": "-2*y'+3", "z": "-z+2"}, ""),
-}
-
-
-@pytest.mark.parametrize("name", SEPARATE)
-def test_separate_coordinates_have_lagrangians_without_time(name: str) -> None:
-    equations, parameters = SEPARATE[name]
-    system = read_system(list(equations), equations, tuple(parameters))
-    (tree,) = separate_lagrangians(gather(analyse(system), False), 1)
-    assert all(node != TIME for node in walk(tree))
-    point = find_real_point([tree], variables_of(system), 3)
-    assert point is not None
-    with mpmath.workdps(60):
-        for residual in euler_lagrange_residual(tree, system.coordinates, system.accelerations):
-            assert abs(evaluate(residual, point)) < mpmath.mpf(10) ** -30
-        form = hessian(tree, system.coordinates)
-        matrix = mpmath.matrix([[evaluate(entry, point) for entry in row] for row in form])
-        assert abs(mpmath.det(matrix)) > mpmath.mpf(10) ** -15
-
-
 def test_numbers_alone_tell_a_wrong_lagrangian() -> None:
     system = read_system(["x"], {"x": "-x"})
     point = find_real_point(system.accelerations, variables_of(system), 1)
@@ -136,13 +108,6 @@ def test_numbers_alone_tell_a_wrong_lagrangian() -> None:
     assert holds_numerically(system, right, point, 1)
     assert not holds_numerically(system, wrong, point, 1)
     assert not holds_numerically(system, singular, point, 1)
-
-
-@pytest.mark.parametrize("name", ["charged", "golden exponents", "rotor", "a Jordan block"])
-def test_systems_without_separate_real_coordinates_are_left_alone(name: str) -> None:
-    equations, parameters = DAMPED[name]
-    system = read_system(list(equations), equations, tuple(parameters))
-    assert not separate_lagrangians(gather(analyse(system), False), 1)
 
 
 UNIFORMLY_DAMPED = {

@@ -20,7 +20,7 @@ from inverse_service.inverse_problem.decision.analysis import analyse, variables
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.one_coordinate.kinetic import NotElementary, Place, double_integral
-from inverse_service.inverse_problem.search.one_coordinate.last_multiplier import applies, holds, propose
+from inverse_service.inverse_problem.search.one_coordinate.last_multiplier import applies, propose
 from inverse_service.inverse_problem.search.one_coordinate.potential import antiderivative
 from inverse_service.inverse_problem.search.terms import terms_of
 from inverse_service.inverse_problem.solving import solve
@@ -166,15 +166,6 @@ def test_multipliers_with_time_are_used_where_allowed() -> None:
 @pytest.mark.parametrize("equations", [{"x": "-x", "y": "-y"}])
 def test_two_coordinates_are_left_to_others(equations: Mapping[str, str]) -> None:
     assert not applies(gather(analyse(read_system(["x", "y"], dict(equations))), False))
-
-
-def test_a_wrong_lagrangian_does_not_hold() -> None:
-    material = material_of("-3*x*x'-x^3")
-    names = Names(("x",), (), {})
-    assert holds(material, parse("1/(x'+x^2)", names), 1)
-    assert not holds(material, parse("1/(x'+2*x^2)", names), 1)
-    assert not holds(material, parse("1/(x'+x^2)+x^2/10^9", names), 1)
-    assert not holds(material, parse("x*x'", names), 1)
 
 
 QUADRATIC_EXPONENTS = tuple(Fraction(k, 2) for k in (-6, -5, -4, -3, -2, -1, 1, 2))

@@ -9,8 +9,7 @@ import pytest
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.decision.certify import of_lagrangian
 from inverse_service.inverse_problem.search.ladder import search
-from inverse_service.inverse_problem.search.shapes import velocities_times_roots, velocity_degrees
-from tests.inverse_problem.search.given import material, monomial_of, tree
+from tests.inverse_problem.search.given import material
 
 FUNK = "(sqrt((1-x^2-y^2)*(x'^2+y'^2)+(x*x'+y*y')^2)+x*x'+y*y')/(1-x^2-y^2)"
 
@@ -33,19 +32,3 @@ def test_a_regular_lagrangian_in_closed_form_is_found(equations: dict[str, str],
     assert found is not None
     certificate = of_lagrangian(given.analysis, found.lagrangians[0], with_time)
     assert check_certificate(certificate).verdict == "valid"
-
-
-def test_velocities_go_with_roots_of_quadratic_letters_only() -> None:
-    given = material({"x": "x'*sqrt(x'^2+2*y'^2)", "y": "y*sqrt(x'^4+y'^4) + sqrt(1-y'^2)"})
-    assert set(velocities_times_roots(given)) == {
-        monomial_of("x'*sqrt(x'^2+2*y'^2)"),
-        monomial_of("y'*sqrt(x'^2+2*y'^2)"),
-    }
-
-
-@pytest.mark.parametrize(
-    ("text", "degrees"),
-    [("x'^2 + y*x'*y'", {2}), ("x'^2 + 1", {2, 0}), ("x'^2 + exp(y')", set()), ("x + y", {0}), ("x'^3 + x*y'^3", {3})],
-)
-def test_degrees_in_the_velocities_are_those_of_the_terms(text: str, degrees: set[int]) -> None:
-    assert velocity_degrees(tree(text)) == degrees

@@ -9,16 +9,11 @@ with W = (g C - C^T g)/4 antisymmetric its equations are g v' + (g' + 2W) v + (W
 from __future__ import annotations
 
 import itertools
-import random
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
-import mpmath
-
 from inverse_service.algebra.exact_trees import quotient_tree
 from inverse_service.algebra.rational_functions import Quotient
-from inverse_service.algebra.real_point import RealTable
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import ZERO, Expression, add, multiply, power
 from inverse_service.inverse_problem.explanation.elimination import common_factor
 from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
@@ -27,13 +22,6 @@ from inverse_service.inverse_problem.search.linear_systems.modes import Branch
 from inverse_service.inverse_problem.search.linear_systems.reading import LinearSystem
 from inverse_service.inverse_problem.search.motion import MotionTerms
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
-from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian, momenta
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
-
-_DIGITS = 60
-_TOLERANCE = mpmath.mpf(10) ** -40
-_SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
-_POINTS = 3
 
 
 def lagrangian(system: LinearSystem, motion: MotionTerms, branch: Branch) -> Expression:
@@ -86,35 +74,3 @@ def _quadratic_form(
 
 def _term(system: LinearSystem, coefficient: Quotient, *letters: Expression) -> Expression:
     return ZERO if coefficient.is_zero else multiply(quotient_tree(system.ring, coefficient), *letters)
-
-
-def holds(system: SecondOrderSystem, tree: Expression, table: RealTable, seed: int) -> bool:
-    """Whether the Euler-Lagrange equations hold to 40 digits and g is regular at points near a real one."""
-    residuals = euler_lagrange_residual(tree, system.coordinates, system.accelerations)
-    form, first = hessian(tree, system.coordinates), momenta(tree, system.coordinates)
-    generator = random.Random(seed)
-    try:
-        with mpmath.workdps(_DIGITS):
-            points = [_moved(table, generator) for _ in range(_POINTS)]
-            return all(_holds_at(point, residuals, form, first) for point in points)
-    except NoRealValue:
-        return False
-
-
-def _moved(table: RealTable, generator: random.Random) -> RealTable:
-    """A point near the given one, so that it lies on the same branch of all roots."""
-    return {name: value * (1 + mpmath.mpf(generator.randrange(1, 1000)) / 50_000) for name, value in table.items()}
-
-
-def _holds_at(
-    point: RealTable,
-    residuals: Sequence[Expression],
-    form: Sequence[Sequence[Expression]],
-    first: Sequence[Expression],
-) -> bool:
-    scale = 1 + sum(abs(evaluate(p, point)) for p in first)
-    if any(abs(evaluate(residual, point)) > _TOLERANCE * scale for residual in residuals):
-        return False
-    matrix = mpmath.matrix([[evaluate(entry, point) for entry in row] for row in form])
-    size = max(abs(entry) for entry in matrix)
-    return bool(size and abs(mpmath.det(matrix / size)) > _SMALLEST_DETERMINANT)

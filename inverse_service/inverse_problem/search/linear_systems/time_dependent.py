@@ -8,7 +8,7 @@ from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.linear_systems.choice import Choice, choose
-from inverse_service.inverse_problem.search.linear_systems.lagrangian import holds, lagrangian
+from inverse_service.inverse_problem.search.linear_systems.lagrangian import lagrangian
 from inverse_service.inverse_problem.search.linear_systems.modes import (
     Branch,
     Multipliers,
@@ -19,6 +19,7 @@ from inverse_service.inverse_problem.search.linear_systems.modes import (
 )
 from inverse_service.inverse_problem.search.linear_systems.reading import LinearSystem, linear_system, linear_terms
 from inverse_service.inverse_problem.search.material import Material
+from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
 
 _MOST = 3
 _MOST_TO_BE_DEFINITE = 3
@@ -43,7 +44,7 @@ def linear_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
             return ()
         found = _choices(system, material.motion.with_time, table)
         trees = dict.fromkeys(lagrangian(system, material.motion, choice.branch) for choice in found)
-        return tuple(tree for tree in trees if holds(material.analysis.system, tree, table, seed))
+        return tuple(tree for tree in trees if holds_numerically(material.analysis.system, tree, table, seed))
     except (TooLarge, ZeroDivisionError, KeyError):
         return ()
 

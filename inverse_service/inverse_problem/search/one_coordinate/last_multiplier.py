@@ -4,30 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mpmath
-
-from inverse_service.algebra.real_point import find_real_point, real_sign
+from inverse_service.algebra.real_point import real_sign
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import Expression, Sum, add, negate
-from inverse_service.inverse_problem.decision.analysis import variables_of
 from inverse_service.inverse_problem.search.choice import scaled
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.factors import find_factors
 from inverse_service.inverse_problem.search.material import Material
+from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
 from inverse_service.inverse_problem.search.one_coordinate.algebra import negated, weight
 from inverse_service.inverse_problem.search.one_coordinate.kinetic import NotElementary, Place, double_integral
 from inverse_service.inverse_problem.search.one_coordinate.multiplier import LastMultiplier, last_multipliers
-from inverse_service.inverse_problem.search.one_coordinate.potential import euler_lagrange, potential
+from inverse_service.inverse_problem.search.one_coordinate.potential import potential
 from inverse_service.inverse_problem.search.terms import TooManyTerms, monomial_tree, terms_of, tree_of
 
 _MOST = 3
 _MOST_TERMS_OF_FORCE = 30
 _MOST_TRIED = 16
-_DIGITS = 40
-_POINTS = 3
-_TINY = mpmath.mpf(10) ** -25
 
 
 def applies(material: Material) -> bool:
@@ -43,10 +38,11 @@ def propose(material: Material, seed: int) -> Sequence[Expression]:
     Each obeys its equation at random real points at 40 digits; none where no such multiplier is found.
     """
     found: dict[Expression, None] = {}
+    point = material.analysis.real_point
     for multiplier in last_multipliers(material, find_factors(material, seed), seed)[:_MOST_TRIED]:
         check()
         lagrangian = lagrangian_of(material, multiplier)
-        if lagrangian is not None and holds(material, lagrangian, seed):
+        if lagrangian is not None and point and holds_numerically(material.analysis.system, lagrangian, point, seed):
             found[lagrangian] = None
     return sorted(found, key=weight)[:_MOST]
 
@@ -79,20 +75,3 @@ def _positive(lagrangian: Expression, place: Place) -> Expression:
     if real_sign(hessian, place.point) > 0:
         return tree
     return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else negate(tree)
-
-
-def holds(material: Material, lagrangian: Expression, seed: int) -> bool:
-    """Whether the Euler-Lagrange equation holds at random real points at 40 digits, with a regular Hessian."""
-    motion, system = material.motion, material.analysis.system
-    x, v, force = motion.coordinates[0], motion.velocities[0], system.accelerations[0]
-    residual = euler_lagrange(lagrangian, force, x, v)
-    hessian = differentiate(differentiate(lagrangian, v), v)
-    for k in range(_POINTS):
-        table = find_real_point([lagrangian, residual, hessian], variables_of(system), seed + 31 * k)
-        if table is None:
-            return False
-        with mpmath.workdps(_DIGITS):
-            scale = abs(evaluate(hessian, table)) * (1 + abs(evaluate(force, table)))
-            if not scale > _TINY or abs(evaluate(residual, table)) > _TINY * (1 + scale):
-                return False
-    return True

@@ -1,1 +1,0 @@
-"""Darboux polynomials and first integrals of Gamma for several coordinates, as generators of ansatz terms."""
