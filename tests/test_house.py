@@ -8,10 +8,33 @@ from pathlib import Path
 
 import pytest
 
+from tests.test_layering import imported
+
 ROOT = Path(__file__).parent.parent
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 SOURCES = [path for part in ("inverse_service", "api_schemas") for path in sorted((ROOT / part).rglob("*.py"))]
+ENTRIES = {"inverse_service.__main__", "inverse_service.cli.__main__"}
+BY_NAME = re.compile(r"\"(inverse_service(?:\.\w+)+)\"")
 AGREEMENT = re.compile(r"^\| `([a-z_.]+)\.(\w+)(?:\(|`)", re.MULTILINE)
+
+
+def test_every_module_of_the_package_is_used_by_the_package() -> None:
+    used = set().union(*(mentioned(path) for path in SOURCES))
+    modules = {module_of(path) for path in SOURCES if path.name != "__init__.py"}
+    assert len(modules) > 300
+    assert modules - used - ENTRIES == set()
+
+
+def module_of(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def mentioned(path: Path) -> set[str]:
+    """The modules that a file imports, lazily or not, or names in a text: those run in processes of their own."""
+    source = path.read_text(encoding="utf-8")
+    package = module_of(path) if path.name == "__init__.py" else module_of(path).rpartition(".")[0]
+    found = {*BY_NAME.findall(source), *imported(source, package)}
+    return found | {name.rpartition(".")[0] for name in found}
 
 
 def test_every_agreement_of_the_architecture_page_names_something_that_exists() -> None:

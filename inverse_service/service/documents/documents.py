@@ -7,10 +7,10 @@ Processes that serve many import all before the first (`tasks.load_engine`).
 from __future__ import annotations
 
 import contextlib
-import importlib
 import logging
 import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
@@ -18,11 +18,9 @@ from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.answers import undetermined
 from inverse_service.service.documents.document_kinds import is_forward, is_motion, is_nonholonomic
-from inverse_service.service.documents.preparing import prepared
+from inverse_service.service.documents.preparing import Prepared, prepared
 from inverse_service.service.documents.refusals import DocumentRefused
 
-CHECKING = "inverse_service.service.documents.checking"
-FOLDER = "inverse_service.service.documents"
 # What ends the mathematics of a document that is well written, and what is said of it then.
 REASONS = {
     OverflowError: "A number of the calculation, most often an exponent, has more than 64 bits; nothing was decided.",
@@ -41,7 +39,8 @@ def solve_document(
     Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault` names the error.
     """
     try:
-        found = _called("solve", document, options, progress)
+        ready = prepared(document)
+        found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, progress))
     except ENDED as error:
         if is_forward(document):
             raise
@@ -65,12 +64,15 @@ def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dic
 
 def parse_document(document: Any) -> dict[str, Any]:
     """What was understood of a document; raises InputError."""
-    return _called("parse", document)
+    ready = prepared(document)
+    return _in_own_words(ready, lambda cases: cases.parse(ready.document))
 
 
 def understand_document(document: Any) -> dict[str, Any]:
     """The `system` part of a result; raises InputError."""
-    return {**_called("understand", document), "given": _as_given(document)}
+    ready = prepared(document)
+    found = _in_own_words(ready, lambda cases: cases.understand(ready.document))
+    return {**found, "given": _as_given(document)}
 
 
 def _as_given(document: Any) -> dict[str, Any]:
@@ -86,34 +88,53 @@ def _plain(value: Any) -> Any:
     return str(value) if isinstance(value, Decimal) else value
 
 
-def _called(verb: str, document: Any, *others: Any) -> dict[str, Any]:
-    ready = prepared(document)
-    name = _kind(ready.document)
-    module = importlib.import_module(f"{FOLDER}.{_MODULES[name]}")
+@dataclass(frozen=True, slots=True)
+class UseCases:
+    """What is done with a document of one kind."""
+
+    look: Callable[[Any], object]
+    parse: Callable[[Any], dict[str, Any]]
+    understand: Callable[[Any], dict[str, Any]]
+    solve: Callable[[Any, SolveOptions, Callable[[str], None] | None], dict[str, Any]]
+
+
+def use_cases(document: Any) -> UseCases:
+    """Those of the kind that a prepared document is of, imported now."""
+    if is_motion(document):
+        from inverse_service.service.documents import motion
+
+        return UseCases(motion.look_motion, motion.parse_motion, motion.understand_motion, motion.solve_motion)
+    if is_forward(document):
+        from inverse_service.service.documents import forward as alone
+
+        return UseCases(alone.look_forward, alone.parse_forward, alone.understand_forward, alone.solve_forward)
+    if is_nonholonomic(document):
+        from inverse_service.service.documents import nonholonomic as held
+        from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema
+
+        look = to_nonholonomic_schema
+        return UseCases(look, held.parse_nonholonomic, held.understand_nonholonomic, held.solve_nonholonomic)
+    from inverse_service.service.documents import solving
+    from inverse_service.service.documents.translate import to_schema
+
+    return UseCases(to_schema, solving.parse_document, solving.understand_document, solving.solve_document)
+
+
+def _in_own_words(ready: Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:
+    """The answer, or the refusal, in the names that the writer of the document uses."""
     try:
-        found: dict[str, Any] = getattr(module, f"{verb}_{name}")(ready.document, *others)
+        return ready.outward(work(use_cases(ready.document)))
     except DocumentRefused:
         raise
     except InputError as error:
         raise ready.error(error) from None
-    return ready.outward(found)
-
-
-def _kind(document: Any) -> str:
-    if is_motion(document):
-        return "motion"
-    if is_forward(document):
-        return "forward"
-    return "nonholonomic" if is_nonholonomic(document) else "document"
-
-
-_MODULES = {"document": "solving", "nonholonomic": "nonholonomic", "forward": "forward", "motion": "motion"}
 
 
 def check_document(text: str) -> dict[str, Any]:
     """The verdict on the text of a result; see `checking.check_document`."""
-    found: dict[str, Any] = importlib.import_module(CHECKING).check_document(text)
-    return found
+    from inverse_service.service.documents import checking
+
+    return checking.check_document(text)
 
 
 def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
@@ -125,20 +146,4 @@ def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
 def look(document: Any) -> None:
     """Raise DocumentRefused where a document has not the shape of one that is solved."""
     plain = prepared(document).document
-    match _kind(plain):
-        case "forward":
-            from inverse_service.service.documents.forward import look_forward
-
-            look_forward(plain)
-        case "motion":
-            from inverse_service.service.documents.motion import look_motion
-
-            look_motion(plain)
-        case "nonholonomic":
-            from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema
-
-            to_nonholonomic_schema(plain)
-        case _:
-            from inverse_service.service.documents.translate import to_schema
-
-            to_schema(plain)
+    use_cases(plain).look(plain)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
@@ -19,48 +17,53 @@ Look = Callable[[Any], None]
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """`module` holds the use case, `work` calls it, `look` refuses what has not the shape of its documents.
+    """`work` runs the use case, `look` refuses what has not the shape of its documents.
 
-    `limit_is_answer`: stopped at a limit it has an undetermined result.
+    `limit_is_answer`: stopped at a limit it has an undetermined result. Use cases are imported when they are called:
+    the process that only stores jobs has no engine.
     """
 
     name: str
-    module: str
     work: Work
     look: Look
     limit_is_answer: bool = False
 
-    @property
-    def is_there(self) -> bool:
-        """Whether this installation has the use case."""
-        return importlib.util.find_spec(self.module) is not None
-
 
 def _solve(document: Any, options: JobOptions, report: Report) -> Any:
-    module = importlib.import_module(KINDS["solve"].module)
-    return module.solve_document(document, solve_options(options), report)
+    from inverse_service.service.documents.documents import solve_document
+
+    return solve_document(document, solve_options(options), report)
 
 
 def _check(document: Any, options: JobOptions, report: Report) -> Any:
+    from inverse_service.service.documents.documents import check_document
     from inverse_service.service.jobs.identity import write_json
 
-    return importlib.import_module(KINDS["check"].module).check_document(write_json(document))
+    return check_document(write_json(document))
 
 
 def _simulate(document: Any, options: JobOptions, report: Report) -> Any:
-    return importlib.import_module(KINDS["simulate"].module).simulate(document, report, options.time_limit)
+    from inverse_service.service.scenes.simulating import simulate
+
+    return simulate(document, report, options.time_limit)
 
 
 def _work_precision(document: Any, options: JobOptions, report: Report) -> Any:
-    return importlib.import_module(KINDS["work-precision"].module).work_precision(document, report, options.time_limit)
+    from inverse_service.service.scenes.work_precision import work_precision
+
+    return work_precision(document, report, options.time_limit)
 
 
 def _look_at_scene(document: Any) -> None:
-    importlib.import_module("inverse_service.service.scenes.scene_refusals").scene_schema(document)
+    from inverse_service.service.scenes.scene_refusals import scene_schema
+
+    scene_schema(document)
 
 
 def _look_at_system(document: Any) -> None:
-    importlib.import_module("inverse_service.service.documents.documents").look(document)
+    from inverse_service.service.documents.documents import look
+
+    look(document)
 
 
 def _look_at_object(document: Any) -> None:
@@ -80,12 +83,8 @@ def label_of(result: Any) -> str:
 
 
 KINDS: Final[dict[str, Kind]] = {
-    "solve": Kind(
-        "solve", "inverse_service.service.documents.documents", _solve, _look_at_system, limit_is_answer=True
-    ),
-    "check": Kind("check", "inverse_service.service.documents.documents", _check, _look_at_object),
-    "simulate": Kind("simulate", "inverse_service.service.scenes.simulating", _simulate, _look_at_scene),
-    "work-precision": Kind(
-        "work-precision", "inverse_service.service.scenes.work_precision", _work_precision, _look_at_scene
-    ),
+    "solve": Kind("solve", _solve, _look_at_system, limit_is_answer=True),
+    "check": Kind("check", _check, _look_at_object),
+    "simulate": Kind("simulate", _simulate, _look_at_scene),
+    "work-precision": Kind("work-precision", _work_precision, _look_at_scene),
 }

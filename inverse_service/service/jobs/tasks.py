@@ -7,6 +7,7 @@ import json
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
 from inverse_service.errors import InputError
@@ -43,22 +44,22 @@ def job_task(kind: str, document: str, options: str, report: Callable[[Any], Non
 
 def understand_job_task(document: str) -> Outcome:
     """The document of a stored solve job to the `system` part of a result."""
-    return guard(lambda: _call("understand_document", read_json(document)))
+    return guard(lambda: _documents().understand_document(read_json(document)))
 
 
 def solve_task(document: Any, options: SolveOptions, report: Callable[[str], None] | None = None) -> Outcome:
     """A System document to its result document; `report` is told the stages."""
-    return _guarded("solve_document", document, options, report)
+    return guard(lambda: _documents().solve_document(document, options, report))
 
 
 def look_ahead_task(document: str) -> Outcome:
     """Whether the document of a solve job, which is JSON, can be read to its last formula."""
-    return guard(lambda: _call("parse_document", read_json(document)) and None)
+    return guard(lambda: _documents().parse_document(read_json(document)) and None)
 
 
 def understand_task(document: Any) -> Outcome:
     """A System document to the `system` part of a result."""
-    return _guarded("understand_document", document)
+    return guard(lambda: _documents().understand_document(document))
 
 
 def proof_task(result: dict[str, Any], form: str, seed: int) -> Outcome:
@@ -68,7 +69,7 @@ def proof_task(result: dict[str, Any], form: str, seed: int) -> Outcome:
 
 def check_task(text: str) -> Outcome:
     """The text of a result to the checker's verdict."""
-    return _guarded("check_document", text)
+    return guard(lambda: _documents().check_document(text))
 
 
 def ping_task() -> Outcome:
@@ -82,14 +83,11 @@ def _job(kind: str, document: str, options: str, report: Callable[[Any], None]) 
     return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result), fault)
 
 
-def _guarded(name: str, *arguments: Any) -> Outcome:
-    return guard(_call, name, *arguments)
-
-
-def _call(name: str, *arguments: Any) -> Any:
+def _documents() -> ModuleType:
+    """The use cases, imported in the worker only."""
     from inverse_service.service.documents import documents
 
-    return getattr(documents, name)(*arguments)
+    return documents
 
 
 def guard(function: Callable[..., Any], *arguments: Any) -> Outcome:

@@ -80,7 +80,7 @@ def duration(seconds: Any) -> str:
 
 def can_simulate() -> bool:
     """Whether this installation runs scenes."""
-    return "simulate" in KINDS and KINDS["simulate"].is_there
+    return "simulate" in KINDS
 
 
 def progress_text(progress: Any) -> str:
