@@ -139,8 +139,9 @@ def check_document(text: str) -> dict[str, Any]:
 
 def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
     """The verdict of a result for another prover; see `proofs.proof_document`."""
-    found: str = importlib.import_module(f"{FOLDER}.proofs").proof_document(result, form, seed)
-    return found
+    from inverse_service.service.documents import proofs
+
+    return proofs.proof_document(result, form, seed)
 
 
 def look(document: Any) -> None:

@@ -64,7 +64,7 @@ def understand_task(document: Any) -> Outcome:
 
 def proof_task(result: dict[str, Any], form: str, seed: int) -> Outcome:
     """The verdict of a result as theorems for another prover."""
-    return _guarded("proof_document", result, form, seed)
+    return guard(lambda: _documents().proof_document(result, form, seed))
 
 
 def check_task(text: str) -> Outcome:
