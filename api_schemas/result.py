@@ -147,13 +147,24 @@ class KindPart(Document):
     near: dict[str, str] = Field(default_factory=dict)
 
 
+class InsteadPart(Document):
+    """What there is instead of L(q, q'): an L(t, q, q') ("time"), or a natural L with friction D ("rayleigh")."""
+
+    kind: Literal["time", "rayleigh"]
+    lagrangian: LagrangianPart
+    hamiltonian: HamiltonianPart | None = None
+    dissipation: Formula | None = None
+    certificate: dict[str, Any]
+    checked: Checked
+
+
 class ResultDocument(OtherAnswer):
     """Everything found out about one system; the main fields answer `question`.
 
     They hold, generically, on the open connected set that the strict inequalities of `domain` cut out. Where the
     answers differ with the signs of what stands under roots, `branches` has them all, that of the main fields first.
     `guessed` are names that the document did not declare and asked to be taken as constants (or functions).
-    `kinds` answers what the document asks about kinds of Lagrangians.
+    `kinds` answers what the document asks about kinds of Lagrangians; `instead` is what a system without L(q, q') has.
     """
 
     format: Literal["inverse-service/result/1"] = FORMAT
@@ -165,5 +176,6 @@ class ResultDocument(OtherAnswer):
     branches: list[BranchPart] = Field(default_factory=list)
     special_cases: SpecialCasesPart | None = None
     kinds: dict[str, KindPart] | None = None
+    instead: InsteadPart | None = None
     guessed: list[str] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)

@@ -101,6 +101,9 @@ class QuestionDocument(NamedDocument):
     special_cases: bool = False
 
 
+KindName = Literal["natural", "riemannian", "finsler", "rayleigh"]
+
+
 class InvariantKind(Document):
     """Lagrangians that are invariant: under translations along coordinates ("x"), and along vector fields."""
 
@@ -116,10 +119,9 @@ class SystemDocument(QuestionDocument):
     `equations`: an object with each acceleration, a list or a text of whole equations; first-order pairs
     x' = h, p' = F, with h affine in p and solvable for it, are turned into second-order equations.
     `kinds`: which kinds of Lagrangians are asked about: "natural" (T + A v - V), "riemannian" (T alone), "finsler"
-    (homogeneous of degree 2 in the velocities), {"invariant": ["x", {"x": "-y", "y": "x"}]}.
+    (homogeneous of degree 2 in the velocities), "rayleigh" (natural, with friction),
+    {"invariant": ["x", {"x": "-y", "y": "x"}]}.
     """
 
     equations: Equations
-    kinds: Annotated[list[Literal["natural", "riemannian", "finsler"] | InvariantKind], Field(max_length=MAX_KINDS)] = (
-        Field(default_factory=list)
-    )
+    kinds: Annotated[list[KindName | InvariantKind], Field(max_length=MAX_KINDS)] = Field(default_factory=list)

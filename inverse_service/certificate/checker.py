@@ -535,12 +535,13 @@ def compared(result: Any, tools: Tools) -> list[str]:
         require(other.get("verdict") in (None, later), "with_time.verdict is not verdict_with_time.")
         certificates.append(agreed(other, later, "time_dependent", system, tools))
     others = list(motions(result.get("any_associated")))
-    if result.get("kinds") is not None:
+    if result.get("kinds") is not None or result.get("instead") is not None:
         from .kinds import certificates_of
 
-        asked = "time_dependent" if system.contains_time else "autonomous"
-        parts = certificates_of(result["kinds"])
-        others += [agreed(one, one["verdict"], asked, system, tools, among) for among, one in parts]
+        for among, one, always in certificates_of(result.get("kinds") or {}, result.get("instead")):
+            timed = not always or system.contains_time
+            asked = "time_dependent" if timed else "autonomous"
+            others.append(agreed(one, one["verdict"], asked, system, tools, among))
     found = [certified(one, tools) for one in (*certificates, *others) if one]
     proven = later is None or any(one and proves(one, "time_dependent", later) for one in certificates)
     if not proven or None in certificates or "undetermined" in (verdict, later):

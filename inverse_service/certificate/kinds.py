@@ -146,18 +146,22 @@ class OfKind(Question):
         return super().existence(document)
 
 
-def certificates_of(kinds: Any) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """The answers of a result about kinds, each with the kind that its certificate has to be about."""
+def certificates_of(kinds: Any, instead: Any) -> Iterator[tuple[Any, dict[str, Any], bool]]:
+    """The answers of a result about kinds, what each certificate has to be about, and whether L may not hold t."""
     part = {"verdict": VERDICTS, "lagrangian?": {}, "certificate?": {}, "dissipation?": {}}
     check_shape(kinds, dict.fromkeys(kinds, part), "kinds")
-    for kind, answer in kinds.items():
+    listed = [*kinds.items()]
+    if instead is not None:
+        check_shape(instead, {"kind": "time|rayleigh", "lagrangian": {}, "certificate": {}}, "instead")
+        listed.append((instead["kind"], {**instead, "verdict": "variational"}))
+    for kind, answer in listed:
         certificate = answer.get("certificate") or {}
         claimed, shown = certificate.get("among"), answer.get("dissipation")
         texts = (certificate.get("dissipation"), shown and shown.get("text"))
         read = [None if text is None else read_tokens(text, "dissipation") for text in texts]
         require(read[0] == read[1], "The dissipation of an answer is not the one that its certificate proves.")
         named = next(iter(claimed), None) if isinstance(claimed, dict) else claimed
-        refuted = claimed is None and answer["verdict"] == "not_variational"
-        require(refuted or answer.get("certificate") is None or named == kind, "A certificate is about another kind.")
-        require(answer.get("certificate") is not None or answer["verdict"] == "undetermined", "A kind has no proof.")
-        yield claimed, answer
+        whole = claimed is None and (kind == "time" or (kind != "rayleigh" and answer["verdict"] == "not_variational"))
+        require(whole or not certificate or named == kind, "A certificate is about another kind.")
+        require(certificate or answer["verdict"] == "undetermined", "A kind has no proof.")
+        yield claimed, answer, kind != "time"

@@ -112,7 +112,7 @@ def solve(
         list[str] | None,
         typer.Option(
             "--kind",
-            help="Also: is there an L of this kind? natural, riemannian, finsler, or invariant:x,y. Repeatable.",
+            help="Also: is there an L of this kind? natural, riemannian, finsler, rayleigh, invariant:x,y. Repeatable.",
         ),
     ] = None,
     guess: Annotated[

@@ -33,6 +33,8 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
         lines += [""] * (place > 0) + list(_both_answers(branch, asks_for_time(result), explain))
     if result.get("special_cases") is not None:
         lines += ["", *special_cases_lines(result["special_cases"])]
+    if result.get("instead"):
+        lines += ["", *_instead(result["instead"])]
     if result.get("kinds"):
         lines += ["", *_kinds(result["kinds"])]
     if explain:
@@ -55,6 +57,14 @@ def _kinds(kinds: dict[str, Any]) -> Iterator[str]:
         check = f" (independent check: {part['checked']})" if part["checked"] else ""
         yield f"  {name}: {KIND_SENTENCES[part['verdict']]}{reason}{check}"
         yield from (f"    {sign} = {part[key]['text']}" for sign, key in _FORMULAS if part[key])
+
+
+def _instead(part: dict[str, Any]) -> Iterator[str]:
+    """Nothing where the Lagrangian with time stands above already."""
+    if part["kind"] == "rayleigh":
+        yield "Instead: a Lagrangian with friction, d(dL/dx')/dt - dL/dx = dD/dx' for each coordinate x."
+        yield from (f"  {sign} = {part[key]['text']}" for sign, key in _FORMULAS)
+        yield f"  independent check: {part['checked']}"
 
 
 _FORMULAS = (("L", "lagrangian"), ("D", "dissipation"))

@@ -14,11 +14,12 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
+from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Lagrangian, Solution, Verdict
 from inverse_service.linear_pde.deciding import Limits
 
 _NO_TIME = "the time limit came before this question"
-_NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"
+NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"
 _HOMOGENEOUS = ("riemannian", "finsler")
 
 
@@ -33,7 +34,7 @@ class KindAnswer:
     dissipation: Expression | None = None
 
 
-def answer_kind(solution: Solution, kind: LagrangianKind, seed: int, deadline: float) -> KindAnswer:
+def answer_kind(solution: Solution, kind: LagrangianKind, asked: SolveOptions, deadline: float) -> KindAnswer:
     """The answer on the first branch, of L(q, q'), of L(t, q, q') where f contains t.
 
     A Lagrangian that was found already and is of the kind is a yes; else the conditions on all multipliers of the
@@ -46,7 +47,7 @@ def answer_kind(solution: Solution, kind: LagrangianKind, seed: int, deadline: f
         return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
     try:
         analysis = analyse(solution.system)
-        return _of_known(analysis, main, kind, deadline) or _decided(analysis, kind, seed, deadline)
+        return _of_known(analysis, main, kind, deadline) or _decided(analysis, kind, asked.seed, deadline)
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
 
@@ -78,7 +79,7 @@ def _decided(analysis: Analysis, kind: LagrangianKind, seed: int, deadline: floa
     words = found.verdict.replace("_", " ")
     return KindAnswer(
         "undetermined",
-        _NOT_FOUND if found.verdict == "variational" else f"found {words}, but the check could not confirm it",
+        NOT_FOUND if found.verdict == "variational" else f"found {words}, but the check could not confirm it",
     )
 
 

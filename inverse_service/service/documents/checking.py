@@ -75,6 +75,7 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
     if found.verdict == "invalid":
         raise CertificateRefused(f"what was solved is not what was given: {why}"[:500])
     branches = [each for branch in result["branches"] for each in (branch, branch["with_time"])]
+    result |= {"instead": None} if result.get("instead") else {}
     for one in (result.get("kinds") or {}).values():
         one |= {"certificate": None, "checked": None, "lagrangian": None, "dissipation": None}
     for one in filter(None, (result, result["with_time"], *branches, *(result.get("kinds") or {}).values())):
@@ -148,7 +149,7 @@ def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
         return
     listed = _object(result.get("nonholonomic")).get("associated")
     associated = listed if isinstance(listed, list) else []
-    kinds = _object(result.get("kinds")).values()
+    kinds = [*_object(result.get("kinds")).values(), result.get("instead")]
     answers = (_object(each) for each in (result, result.get("with_time"), *associated, *kinds))
     certificates = [found for each in answers if (found := _object(each.get("certificate")))]
     shown = [Canonical(_system(result), each) for each in certificates[:1]]

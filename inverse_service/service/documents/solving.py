@@ -22,6 +22,8 @@ from inverse_service.service.documents.checking import compare_before_leaving
 SHARE_OF_SOLVER = 0.8
 # What the solver may take where special cases or kinds are wanted too.
 SHARE_BESIDE_CASES = 0.4
+# What a system without a Lagrangian has instead is looked for so long, in s.
+QUICKLY = 2.0
 FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
 
 
@@ -49,12 +51,13 @@ def solve_document(
     kinds = _kinds(schema, system)
     solution, *others = solve_branches(system, asked, progress)
     result = translate.to_result(solution, schema, others)
-    if kinds:
-        from inverse_service.service.documents.kinds import with_kinds
+    limit = time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
+    if result.verdict == "not_variational" or kinds:
+        # Loaded when asked for, so that others start sooner.
+        from inverse_service.service.documents.kinds import with_instead, with_kinds
 
-        result = with_kinds(
-            result, solution, kinds, asked.seed, time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
-        )
+        result = with_instead(result, solution, asked, min(limit, time.monotonic() + QUICKLY))
+        result = with_kinds(result, solution, kinds, asked, limit) if kinds else result
     if schema.special_cases:
         result = with_special_cases(result, system, asked, (end, progress))
     return ordered(checked(result, end - time.monotonic()))

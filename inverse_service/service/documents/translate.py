@@ -210,7 +210,7 @@ def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
         "other_lagrangians": [lagrangian_part(other) for other in answer.other_lagrangians],
         "multiplier": None if lagrangian is None else _texts(lagrangian.multiplier),
         "integrals": {} if lagrangian is None else integrals_of(lagrangian.expression).get("integrals", {}),
-        "hamiltonian": None if answer.hamiltonian is None else _hamiltonian(answer.hamiltonian, system.coordinates),
+        "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, system.coordinates),
         "solution_space": None
         if space is None
         else SolutionSpacePart(
@@ -241,7 +241,7 @@ def lagrangian_part(lagrangian: Lagrangian) -> LagrangianPart:
     return LagrangianPart(text=written.text, latex=written.latex, domain=domain, family=lagrangian.family)
 
 
-def _hamiltonian(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> HamiltonianPart:
+def hamiltonian_part(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> HamiltonianPart:
     written = _formula(hamiltonian.expression)
     names = [symbol.name for symbol in hamiltonian.symbols] or [f"p_{coordinate}" for coordinate in coordinates]
     pairs = zip(names, hamiltonian.momenta, strict=True)

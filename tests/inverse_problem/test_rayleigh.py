@@ -1,0 +1,110 @@
+"""Natural Lagrangians with friction: damped chains and pendulums have L and D, others are proven to have none."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+import sympy
+
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.documents import check_document, solve_document
+
+PENDULUM = (
+    "2*a''+b''*cos(a-b)+b'^2*sin(a-b)+2*sin(a)+c*a'+k*(a'-b')=0; a''*cos(a-b)+b''-a'^2*sin(a-b)+sin(b)+k*(b'-a')=0"
+)
+CHAIN = {"x": "-2*x + y - 2*x' + y'", "y": "x - 2*y + z + x' - 2*y' + z'", "z": "y - z + y' - z'"}
+# Goldstein, Classical Mechanics, section 1.5: Rayleigh's function; Mestdag, Sarlet, Crampin, arXiv:1004.0674.
+WITH_FRICTION = [
+    ("damped oscillator", {"x": "-x-c*x'"}),
+    ("chain of three masses with springs and dampers", CHAIN),
+    ("two masses that share a damper", {"x": "-x-x'", "y": "-y+x'"}),
+    ("masses 2 and 1", {"x": "y-x'", "y": "2*x-y'"}),
+    ("with gyroscopic terms", {"x": "-x-c*x'+b*y'", "y": "-2*y-k*y'-b*x'"}),
+    ("geodesics of the half plane, damped", {"x": "2*x'*y'/y-c*x'", "y": "(y'^2-x'^2)/y-c*y'"}),
+]
+WITHOUT = [
+    ("friction of the third degree", {"x": "-x-x'^3", "y": "-y"}),
+    ("a force without potential", {"x": "x^2+y^2", "y": "-y'"}),
+    ("a connection without a metric, damped", {"x": "x'*y'-x'", "y": "-y'"}),
+    ("drag that is not polynomial", {"x": "-x-sqrt(1+x'^2+y'^2)*x'", "y": "-y-sqrt(1+x'^2+y'^2)*y'"}),
+]
+
+
+def solved(equations: Any, *kinds: str) -> dict[str, Any]:
+    document = {"equations": equations, "parameters": ["c", "k"], "kinds": list(kinds)}
+    if not isinstance(equations, str):
+        document["parameters"] = [name for name in "bck" if any(name in text for text in equations.values())]
+    return solve_document(document, SolveOptions(time_limit=60))
+
+
+def residuals(equations: dict[str, str], lagrangian: str, dissipation: str) -> list[float]:
+    """d(dL/dv)/dt - dL/dq - dD/dv at a point, by SymPy alone."""
+    values = {"b": sympy.Rational(3, 7), "c": sympy.Rational(2, 5), "k": sympy.Rational(4, 3)}
+    q = {name: sympy.Symbol(name) for name in equations}
+    v = {name: sympy.Symbol(name + "_v") for name in equations}
+    table = values | q | {name + "_v": each for name, each in v.items()}
+
+    def read(text: str) -> sympy.Expr:
+        return sympy.sympify(text.replace("'", "_v").replace("^", "**"), locals=table)
+
+    L, D, f = read(lagrangian), read(dissipation), {name: read(text) for name, text in equations.items()}
+    found = []
+    for name in equations:
+        rate = sum(L.diff(v[name], q[j]) * v[j] + L.diff(v[name], v[j]) * f[j] for j in equations)
+        point = {each: sympy.Rational(3 + 2 * k, 5) for k, each in enumerate([*q.values(), *v.values()])}
+        found.append(abs(float((rate - L.diff(q[name]) - D.diff(v[name])).subs(point))))
+    return found
+
+
+@pytest.mark.parametrize(("name", "equations"), WITH_FRICTION)
+def test_damped_systems_have_a_natural_lagrangian_and_a_dissipation(name: str, equations: Any) -> None:
+    result = solved(equations, "rayleigh")
+    found = result["kinds"]["rayleigh"]
+    assert (found["verdict"], found["checked"]) == ("variational", "valid"), name
+    assert max(residuals(equations, found["lagrangian"]["text"], found["dissipation"]["text"])) < 1e-12
+    assert check_document(json.dumps(result))["verdict"] == "valid"
+
+
+@pytest.mark.parametrize(("name", "equations"), WITHOUT)
+def test_others_are_proven_to_have_none(name: str, equations: Any) -> None:
+    result = solved(equations, "rayleigh")
+    found = result["kinds"]["rayleigh"]
+    assert (found["verdict"], found["checked"], found["lagrangian"]) == ("not_variational", "valid", None), name
+    assert check_document(json.dumps(result))["verdict"] in ("valid", "incomplete")
+
+
+def test_a_damped_double_pendulum_leaves_with_T_minus_V_and_D() -> None:
+    result = solved(PENDULUM)
+    instead = result["instead"]
+    assert (result["verdict"], instead["kind"], instead["checked"]) == ("not_variational", "rayleigh", "valid")
+    assert instead["hamiltonian"] is not None
+    drag = instead["dissipation"]["text"]
+    letters = sympy.symbols("c k a_v b_v")
+    c, k, a, b = letters
+    expected = -c * a**2 / 2 - k * (a - b) ** 2 / 2
+    read = sympy.sympify(drag.replace("'", "_v").replace("^", "**"), locals={str(s): s for s in letters})
+    assert sympy.expand(read - expected) == 0
+    assert check_document(json.dumps(result))["verdict"] == "valid"
+
+
+def test_a_wrong_dissipation_is_refused() -> None:
+    result = solved({"x": "-x-c*x'", "y": "-y"}, "rayleigh")
+    part = result["kinds"]["rayleigh"]
+    wrong = {**part, "dissipation": {**part["dissipation"], "text": "-c*x'^2/3"}}
+    assert check_document(json.dumps({**result, "kinds": {"rayleigh": wrong}}))["verdict"] == "invalid"
+    wrong["certificate"] = {**part["certificate"], "dissipation": "-c*x'^2/3"}
+    assert check_document(json.dumps({**result, "kinds": {"rayleigh": wrong}}))["verdict"] == "invalid"
+    as_natural = {**part, "certificate": {**part["certificate"], "among": "natural"}}
+    assert check_document(json.dumps({**result, "kinds": {"natural": as_natural}}))["verdict"] == "invalid"
+
+
+def test_uniform_damping_has_a_lagrangian_with_time_instead() -> None:
+    result = solved({"x": "-x-2*x*y-x'", "y": "-y-x^2+y^2-y'"})
+    assert (result["verdict"], result["instead"]["kind"]) == ("not_variational", "time")
+    assert result["instead"]["lagrangian"] == result["with_time"]["lagrangian"]
+
+
+def test_a_system_with_a_lagrangian_needs_nothing_instead() -> None:
+    assert solved({"x": "-x"})["instead"] is None
