@@ -182,7 +182,7 @@ def _lean_theorem(theorem: Theorem) -> str:
     binders = f" ({' '.join(letters.names.values())} : {REAL})" if letters.names else ""
     lines = [f"-- {text}" for text in _comments(theorem, letters)]
     lines += [f"theorem {theorem.name}{binders}", *_hypotheses(theorem, letters, "≠")]
-    lines += [f"  : {_statement(theorem, letters, theorem.steps[-1])} = 0 := by"]
+    lines += [f"  : {_statement(theorem, letters, theorem.steps[-1])} = (0 : {REAL}) := by"]
     for step in theorem.steps[:-1]:
         lines.append(f"  have {step.gives.name} : {_statement(theorem, letters, step)} = 0 := by")
         lines += _lean_step(theorem, letters, step, "    ")

@@ -32,9 +32,14 @@ class NoTheorem(Exception):
 def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
     """A file for "coq" or "lean", or the "identities" as JSON; where there are none, the reason in their place."""
     theorems, reason = _theorems(result, seed)
+    domain = result.get("domain") or []
     if form == "identities":
-        return json.dumps({"theorems": identities(theorems), "reason": reason}, ensure_ascii=False, indent=2) + "\n"
-    return WRITERS[form](theorems) if theorems else COMMENTS[form].format(reason)
+        found = {"theorems": identities(theorems), "domain": domain, "reason": reason}
+        return json.dumps(found, ensure_ascii=False, indent=2) + "\n"
+    if not theorems:
+        return COMMENTS[form].format(reason)
+    where = COMMENTS[form].format(f"The formulas are those on {', '.join(domain)}.") if domain else ""
+    return WRITERS[form](theorems) + where
 
 
 def _theorems(result: dict[str, Any], seed: int) -> tuple[Sequence[Theorem], str]:
