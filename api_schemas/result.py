@@ -158,6 +158,20 @@ class InsteadPart(Document):
     checked: Checked
 
 
+class ClockPart(Document):
+    """The answer for L(q, q') with dtau = `factor` dt: the equations for d2q/dtau2, q' being dq/dtau."""
+
+    factor: str
+    equations: dict[str, str]
+    verdict: Verdict
+    lagrangian: LagrangianPart | None = None
+    hamiltonian: HamiltonianPart | None = None
+    certificate: dict[str, Any] | None = None
+    checked: Checked | None = None
+    reason: str = ""
+    domain: list[str] = Field(default_factory=list)
+
+
 class ResultDocument(OtherAnswer):
     """Everything found out about one system; the main fields answer `question`.
 
@@ -177,5 +191,6 @@ class ResultDocument(OtherAnswer):
     special_cases: SpecialCasesPart | None = None
     kinds: dict[str, KindPart] | None = None
     instead: InsteadPart | None = None
+    with_clock: ClockPart | None = None
     guessed: list[str] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)

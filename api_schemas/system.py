@@ -118,10 +118,12 @@ class SystemDocument(QuestionDocument):
 
     `equations`: an object with each acceleration, a list or a text of whole equations; first-order pairs
     x' = h, p' = F, with h affine in p and solvable for it, are turned into second-order equations.
+    `clock`: N(q) in dtau = N dt: is there a Lagrangian with this clock?
     `kinds`: which kinds of Lagrangians are asked about: "natural" (T + A v - V), "riemannian" (T alone), "finsler"
     (homogeneous of degree 2 in the velocities), "rayleigh" (natural, with friction),
     {"invariant": ["x", {"x": "-y", "y": "x"}]}.
     """
 
     equations: Equations
+    clock: Text | None = None
     kinds: Annotated[list[KindName | InvariantKind], Field(max_length=MAX_KINDS)] = Field(default_factory=list)

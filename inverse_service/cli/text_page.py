@@ -35,6 +35,10 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
         lines += ["", *special_cases_lines(result["special_cases"])]
     if result.get("instead"):
         lines += ["", *_instead(result["instead"])]
+    if result.get("with_clock"):
+        part = result["with_clock"]
+        lines += ["", f"With the clock dtau = ({part['factor']}) dt, x' being dx/dtau:"]
+        lines += _answer({"solution_space": None, "explanation": [], **part}, False, False)
     if result.get("kinds"):
         lines += ["", *_kinds(result["kinds"])]
     if explain:

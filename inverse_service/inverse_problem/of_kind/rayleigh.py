@@ -137,11 +137,12 @@ def _parts(formula: Expression, names: Sequence[str]) -> tuple[Expression, Expre
     """Its parts that are even and odd in the velocities."""
     turned = substitute(formula, {Velocity(name): negate(Velocity(name)) for name in names})
     found: Iterator[Expression] = (multiply(number(_HALF), add(formula, other)) for other in (turned, negate(turned)))
-    even, odd = (_collected(part) for part in found)
+    even, odd = (collected(part) for part in found)
     return even, odd
 
 
-def _collected(tree: Expression) -> Expression:
+def collected(tree: Expression) -> Expression:
+    """The tree as a sum of monomials, unless there are too many."""
     try:
         return tree_of(terms_of(tree))
     except TooManyTerms:

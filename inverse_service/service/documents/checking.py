@@ -120,6 +120,12 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
     for certificate in _claims(result) if given is not None else ():
         motion = compared_claim(given, certificate, end - time.monotonic())
         found = motion if found is None or motion.verdict != "valid" else found
+    changed = _object(result.get("with_clock")) if isinstance(result, dict) else {}
+    if changed:
+        from inverse_service.service.documents.clock import compared_clock  # brings the engine
+
+        clock = compared_clock(given, changed, end - time.monotonic())
+        found = clock if clock is not None and (found is None or clock.verdict != "valid") else found
     if found is None:
         return alone
     worst = max(alone.verdict, found.verdict, key=_FROM_BEST.index)

@@ -32,6 +32,7 @@ EXPECTED = {
     "ansatz": """a list of terms such as ["y'^2/x'"]""",
     "series_order": f"a whole number from 1 to {MAX_SERIES_ORDER}",
     "special_cases": "true or false",
+    "clock": 'a formula in the coordinates, such as "1 + x^2"',
     "kinds": 'a list such as ["natural", "riemannian", "finsler", "rayleigh", {"invariant": ["x"]}]',
     "where": """an object of formulas such as {"r": "sqrt(x^2 + y^2)"}""",
     "search": """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",

@@ -11,6 +11,7 @@ from api_schemas.result import ResultDocument
 from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import check_result
 from inverse_service.errors import CertificateRefused
+from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve_branches
@@ -39,7 +40,7 @@ def solve_document(
     end = time.monotonic() + options.time_limit
     schema = translate.to_schema(document)
     system = translate.to_system(schema)
-    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds else SHARE_OF_SOLVER
+    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
@@ -48,7 +49,7 @@ def solve_document(
         given=translate.to_given(schema),
         series_order=schema.series_order,
     )
-    kinds = _kinds(schema, system)
+    kinds, factor = _kinds(schema, system), _clock(schema, system)
     solution, *others = solve_branches(system, asked, progress)
     result = translate.to_result(solution, schema, others)
     limit = time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
@@ -58,6 +59,11 @@ def solve_document(
 
         result = with_instead(result, solution, asked, min(limit, time.monotonic() + QUICKLY))
         result = with_kinds(result, solution, kinds, asked, limit) if kinds else result
+    if factor is not None:
+        from inverse_service.service.documents.clock import clock_part
+
+        part = clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - time.monotonic()))
+        result = result.model_copy(update={"with_clock": part})
     if schema.special_cases:
         result = with_special_cases(result, system, asked, (end, progress))
     return ordered(checked(result, end - time.monotonic()))
@@ -69,6 +75,14 @@ def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[Lagrangia
     from inverse_service.service.documents.kinds import to_kinds
 
     return to_kinds(schema, system)
+
+
+def _clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression | None:
+    if schema.clock is None:
+        return None
+    from inverse_service.service.documents.clock import to_clock
+
+    return to_clock(schema, system)
 
 
 def with_special_cases(
@@ -93,7 +107,7 @@ def parse_document(document: Any) -> dict[str, Any]:
     schema = translate.to_schema(document)
     system = translate.to_system(schema)
     translate.to_ansatz(schema, system)
-    _kinds(schema, system)
+    _kinds(schema, system), _clock(schema, system)
     return translate.to_parse_answer(system, schema).model_dump(mode="json")
 
 

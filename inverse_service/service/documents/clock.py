@@ -1,0 +1,78 @@
+"""The key `clock` of a System document: has the system a Lagrangian with dtau = N(q) dt?"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from api_schemas.result import ClockPart
+from api_schemas.system import SystemDocument
+from inverse_service.certificate.checker import CheckResult, check_certificate
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import TIME, Acceleration, Expression, Velocity, number, walk
+from inverse_service.inverse_problem.of_kind.clock import with_clock
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.mechanics.document_names import Declared
+from inverse_service.mechanics.parameter_values import parameter_values, with_values
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents import translate
+from inverse_service.service.documents.preparing import prepared
+
+
+def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression:
+    """N(q); InputError where it is no function of the coordinates and parameters, or f contains t."""
+    functions = {function.name: function.arguments for function in system.functions}
+    values = parameter_values(Declared(parameters=schema.parameters).named_parameters())
+    names = Names(system.coordinates, system.parameters, functions)
+    try:
+        factor = with_values(read_formula(schema.clock or "", names), values)
+    except InputError as error:
+        raise type(error)(error.detail, "/clock", error.column) from None
+    if any(node == TIME or isinstance(node, Velocity | Acceleration) for node in walk(factor)):
+        raise InputError("a clock N in dtau = N dt holds coordinates and parameters only.", "/clock")
+    if factor == number(0):
+        raise InputError("a clock N in dtau = N dt is not zero.", "/clock")
+    if system.depends_on_time:
+        raise InputError("the equations contain t, so no other clock can be put in its place.", "/clock")
+    return factor
+
+
+def clock_part(system: SecondOrderSystem, factor: Expression, asked: SolveOptions, time_limit: float) -> ClockPart:
+    """The answer for L(q, q') of the system with the other clock, on its first branch."""
+    changed = with_clock(system, factor)
+    options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=max(0.1, time_limit), conditions=False)
+    solution = solve(changed, options)
+    assert solution.autonomous is not None
+    fields = translate.answer_fields(solution.autonomous, solution.system)
+    equations = {name: to_text(f) for name, f in zip(changed.coordinates, changed.accelerations, strict=True)}
+    kept = {key: fields[key] for key in ClockPart.model_fields if key in fields}
+    return ClockPart(factor=to_text(factor), equations=equations, **kept)
+
+
+def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> CheckResult | None:
+    """The checker's verdict on `with_clock`, whose system has to be that of the document with its clock."""
+    wrong = CheckResult("invalid", ("with_clock is not the document's system with its clock.",))
+    try:
+        schema = translate.to_schema(prepared(document).document)
+        system = translate.to_system(schema)
+        changed = with_clock(system, to_clock(schema, system))
+    except InputError:
+        return wrong
+    equations = {name: to_text(f) for name, f in zip(changed.coordinates, changed.accelerations, strict=True)}
+    certificate = part.get("certificate")
+    if part.get("equations") != equations:
+        return wrong
+    if not isinstance(certificate, dict):
+        return None if part.get("verdict") == "undetermined" else wrong
+    shown, named = part.get("lagrangian"), certificate.get("system")
+    named = named if isinstance(named, dict) else {}
+    good = named.get("equations") == equations and certificate.get("among") is None
+    good = good and named.get("parameters") == list(system.parameters)
+    good = good and (certificate.get("claim"), certificate.get("question")) == (part.get("verdict"), "autonomous")
+    text = shown.get("text") if isinstance(shown, dict) else None
+    if not good or text != certificate.get("lagrangian"):
+        return wrong
+    return check_certificate(certificate, time_limit=max(1.0, time_limit))
