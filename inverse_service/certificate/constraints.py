@@ -128,7 +128,7 @@ class Motion(Question):
         self.free, self.bound = list(equations), list(rates)
         names = [*self.coordinates, *self.parameters, *self.functions]
         good = self.free and all(self.functions.values()) and sorted(names) == sorted({*names} - RESERVED)
-        good = good and self.coordinates[: len(self.free)] == sorted(equations, key=self.coordinates.index)
+        good = good and {*self.coordinates[: len(self.free)]} == {*equations}
         good = good and sorted(self.coordinates) == sorted([*self.free, *self.bound])
         require(good, "system has to name the coordinates with equations first, then those with velocities.")
         self.free, self.bound = self.coordinates[: len(self.free)], self.coordinates[len(self.free) :]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import itertools
 from typing import Any
 
 import pytest
@@ -214,6 +216,44 @@ def test_numbers_of_any_size_leave_the_checker_alive(text: str, place: str) -> N
 )  # fmt: skip
 def test_text_that_is_no_document_is_invalid(text: str) -> None:
     assert check_text(text).verdict == "invalid"
+
+
+ODD = [None, 0, 1.5, True, "", [], {}, "F", "x'", "9" * 5000, 10**2000, "\ud800", [[[]]], ["x"] * 40, float("nan"),
+       "x^x^x", "exp(exp(exp(exp(9))))", "(0)^(-1)", "sqrt(-1)", "\u00b2"]  # fmt: skip
+MOTION = {"coordinates": ["r", "s"], "equations": {"r": "-r"}, "velocities": {"s": "r*r'"}}
+HONEST = {
+    "atoms": of_lagrangian(
+        "-sin(x)", "-y", "x'^2/2+cos(x)+y'^2/2-y^2/2", near={"x": "1/3"}, conditions=["x > -3"],
+        roots=[{"root": "sqrt((x+5)^2)", "is": "x+5"}],
+    ),
+    "integrals": of_lagrangian("-x", "0", "(x'^2+y'^2-x^2)/2+F(t)", integrals=integral("t"), **TIMED),
+    "motion": {**of_lagrangian("0", "0", "r'^2-r^2"), "system": MOTION},
+}  # fmt: skip
+
+
+def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    items = list(value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ())
+    return [path, *(place for key, part in items for place in places(part, (*path, key)))]
+
+
+@pytest.mark.parametrize("name", HONEST)
+def test_no_oddity_at_any_place_ends_in_an_exception(name: str) -> None:
+    for *path, last in places(HONEST[name])[1:]:
+        for odd in ODD:
+            changed = copy.deepcopy(HONEST[name])
+            part: Any = changed
+            for key in path:
+                part = part[key]
+            part[last] = odd
+            assert check_certificate(changed, time_limit=2).verdict in ("valid", "incomplete", "invalid")
+
+
+def test_no_load_of_the_machine_decides(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock on which each look is a minute later is not asked."""
+    minutes = itertools.count(0, 60)
+    monkeypatch.setattr("time.monotonic", lambda: float(next(minutes)))
+    one = result_of(of_lagrangian("-x", "-y", "x'^2+y'^2-x^2-y^2"))
+    assert check(one, {"equations": one["system"]["equations"]})["verdict"] == "valid"
 
 
 def test_a_branch_does_not_borrow_the_proof_of_another() -> None:
