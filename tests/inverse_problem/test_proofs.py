@@ -43,6 +43,7 @@ def test_coq_accepts_the_proof(name: str, tmp_path: Path) -> None:
     text = proof_document(solved(catalogue.document(name)), "coq", 1)
     assert "Theorem " in text
     assert "Admitted" not in text
+    assert "(* The system: phi'' = 0 *)" in text
     ended = compiled(text, tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
 

@@ -38,8 +38,14 @@ def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
         return json.dumps(found, ensure_ascii=False, indent=2) + "\n"
     if not theorems:
         return COMMENTS[form].format(reason)
-    where = COMMENTS[form].format(f"The formulas are those on {', '.join(domain)}.") if domain else ""
-    return WRITERS[form](theorems) + where
+    return WRITERS[form](theorems) + "".join(COMMENTS[form].format(line) for line in _about(result))
+
+
+def _about(result: dict[str, Any]) -> list[str]:
+    """Which system the theorems are about, and on which set its formulas are those."""
+    equations = _certificate(result)["system"]["equations"]
+    lines = [f"The system: {name}'' = {text}" for name, text in equations.items()]
+    return [*lines, f"The formulas are those on {', '.join(result['domain'])}."] if result.get("domain") else lines
 
 
 def _theorems(result: dict[str, Any], seed: int) -> tuple[Sequence[Theorem], str]:
