@@ -29,7 +29,7 @@ TAGS = ("<mapping>", "<list>", "<text>")
 
 def shape(value: Any) -> str | None:
     """Which of the forms a value has; tells pydantic which one to complain about."""
-    if isinstance(value, dict):
+    if isinstance(value, dict | Document):
         return "<mapping>"
     if isinstance(value, list | tuple):
         return "<list>"
@@ -104,13 +104,23 @@ class QuestionDocument(NamedDocument):
 KindName = Literal["natural", "riemannian", "finsler", "rayleigh"]
 
 
+VectorField = Annotated[
+    Annotated[dict[Name, Formula], Field(min_length=1, max_length=MAX_COORDINATES), Tag("<mapping>")]
+    | Annotated[Name, Tag("<text>")],
+    Discriminator(shape),
+]
+
+
 class InvariantKind(Document):
     """Lagrangians that are invariant: under translations along coordinates ("x"), and along vector fields."""
 
     invariant: Annotated[
-        list[Name | Annotated[dict[Name, Formula], Field(min_length=1, max_length=MAX_COORDINATES)]],
+        list[VectorField],
         Field(min_length=1, max_length=MAX_KINDS),
     ]
+
+
+Kind = Annotated[Annotated[InvariantKind, Tag("<mapping>")] | Annotated[KindName, Tag("<text>")], Discriminator(shape)]
 
 
 class SystemDocument(QuestionDocument):
@@ -126,4 +136,4 @@ class SystemDocument(QuestionDocument):
 
     equations: Equations
     clock: Text | None = None
-    kinds: Annotated[list[KindName | InvariantKind], Field(max_length=MAX_KINDS)] = Field(default_factory=list)
+    kinds: Annotated[list[Kind], Field(max_length=MAX_KINDS)] = Field(default_factory=list)

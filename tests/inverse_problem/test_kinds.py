@@ -117,3 +117,4 @@ def test_kinds_that_cannot_be_read_are_refused_with_their_place(kinds: Any) -> N
     with pytest.raises(InputError) as refused:
         solve_document({"equations": OSCILLATOR, "kinds": kinds}, SolveOptions(time_limit=5))
     assert refused.value.pointer.startswith("/kinds")
+    assert "literal" not in refused.value.pointer + refused.value.detail

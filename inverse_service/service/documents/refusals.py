@@ -86,6 +86,10 @@ def _expected(steps: list[Any]) -> str:
         return EXPECTED.get(str(steps[0]) if steps else "", "a text")
     if steps[0] in ("equations", "ansatz", "constraints", "multiples", "where"):
         return "a formula written as text"
+    if steps[0] == "kinds":
+        return (
+            "one of natural, riemannian, finsler, rayleigh" if len(steps) == 2 else 'a list such as ["x", {"y": "x"}]'
+        )
     if steps[0] == "parameters":
         return 'a number written as text or as a number, such as "1/2"' if isinstance(steps[1], str) else "a name"
     if steps[0] == "functions" and len(steps) == 2:
