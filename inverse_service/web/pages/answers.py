@@ -145,6 +145,45 @@ class OwnLagrangian:
     reasons: list[str]
 
 
+@dataclass(frozen=True, slots=True)
+class Further:
+    """A further answer: a sentence, formulas, and what the checker said of it."""
+
+    headline: str
+    lines: list[Markup]
+    checked: str
+
+
+KINDS = {
+    "rayleigh": "With friction: the Euler-Lagrange expressions of this L are the derivatives of D in the velocities.",
+    "time": "A Lagrangian that contains the time.",
+}
+SAID = {"variational": "yes", "not_variational": "no", "undetermined": "not settled"}
+
+
+def further_of(result: Mapping[str, Any]) -> list[Further]:
+    """What holds instead of a no, the kinds of Lagrangian that were asked for, and the answer with another clock."""
+    names = typesetting.names_of(result["system"])
+    found = []
+    if result.get("instead"):
+        part = result["instead"]
+        found.append(Further(f"Instead: {KINDS[part['kind']]}", _formulas_of(part, names), part["checked"]))
+    for name, part in (result.get("kinds") or {}).items():
+        headline = f"A Lagrangian of the kind \u201c{name}\u201d: {SAID[part['verdict']]}"
+        found.append(Further(headline, _formulas_of(part, names), part["checked"] or ""))
+    clock = result.get("with_clock")
+    if clock:
+        headline = f"With the clock d\u03c4 = {clock['factor']} dt: {SAID[clock['verdict']]}"
+        found.append(Further(headline, _formulas_of(clock, names), clock["checked"] or ""))
+    return found
+
+
+def _formulas_of(part: Mapping[str, Any], names: Names) -> list[Markup]:
+    """L, D and H, where they are there."""
+    letters = (("L", "lagrangian"), ("D", "dissipation"), ("H", "hamiltonian"))
+    return [typesetting.equation(letter, part[key]["text"], names) for letter, key in letters if part.get(key)]
+
+
 OWN = {
     "valid": "Yes: the Euler-Lagrange equations of this L are these equations.",
     "invalid": "No: this L has other equations.",

@@ -154,6 +154,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         main=main,
         other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
         branches=answers.branches_of(found),
+        further=answers.further_of(found),
         cases=cases.cases_of(found),
         motion=constrained.motion_of(found),
         constrained=constrained.constrained_of(found),
