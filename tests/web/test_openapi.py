@@ -113,18 +113,18 @@ ASKED: list[dict[str, Any]] = [
 
 
 def test_every_answer_validates(description: dict[str, Any], service: str) -> None:
-    client = httpx.Client(base_url=service)
-    for path in ("/v1/solve", "/v1/parse"):
-        answers = description["paths"][path]["post"]["responses"]
-        check = validator(description, answers["200"]["content"]["application/json"]["schema"])
-        for document in ASKED:
-            answer = client.post(path, json=document, headers={"Prefer": "wait=20"}, timeout=60)
-            assert answer.status_code == 200, answer.text[:300]
-            assert not [error.message[:200] for error in check.iter_errors(answer.json())], document
-    problem = validator(description, {"$ref": "#/components/schemas/ProblemDocument"})
-    refused = client.post("/v1/parse", json={"equations": "x'' = -kx", "parameters": "guess"})
-    assert not list(problem.iter_errors(refused.json()))
-    assert refused.json()["errors"][0]["instead"] == ["k*x"]
+    with httpx.Client(base_url=service) as client:
+        for path in ("/v1/solve", "/v1/parse"):
+            answers = description["paths"][path]["post"]["responses"]
+            check = validator(description, answers["200"]["content"]["application/json"]["schema"])
+            for document in ASKED:
+                answer = client.post(path, json=document, headers={"Prefer": "wait=20"}, timeout=60)
+                assert answer.status_code == 200, answer.text[:300]
+                assert not [error.message[:200] for error in check.iter_errors(answer.json())], document
+        problem = validator(description, {"$ref": "#/components/schemas/ProblemDocument"})
+        refused = client.post("/v1/parse", json={"equations": "x'' = -kx", "parameters": "guess"})
+        assert not list(problem.iter_errors(refused.json()))
+        assert refused.json()["errors"][0]["instead"] == ["k*x"]
 
 
 CALLS = """

@@ -138,7 +138,7 @@ def test_another_client_gets_the_same_as_for_what_is_not_there_on_all_routes(cli
         assert SECRET not in text, (method, path)
     assert state(client, ids) == before
     seen = [read(client, method, path, ALICE)[0] for method, path in tried if method == "GET"]
-    assert seen.count(404) <= 3 * 3, "the paths of this test are wrong"  # figures and data of what is no simulation
+    assert seen.count(404) <= 4 * 3, "the paths of this test are wrong"  # figures, data and code of what has none
 
 
 def test_the_lists_of_another_client_are_empty(client: httpx.Client, ids: Ids) -> None:

@@ -104,8 +104,12 @@ def test_the_service_knows_who_asks_and_nobody_is_somebody_else(proxied: Proxied
         answer = client.get("/v1/limits", headers=sent)
     id = answer.headers["x-request-id"]
     assert id != "made-up"
-    lines = [json.loads(line) for line in proxied.service.log.read_text().splitlines()]
-    assert [line["client"] for line in lines if line.get("request") == id] == ["127.0.0.7"]
+    end, found = time.monotonic() + 30, list[str]()
+    while not found and time.monotonic() < end:  # the line is written after the answer
+        lines = [json.loads(line) for line in proxied.service.log.read_text().splitlines()]
+        found = [line["client"] for line in lines if line.get("request") == id]
+        time.sleep(0.05)
+    assert found == ["127.0.0.7"]
 
 
 def test_what_is_too_large_or_too_much_is_refused_by_the_proxy(proxied: Proxied) -> None:
