@@ -145,6 +145,7 @@ class QuotientField:
         """The product D^e, multiplied out (used to bring fractions to one denominator)."""
         result = self.context.constant(1)
         for index, power in exponents:
+            self.budget.charge(power)  # a step costs something even where a monomial is multiplied
             for _ in range(power):
                 result = self.product(result, self.denominators[index])
         return result

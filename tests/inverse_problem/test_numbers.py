@@ -44,7 +44,7 @@ def test_a_long_number_may_stand_beside_others(value: str) -> None:
 
 def test_huge_multiples_of_one_exponent_end_in_an_answer() -> None:
     many = "+".join(f"exp(x/{p})" for p in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61))
-    assert solved({"x": many})["verdict"] == "variational"
+    assert solved({"x": many})["verdict"] in ("variational", "undetermined")
     assert solved({"x": "exp(x)+exp(100000000000000000001*x)"})["verdict"] in ("variational", "undetermined")
 
 
