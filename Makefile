@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: install service run test nightly lint paper bench soundness coverage mutation
+.PHONY: install service run test nightly lint paper bench soundness coverage mutation font
 
 # What the service and the command line need; what tests and development need besides.
 service: $(SERVICE)
@@ -73,3 +73,17 @@ coverage: install
 # Small changes to checker and decision, each of which a test has to notice.
 mutation: install
 	.venv/bin/python -m tests.mutation --output build/mutation
+
+# The mathematics font of the pages: the characters that our MathML uses, out of a pinned package. Needs npm.
+FONT := inverse_service/web/static/stix-two-math
+BASIC := U+20-7E,U+A0,U+A8,U+AF,U+B1-B3,U+B7,U+D7,U+F7,U+2D9,U+2DC,U+391-3A9,U+3B1-3C9,U+3D1,U+3D5,U+3F1,U+3F5
+SIGNS := U+300-308,U+2026,U+2032-2034,U+2061-2064,U+2190,U+2192,U+21D2,U+2202,U+2207,U+2208,U+2211,U+2212,U+221A,U+221E,U+222B,U+2260,U+2264,U+2265,U+22C5
+ITALIC := U+210E,U+1D434-1D467,U+1D6E2-1D71B
+font: install
+	mkdir -p build/font
+	npm pack --silent --pack-destination build/font @fontsource/stix-two-math@5.3.0
+	tar xzf build/font/fontsource-stix-two-math-5.3.0.tgz -C build/font
+	.venv/bin/pyftsubset build/font/package/files/stix-two-math-latin-400-normal.woff2 --flavor=woff2 \
+	  --layout-features='' --no-hinting --desubroutinize --notdef-outline --unicodes=$(BASIC),$(SIGNS),$(ITALIC) \
+	  --output-file=$(FONT).woff2
+	cp build/font/package/LICENSE $(FONT).LICENSE

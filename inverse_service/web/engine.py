@@ -44,6 +44,8 @@ LONG_DEADLINE = 15.0
 QUICK_PROCESSES = 3
 # Of one client so many run at the same time, and one is always left for the others.
 QUICK_SHARE = QUICK_PROCESSES - 1
+# Answers beside forms that are computed at the same time.
+GLANCES = QUICK_PROCESSES - 1
 # A client may have this part of the places of those who wait.
 SHARE_OF_WAITING = 2
 # Another front end over the same store tells this one nothing: look again.
@@ -80,6 +82,7 @@ class Engine:
         self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
         self._cleaner: Cleaner | None = None
         self._waiting: Counter[str] = Counter()
+        self._glancing: set[str] = set()
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
         self._lag: asyncio.Task[None] | None = None
@@ -339,6 +342,18 @@ class Engine:
     def waiting(self) -> int:
         """Requests that are read or checked now, or wait for that."""
         return self._waiting.total()
+
+    @contextmanager
+    def glance(self, client: str) -> Iterator[bool]:
+        """Whether a client may have an answer that is not stored now: one at a time, the others' echoes go on."""
+        is_free = client not in self._glancing and len(self._glancing) < GLANCES
+        if is_free:
+            self._glancing.add(client)
+        try:
+            yield is_free
+        finally:
+            if is_free:
+                self._glancing.discard(client)
 
     @contextmanager
     def _place_in_queue(self, client: str) -> Iterator[None]:

@@ -102,6 +102,20 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
     )
 
 
+def glance_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The verdicts with their Lagrangians alone; None where nothing was settled in the time that there was."""
+    if "verdict" not in result:
+        energy = typesetting.equation("H", result["hamiltonian"]["text"], typesetting.names_of(result["system"]))
+        return {"answers": [], "motion": "", "forward": energy}
+    lean = {**result, "explanation": [], "conditions": None}
+    shown = [answer_of(lean, result["question"], lean)]
+    if result["with_time"]:
+        shown.append(answer_of({**result["with_time"], "explanation": []}, "L(t, q, q')", lean))
+    motion = (result.get("any_associated") or {}).get("statement", "")
+    settled = sorted((one for one in shown if one.verdict != "undetermined"), key=lambda one: one.lagrangian is None)
+    return {"answers": settled, "motion": motion, "forward": None} if settled or motion else None
+
+
 def proof_of(part: Mapping[str, Any]) -> str | None:
     """What the checker said of a stored answer; "old" where its certificate has a format that proved too little."""
     certificate = part.get("certificate") or {}

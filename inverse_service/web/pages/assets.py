@@ -16,8 +16,9 @@ from starlette.responses import Response
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
-TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png"}
-NAMES = ("style.css", "page.js", "figures.js", "motion.js", "plotly.css", "icon.svg", "plotly.js")
+TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
+FONT = "stix-two-math.woff2"
+NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "plotly.css", "icon.svg", "plotly.js")
 # A changed file has another address, so an address never changes its content.
 FOREVER = "public, max-age=31536000, immutable"
 
@@ -43,7 +44,9 @@ def asset(name: str) -> Asset:
 def _source(name: str) -> bytes:
     if name == "plotly.js":
         return (resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes()
-    return (resources.files("inverse_service.web") / "static" / name).read_bytes()
+    data = (resources.files("inverse_service.web") / "static" / name).read_bytes()
+    # The style sheet names the font by its marked address, so that it is asked for once.
+    return data.replace(FONT.encode(), address(FONT).encode()) if name == "style.css" else data
 
 
 @lru_cache(maxsize=len(NAMES))

@@ -8,15 +8,19 @@ from typing import Any
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
+from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
 from inverse_service.service.jobs.options import split_options
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.tasks import guard
 from inverse_service.web.pages import reading_back
+from inverse_service.web.pages.answers import glance_of
 from inverse_service.web.pages.documents import document_of, fields_from, fields_of
 from inverse_service.web.pages.forms import Form, form_of
 
 Fields = dict[str, str]
+# What a person waits for beside a form that they still write, s.
+GLANCE = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +51,19 @@ def echo_sent_task(body: bytes, content_type: str) -> Outcome:
 def echo_task(fields: Fields) -> Outcome:
     """The fields of the solve form to how they are understood."""
     return guard(_echo, fields)
+
+
+def glance_task(body: bytes, content_type: str) -> Outcome:
+    """The sent solve form to a short answer, which nobody stores; None where it takes longer than a glance."""
+    return guard(_glance, body, content_type)
+
+
+def _glance(body: bytes, content_type: str) -> dict[str, Any] | None:
+    document = _sent(body, content_type).document
+    if document is None:
+        return None
+    found = documents.solve_document(split_options(document)[0], SolveOptions(time_limit=GLANCE))
+    return glance_of(found)
 
 
 def _sent(body: bytes, content_type: str) -> Sent:

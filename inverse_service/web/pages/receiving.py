@@ -10,7 +10,7 @@ from starlette.requests import Request
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.web.bodies import body_of
 from inverse_service.web.clients import OWN_PAGES, client_of
-from inverse_service.web.engine import Engine
+from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages.form_tasks import form_task
 from inverse_service.web.pages.forms import Form, form_of
 from inverse_service.web.problems import Refusal
@@ -25,7 +25,9 @@ async def read_form(request: Request, limit: int) -> Form:
     return form
 
 
-async def read_sent(request: Request, limit: int, task: Callable[[bytes, str], Outcome]) -> Any:
+async def read_sent(
+    request: Request, limit: int, task: Callable[[bytes, str], Outcome], seconds: float = QUICK_DEADLINE
+) -> Any:
     """What a task of `form_tasks` makes of the sent form; refuses as `read_form` does."""
     if request.headers.get("sec-fetch-site", "") not in OWN_PAGES:
         raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
@@ -34,4 +36,4 @@ async def read_sent(request: Request, limit: int, task: Callable[[bytes, str], O
     async with body_of(request, limit) as body:
         if limit <= SMALL_FORM:
             return form_of(body, content_type)
-        return await engine.read_body(client_of(request), task, body, content_type)
+        return await engine.read_body(client_of(request), task, body, content_type, seconds=seconds)

@@ -16,7 +16,7 @@ from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.documents import fields_from, fields_of_link, lean_fields
-from inverse_service.web.pages.form_tasks import Sent, echo_sent_task, echo_task, sent_task
+from inverse_service.web.pages.form_tasks import GLANCE, Sent, echo_sent_task, echo_task, glance_task, sent_task
 from inverse_service.web.pages.receiving import read_sent
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.pages.result_tasks import fields_task
@@ -98,6 +98,22 @@ async def echo(request: Request) -> HTMLResponse:
     if request.query_params.get("fragment"):
         return page("understood.html", **({"problem": None, "understood": None} | found))
     return solve_page(fields, **found)
+
+
+@router.post("/answer")
+async def answer_beside(request: Request) -> Response:
+    """The answer beside the form: nothing is stored; one at a time for each client, and none where it takes long."""
+    engine: Engine = request.app.state.engine
+    with engine.glance(client_of(request)) as is_free:
+        if not is_free:
+            return Response(status_code=204)
+        try:
+            found = await read_sent(request, engine.settings.max_body, glance_task, 2 * GLANCE)
+        except Refusal as refusal:
+            if refusal.kind not in ("limit", "busy"):
+                raise
+            found = None
+    return page("glance.html", glance=found)
 
 
 def _not_read(refusal: Refusal) -> HTMLResponse:

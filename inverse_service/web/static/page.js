@@ -5,6 +5,7 @@ root.classList.add("script");
 
 const ECHO_PAUSE = 120; // ms after the last key
 const FAULT_PAUSE = 900; // a half-typed equation is no mistake
+const ANSWER_PAUSE = 500; // a complete reading that is left alone is answered
 const DRAFT = "draft:";
 
 function echo(form) {
@@ -13,6 +14,7 @@ function echo(form) {
   let asked = null;
   let typed = 0;
   let scolding = 0;
+  const answering = form.dataset.answer ? answers(form) : null;
   const ask = async () => {
     asked?.abort();
     asked = new AbortController();
@@ -27,6 +29,9 @@ function echo(form) {
       const show = () => {
         target.innerHTML = text;
         focusWide(target);
+        // A screen reader hears where it ends, not each letter on the way.
+        if (text.includes("data-problem")) said(target.querySelector(".detail")?.textContent ?? "");
+        else answering?.(typed);
         root.dataset.echoed = String(Number(root.dataset.echoed ?? 0) + 1);
       };
       if (text.includes("data-problem") && Date.now() - typed < FAULT_PAUSE) scolding = setTimeout(show, FAULT_PAUSE - (Date.now() - typed));
@@ -41,9 +46,54 @@ function echo(form) {
     clearTimeout(timer);
     clearTimeout(scolding);
     typed = Date.now();
+    answering?.forget();
     timer = setTimeout(ask, ECHO_PAUSE);
   });
   return ask;
+}
+
+function said(text) {
+  const place = document.getElementById("said");
+  if (place) place.textContent = text;
+}
+
+// The answer beside the form. One question is under way at a time: a dropped one would cost the service as much.
+function answers(form) {
+  const place = document.getElementById("glance");
+  let timer = 0;
+  let version = 0;
+  let busy = false;
+  let again = false;
+  const ask = async () => {
+    if (busy) { again = true; return; }
+    busy = true;
+    const mine = version;
+    try {
+      const sent = new FormData(form);
+      if (!sent.get("document")?.name) sent.delete("document");
+      const answer = await fetch(form.dataset.answer, { method: "POST", body: sent });
+      const text = answer.status === 200 ? await answer.text() : "";
+      if (mine === version && text) {
+        place.innerHTML = text;
+        place.hidden = false;
+        focusWide(place);
+        said([...place.querySelectorAll("p:not(.hint), .formula")].map((part) => part.getAttribute("aria-label") ?? part.textContent).join(" "));
+      }
+    } catch { /* the form works without */ }
+    busy = false;
+    if (again) { again = false; ask(); }
+  };
+  const later = (typed) => {
+    clearTimeout(timer);
+    if (typed) timer = setTimeout(ask, Math.max(0, ANSWER_PAUSE - (Date.now() - typed)));
+  };
+  later.forget = () => {
+    version += 1;
+    clearTimeout(timer);
+    place.hidden = true;
+    said("");
+  };
+  return later;
 }
 
 // What is typed survives a reload and the other tab: the draft of each form, until this window is closed.

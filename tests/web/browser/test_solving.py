@@ -295,3 +295,39 @@ def test_a_students_own_lagrangian_is_judged_on_the_page(visit: Visit, plain: Vi
     at.page.get_by_label("Your L", exact=True).fill("x'^2/2 - x^2/2")
     at.page.get_by_role("button", name="Does it give these equations?").click()
     expect(at.page.locator("#own")).to_contain_text("Yes: the Euler-Lagrange equations")
+
+
+def test_the_answer_appears_beside_the_form_and_nothing_is_stored(visit: Visit) -> None:
+    visit.go("/")
+    before = visit.page.request.get(visit.address + "/v1/jobs").json()
+    box = visit.page.get_by_label("Equations", exact=True)
+    box.fill("")
+    box.press_sequentially("x'' = -7*x - 3*x'", delay=40)
+    expect(visit.page.locator("#glance")).to_contain_text("come from a regular Lagrangian")
+    expect(visit.page.locator("#glance .formula").first).to_be_visible()
+    assert visit.page.request.get(visit.address + "/v1/jobs").json() == before
+
+
+def test_a_screen_reader_hears_one_end_state_and_no_half_equation(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.evaluate(
+        "window.heard = []; new MutationObserver(() => { const t = document.getElementById('said').textContent;"
+        "if (t) window.heard.push(t); }).observe(document.getElementById('said'), {childList: true})"
+    )
+    box = visit.page.get_by_label("Equations", exact=True)
+    box.fill("")
+    box.press_sequentially("x'' = -sin(x) - 0.1*x'", delay=70)
+    expect(visit.page.locator("#glance [data-settled]")).to_be_visible()
+    heard = visit.page.evaluate("window.heard")
+    assert len(heard) == 1
+    assert "Lagrangian" in heard[0]
+    box.press_sequentially(" + @")
+    expect(visit.page.locator("#said")).to_contain_text("not accepted")
+    expect(visit.page.locator("#glance")).to_be_hidden()
+
+
+def test_formulas_are_set_in_the_font_that_is_sent_with_the_page(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.wait_for_function("document.fonts.ready.then(() => document.fonts.check('16px Formulas'))")
+    faces = visit.page.evaluate("[...document.fonts].map(face => [face.family, face.status])")
+    assert ["Formulas", "loaded"] in [[family.strip('"'), status] for family, status in faces]

@@ -1,0 +1,44 @@
+"""The mathematics font of the pages has every character that our MathML writes, and the table that stretches signs."""
+
+from __future__ import annotations
+
+import html
+import re
+from importlib import resources
+
+from fontTools.ttLib import TTFont
+
+from inverse_service import catalogue
+from inverse_service.expressions.names import Names
+from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.glossary import TERMS
+
+STATIC = resources.files("inverse_service.web") / "static"
+FONT = TTFont(str(STATIC / "stix-two-math.woff2"))
+EVERYTHING = "sqrt(x^2)/2*theta''*sin(y') - diff(A(x), x) + exp(-k*t)*atan(q_1)/x^3 != 0"
+
+
+def characters(mathml: str) -> set[str]:
+    return set(html.unescape(re.sub(r"<[^>]*>", "", mathml)))
+
+
+def test_every_character_of_our_formulas_is_in_the_font() -> None:
+    letters = (
+        "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau phi chi psi omega"
+    )
+    names = Names(("x", "y", "theta", "q_1"), ("k", *(w for w in letters.split() if w != "theta")), {"A": ("x",)})
+    shown = [typesetting.formula(EVERYTHING, names), *(typesetting.formula(word, names) for word in letters.split())]
+    shown += [term.formula for term in TERMS if term.formula]
+    for name in catalogue.names():
+        document = catalogue.document(name)
+        if isinstance(document.get("equations"), dict):
+            named = typesetting.names_of({"parameters": list(document.get("parameters") or ()), **document})
+            shown += [typesetting.formula(text, named) for text in document["equations"].values()]
+    used = set().union(*(characters(str(one)) for one in shown))
+    assert {f"{ord(c):04X}" for c in used if c.strip() and ord(c) not in FONT.getBestCmap()} == set()
+
+
+def test_the_font_can_stretch_brackets_and_roots_and_carries_its_licence() -> None:
+    variants = FONT["MATH"].table.MathVariants.VertGlyphCoverage.glyphs
+    assert {FONT.getBestCmap()[ord(sign)] for sign in "()\u221a"} <= set(variants)
+    assert "SIL OPEN FONT LICENSE" in (STATIC / "stix-two-math.LICENSE").read_text()
