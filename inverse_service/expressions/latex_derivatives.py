@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from fractions import Fraction
 
 from inverse_service.expressions.latex_scanner import Raw
-from inverse_service.expressions.latex_time import open_brackets, time_argument
+from inverse_service.expressions.latex_time import open_brackets, role_before, time_argument
 from inverse_service.expressions.latex_words import LatexWords
 from inverse_service.expressions.limits import Limits
 from inverse_service.expressions.names import Names
@@ -46,14 +46,14 @@ class LatexDerivatives(LatexWords, ABC):
         """\\frac{dx}{dt} as x', \\frac{\\partial A}{\\partial x} as diff(A, x), A declared; else nothing is taken."""
         start, partial = self._place, self._raw[self._place + 1].is_command("partial")
         name, order = self._derivative_part()
-        variable, times = self._derivative_part() if name else ("", 0)
+        variables = self._variables_part() if name else []
         declared = self._names.role(self._names.spelling(name)) == "function"
-        if 0 < order == times and declared and not (partial and variable == "t"):
+        if 0 < order == len(variables) and declared and not (partial and "t" in variables):
             if self._ahead.is_character("(") or self._ahead.is_command("left"):
-                instead = f"write {name}'({variable}), or \\cdot before a factor"
+                instead = f"write {name}'({variables[0]}), or \\cdot before a factor"
                 raise refusal("a bracket follows a derivative", self._ahead.column, instead)
-            self._emit_call(raw, name, *[variable] * order)
-        elif 0 < order == times and variable == "t" and not partial:
+            self._emit_call(raw, name, *variables)
+        elif 0 < order == len(variables) and {*variables} == {"t"} and not partial:
             self._emit_name(name, raw, order)
         else:
             self._place = start
@@ -68,38 +68,69 @@ class LatexDerivatives(LatexWords, ABC):
             self._emit_name(name, raw)
         self._emit(")", raw)
 
-    def _time_operator(self, raw: Raw) -> bool:
-        """\\frac{d}{dt} and \\frac{d^{2}}{dt^{2}} before an operand: taken as diff(u, t); else nothing is taken."""
-        start = self._place
+    def _derivative_operator(self, raw: Raw) -> bool:
+        """\\frac{d}{dt} and \\frac{d^{2}}{dx dy} before an operand: taken as diff(u, t); else nothing is taken."""
+        start, partial = self._place, self._raw[self._place + 1].is_command("partial")
         order = self._operator_part()
-        if order < 1 or self._derivative_part() != ("t", order) or self._ahead.kind == "end":
+        variables = self._variables_part() if order else []
+        if order < 1 or len(variables) != order or self._ahead.kind == "end":
             self._place = start
             return False
+        operand = self._place
         self._emit_name("diff", raw)
         self._emit("(", raw, space=False)
         self._operand()
-        for _ in range(order):
+        if partial and "t" in variables and not any(map(self._time_argument_at, range(operand, self._place))):
+            instead = "write \\frac{d}{dt}\\left( and \\right) for the derivative along the motion"
+            raise refusal("a partial derivative by the time stands", raw.column, instead)
+        for variable in variables:
             self._emit(",", raw)
-            self._emit_name("t", raw)
+            self._emit_name(variable, raw)
         self._emit(")", raw)
         return True
 
+    def _time_argument_at(self, place: int) -> int:
+        return time_argument(self._raw[place : place + 7])
+
     def _operand(self) -> None:
-        """A bracket, or one piece with the (t) that says that it depends on time, or one piece that nothing follows."""
+        """A bracket, or one piece with its arguments, or one piece that nothing follows."""
         start = len(self._tokens)
         self._enter(self._ahead)
+        self._piece()
+        bracket = self._tokens[start:] and self._tokens[start].is_operator("(")
+        arguments = not bracket and self._application()
+        self._depth -= 1
+        if self._ahead.is_character("^") or not (bracket or self._ends_a_term() or (arguments and self._multiplies())):
+            instead = "write \\frac{d}{dt}\\left( and \\right)"
+            raise refusal("where the derivative ends is not clear", self._ahead.column, instead)
+
+    def _application(self) -> bool:
+        """The (t) of a coordinate is left out, the arguments of a declared function are translated."""
+        if pieces := self._time_argument_at(self._place):
+            self._place += pieces
+            return True
+        group = self._ahead.is_character("{") and self._raw[self._place + 1].is_command("left")
+        opens = group or self._ahead.is_character("(") or self._ahead.is_command("left")
+        if opens and role_before(self._tokens, self._names) == "function":
+            self._piece()
+            return True
+        return False
+
+    def _piece(self) -> None:
+        """What comes next, up to its last bracket."""
         balance, started = 0, False
         while (balance > 0 or not started) and self._ahead.kind != "end":
             place, started = len(self._tokens), True
             self._one()
             balance += open_brackets(self._tokens[place:])
-        self._depth -= 1
-        bracket = self._tokens[start:] and self._tokens[start].is_operator("(")
-        pieces = time_argument(self._raw[self._place : self._place + 7])
-        self._place += pieces
-        if self._ahead.is_character("^") or not (bracket or pieces or self._ends_a_term()):
-            instead = "write \\frac{d}{dt}\\left( and \\right)"
-            raise refusal("where the derivative ends is not clear", self._ahead.column, instead)
+
+    def _multiplies(self) -> bool:
+        """Whether a sign of a product follows, or a further derivative: sin x after d/dt x(t) may belong to it."""
+        bracket = self._ahead.is_command("left") and self._raw[self._place + 1].is_character("(")
+        place = self._place + 2 * bracket
+        fraction = [raw.text for raw in self._raw[place : place + 3]]
+        derivative = fraction[:2] == ["frac", "{"] and fraction[2:] in (["d"], ["partial"], ["mathrm"])
+        return derivative or self._ahead.is_command("cdot", "times", "ast", "div") or self._ahead.is_character("*", "/")
 
     def _ends_a_term(self) -> bool:
         ahead = self._ahead

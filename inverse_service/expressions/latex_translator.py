@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from fractions import Fraction
 
@@ -9,7 +10,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.characters import LETTER_COMMANDS
 from inverse_service.expressions.latex_derivatives import LatexDerivatives
 from inverse_service.expressions.latex_scanner import Raw
-from inverse_service.expressions.latex_time import role_before, time_argument
+from inverse_service.expressions.latex_time import open_brackets, role_before, time_argument
 from inverse_service.expressions.latex_words import FONTS, MARKED
 from inverse_service.expressions.tokenizer import NUMBER, number_token
 from inverse_service.expressions.tokens import FACTOR, Token, limit_passed, refusal, shorten
@@ -87,8 +88,11 @@ class LatexTranslator(LatexDerivatives):
             self._place += pieces - 1
         elif self._ahead.is_command("left") and role_before(self._tokens, self._names) == "function":
             start = len(self._tokens)
-            self._group(raw)  # the arguments in A^{2}{\left(x \right)}
-            self._tokens[start:] = [replace(self._tokens[start], space_before=False), *self._tokens[start + 1 :]]
+            self._group(raw)  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
+            inner = self._tokens[start + 1 : -1]
+            if all(itertools.accumulate(open_brackets([token]) for token in inner[:-1])):
+                self._tokens[start:] = inner
+            self._tokens[start] = replace(self._tokens[start], space_before=False)
         else:
             self._group(raw)
 
@@ -220,7 +224,7 @@ class LatexTranslator(LatexDerivatives):
         self._emit(")", raw)
 
     def _fraction(self, raw: Raw) -> None:
-        if self._time_derivative(raw) or self._time_operator(raw):
+        if self._time_derivative(raw) or self._derivative_operator(raw):
             return
         self._begin_factor(raw)
         self._argument(raw)

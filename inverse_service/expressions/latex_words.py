@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from inverse_service.expressions.characters import LETTER_COMMANDS
 from inverse_service.expressions.latex_scanner import Raw
+from inverse_service.expressions.latex_time import time_argument
 from inverse_service.expressions.limits import Limits
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tokens import refusal
@@ -122,6 +123,25 @@ class LatexWords:
             name = self._with_subscript(plain) if plain else ""
         order = first * self._small_power()
         return (name, order) if self._take().is_character("}") else ("", 0)
+
+    def _variables_part(self) -> list[str]:
+        """x, x for {dx^2} and {d x{\\left(t \\right)}^{2}}, y, x for {\\partial y \\partial x}; [] if it is none."""
+        if not self._take().is_character("{"):
+            return []
+        found: list[str] = []
+        while not self._ahead.is_character("}"):
+            if not self._differential():
+                return []
+            raw = self._take()
+            self._place -= raw.kind == "letter"
+            name = self._word() if raw.kind == "letter" else self._plain_piece(raw)
+            if not name:
+                return []
+            name = self._with_subscript(name)
+            self._place += time_argument(self._raw[self._place : self._place + 7])
+            found += [name] * self._small_power()
+        self._take()
+        return found
 
     def _operator_part(self) -> int:
         """The k of {d^k}, 0 if it is not one."""

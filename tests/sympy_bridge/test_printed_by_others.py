@@ -21,10 +21,15 @@ from inverse_service.sympy.trees import to_sympy
 t = sp.Symbol("t")
 x, y, theta = (sp.Function(name)(t) for name in ("x", "y", "theta"))
 k, m, alpha = sp.symbols("k m alpha")
-A = sp.Function("A")
-NAMES = Names(("x", "y", "theta"), ("k", "m", "alpha"), {"A": ("x",)})
-TABLE = Table(t, "t", {"x": x, "y": y, "theta": theta}, {}, {"k": k, "m": m, "alpha": alpha}, {"A": A}, {"A": ("x",)})
-LEAVES = [x, y, theta, k, m, alpha, t, x.diff(t), y.diff(t), theta.diff(t), sp.pi, A(x), A(x).diff(x)]
+A, B = sp.Function("A"), sp.Function("B")
+ARGUMENTS = {"A": ("x",), "B": ("x", "y")}
+NAMES = Names(("x", "y", "theta"), ("k", "m", "alpha"), ARGUMENTS)
+CONSTANTS = {"k": k, "m": m, "alpha": alpha}
+TABLE = Table(t, "t", {"x": x, "y": y, "theta": theta}, {}, CONSTANTS, {"A": A, "B": B}, ARGUMENTS)
+OF_FUNCTIONS = {
+    A(x).diff(x): 0.77, A(x): 1.61, B(x, y).diff(x, 2): 1.13, B(x, y).diff(y): 0.91, B(x, y): 1.37,
+}  # fmt: skip
+LEAVES = [x, y, theta, k, m, alpha, t, x.diff(t), y.diff(t), theta.diff(t), sp.pi, *OF_FUNCTIONS]
 FUNCTIONS = [sp.sin, sp.cos, sp.tan, sp.exp, sp.log, sp.sqrt, sp.atan, sp.asin, sp.sinh, sp.cosh, sp.tanh]
 VALUES = {x: 1.3, y: 0.7, theta: 0.45, k: 1.9, m: 2.3, alpha: 0.61, t: 0.37}
 RATES = {x.diff(t): 0.83, y.diff(t): 1.17, theta.diff(t): 0.29}
@@ -65,7 +70,7 @@ STYLES = {
 def value(expression: Any) -> complex | None:
     """A number to compare by; None where it has none at the point."""
     put = sp.sympify(expression).doit()
-    for table in ({A(x).diff(x): 0.77, A(x): 1.61}, RATES, VALUES):
+    for table in (OF_FUNCTIONS, RATES, VALUES):
         put = put.xreplace({each: sp.Float(number) for each, number in table.items()})
     try:
         found = complex(put.evalf(18))
