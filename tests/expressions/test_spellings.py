@@ -6,6 +6,7 @@ import itertools
 
 import pytest
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula
@@ -45,3 +46,39 @@ def test_a_spelling_in_latex_is_read(velocity: str, sine: str, product: str) -> 
         assert to_text(read_formula(f"-k{product}{sine}{product}{velocity}", NAMES)) == "-k*sin(x)*x'"
     else:
         assert to_text(read_formula(f"-k{product}{velocity}{product}{sine}", NAMES)) == "-k*x'*sin(x)"
+
+
+WITH_FUNCTIONS = Names(("x", "y"), ("k",), {"A": ("x",), "B": ("x", "y")})
+DERIVATIVES = [
+    (r"\frac{d}{d x{\left(t \right)}} A{\left(x{\left(t \right)} \right)}", "A'(x)"),
+    (r"\frac{d^{2}}{d x{\left(t \right)}^{2}} A{\left(x{\left(t \right)} \right)}", "A''(x)"),
+    (r"\frac{d}{dx} A(x)", "A'(x)"),
+    (r"B{\left(x{\left(t \right)},y{\left(t \right)} \right)}", "B(x, y)"),
+    (r"\frac{d^{2}}{d y{\left(t \right)}d x{\left(t \right)}} B{\left(x{\left(t \right)},y{\left(t \right)} \right)}",
+     "diff(B(x, y), x, y)"),
+    (r"\frac{\partial}{\partial x} B(x, y)", "diff(B(x, y), x)"),
+    (r"\frac{\partial^2 B}{\partial x \partial y} \dot x", "diff(B(x, y), x, y)*x'"),
+    (r"\frac{d}{d x} A{\left(x \right)} \frac{d}{d t} x{\left(t \right)}", "A'(x)*x'"),
+    (r"\frac{\mathrm{d}}{\mathrm{d}x} \left(x^2\right)", "2*x"),
+    (r"\frac{\partial}{\partial t} \left(k + x{\left(t \right)}\right)", "x'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("latex", "text"), DERIVATIVES)
+def test_derivatives_as_sympy_and_textbooks_print_them_are_read(latex: str, text: str) -> None:
+    assert to_text(read_formula(latex, WITH_FUNCTIONS)) == text
+
+
+@pytest.mark.parametrize(
+    "latex",
+    [
+        r"\frac{d}{d t} x{\left(t \right)} \sin{\left(x{\left(t \right)} \right)}",
+        r"\frac{d}{d x} A{\left(x \right)} k",
+        r"\frac{\partial}{\partial t} k x{\left(t \right)}",
+        r"\frac{\partial}{\partial t} \left(k + x t\right)",
+        r"\frac{d}{dt} x^2",
+    ],
+)
+def test_a_derivative_whose_end_or_kind_is_not_clear_is_refused(latex: str) -> None:
+    with pytest.raises(InputError, match="derivative"):
+        read_formula(latex, WITH_FUNCTIONS)
