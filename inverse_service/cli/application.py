@@ -115,6 +115,9 @@ def solve(
             help="Also: is there an L of this kind? natural, riemannian, finsler, rayleigh, invariant:x,y. Repeatable.",
         ),
     ] = None,
+    clock: Annotated[
+        str | None, typer.Option("--clock", help="Also: is there an L with dtau = N dt? A formula N(q), or search.")
+    ] = None,
     guess: Annotated[
         bool | None,
         typer.Option(
@@ -126,7 +129,7 @@ def solve(
     """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
     from inverse_service.cli.solving import solve_file
 
-    sys.exit(solve_file(file, format.value, time_limit, seed, explain, special_cases, guess, kind or ()))
+    sys.exit(solve_file(file, format.value, time_limit, seed, explain, special_cases, guess, kind or (), clock))
 
 
 @application.command()

@@ -36,6 +36,7 @@ def solve_file(
     special_cases: bool = False,
     guess: bool | None = None,
     kinds: Sequence[str] = (),
+    clock: str | None = None,
 ) -> ExitCode:
     """Solve the document in a process of its own and print the result."""
     settings = read_settings()
@@ -46,6 +47,8 @@ def solve_file(
         document = {**document, "special_cases": True}
     if kinds and isinstance(document, dict):
         document = {**document, "kinds": [*document.get("kinds", ()), *map(kind_of_option, kinds)]}
+    if clock is not None and isinstance(document, dict):
+        document = {**document, "clock": clock}
     warm_alone(settings.memory_limit)
     result = _solve(document, SolveOptions(seed=asked.seed, time_limit=asked.time_limit), asked.memory_limit)
     write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain))

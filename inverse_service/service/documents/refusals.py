@@ -38,6 +38,14 @@ EXPECTED = {
     "search": """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",
 }
 
+# Questions about equations of second order, which a document with constraints does not have.
+BESIDE = {
+    "kinds": "Kinds of Lagrangians are asked about equations: give those of an associated or of the reduced system, "
+    "which the result of this document without 'kinds' has.",
+    "clock": "With constraints the clock is found, see 'reduced' of the result: leave 'clock' out, or give the "
+    "equations of the reduced system.",
+}
+
 
 class DocumentRefused(InputError):
     """The document does not have the shape of a system; `places` lists every fault found."""
@@ -67,6 +75,8 @@ def _sentence(fault: Mapping[str, Any], steps: list[Any], schema: type[Document]
     where = f"'{'/'.join(escape(step) for step in steps)}'" if steps else "The document"
     if kind == "missing":
         return f"The key {where} is missing; it must be {EXPECTED.get(top, 'there')}."
+    if kind == "extra_forbidden" and top in BESIDE and "constraints" in schema.model_fields:
+        return BESIDE[top]
     if kind == "extra_forbidden":
         keys = ", ".join((*schema.model_fields, *ALSO))
         return f"The key {where} is not known here; a {TITLES.get(schema.__name__, 'system')} has the keys {keys}."

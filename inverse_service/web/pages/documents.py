@@ -16,9 +16,15 @@ from inverse_service.web.pages.forms import Form
 KINDS = ("equations", "nonholonomic")
 ASSOCIATED = ("first", "second", "third", "any")
 FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
-          "associated", "time", "special_cases", "ansatz", "time_limit")  # fmt: skip
+          "associated", "time", "special_cases", "ansatz", "kinds", "clock", "time_limit")  # fmt: skip
 # What a link may say; `kind` is the form's own.
-LINKED = FIELDS[1:10]
+LINKED = (*FIELDS[1:10], "kinds", "clock")
+LAGRANGIANS = {
+    "natural": "T + A q' - V with a metric",
+    "riemannian": "geodesics of a metric",
+    "finsler": "homogeneous of degree 2 in the velocities",
+    "rayleigh": "natural, with friction",
+}
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
 _CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5}):(.{1,200})")
@@ -28,7 +34,7 @@ _FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
 
 def fields_of(form: Form) -> dict[str, str]:
     """The fields of the solve form as texts."""
-    found = {name: form.text(name) for name in FIELDS}
+    found = {name: form.text(name) for name in FIELDS} | {"kinds": " ".join(form.every("kinds"))}
     if found["kind"] not in KINDS:
         found["kind"] = "nonholonomic" if found["lagrangian"] and not found["equations"] else "equations"
     return _with_choice(found, form.text("instead"))
@@ -87,6 +93,8 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
             document["associated"] = fields["associated"]
     else:
         document["equations"] = fields["equations"]
+        document |= {"kinds": kinds} if (kinds := _names(fields["kinds"])) else {}
+        document |= {"clock": fields["clock"]} if fields["clock"] else {}
     return document | _declared(fields) | _questions(fields)
 
 
@@ -175,6 +183,8 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     fields["time"] = {False: "no", True: "yes"}.get(document.get("time_dependent_lagrangian"), "")  # type: ignore[arg-type]
     fields["special_cases"] = "yes" if document.get("special_cases") else ""
     fields["ansatz"] = ", ".join(document.get("ansatz") or ())
+    fields["kinds"] = " ".join(kind for kind in document.get("kinds") or () if kind in LAGRANGIANS)
+    fields["clock"] = str(document.get("clock") or "")
     limit = (document.get("options") or {}).get("time_limit")
     fields["time_limit"] = "" if limit is None else f"{limit:g}" if isinstance(limit, int | float) else str(limit)
     if "lagrangian" in document:

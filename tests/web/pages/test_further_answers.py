@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import httpx
 
+from inverse_service.web.pages.documents import document_of_fields, fields_from, fields_of, question_address
+from inverse_service.web.pages.forms import Form
+
 DAMPED = {
     "equations": "x'' = -2*x + y - 2*x' + y'; y'' = x - 2*y + x' - 3*y'",
     "kinds": ["natural"],
@@ -21,3 +24,17 @@ def test_a_damped_chain_leaves_with_l_and_d(service: str) -> None:
     assert "Instead: With friction" in page
     assert "<mi>D</mi>" in page
     assert "of the kind \u201cnatural\u201d: no" in page
+
+
+def test_the_form_asks_for_kinds_and_another_clock() -> None:
+    form = Form({"kind": ("equations",), "equations": ("x'' = -x",), "kinds": ("natural", "rayleigh"), "clock": ("x",)})
+    document = document_of_fields(fields_of(form))
+    assert (document["kinds"], document["clock"]) == (["natural", "rayleigh"], "x")
+    assert document_of_fields(fields_from(document)) == document
+    assert "kinds=natural+rayleigh" in question_address(document)
+
+
+def test_a_link_with_kinds_fills_the_boxes(service: str) -> None:
+    page = httpx.get(f"{service}/?equations=x''=-x&kinds=finsler&clock=x").text
+    assert 'value="finsler" checked' in page
+    assert 'id="clock" name="clock" value="x"' in page
