@@ -10,6 +10,7 @@ from api_schemas.base import Document
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
     Checked,
+    ClockPart,
     ExplanationStep,
     Formula,
     HamiltonianPart,
@@ -236,8 +237,31 @@ class AnyAssociatedPart(Document):
     explanation: list[ExplanationStep] = Field(default_factory=list)
 
 
+class ReducedPart(Document):
+    """The equations of the free coordinates alone, where these do not contain the others, and their own answer.
+
+    `reconstruction` gives the velocities of the others, as `statement` says; `with_clock` is the answer with
+    dtau = N dt, N from the invariant measure (Chaplygin), `without_clock` why there is none.
+    """
+
+    coordinates: list[str]
+    equations: dict[str, str]
+    verdict: Verdict
+    lagrangian: LagrangianPart | None = None
+    hamiltonian: HamiltonianPart | None = None
+    certificate: dict[str, Any] | None = None
+    checked: Checked | None = None
+    reason: str = ""
+    domain: list[str] = Field(default_factory=list)
+    reconstruction: dict[str, str]
+    statement: str
+    with_clock: ClockPart | None = None
+    without_clock: str = ""
+
+
 class NonholonomicResult(ResultDocument):
     """The result of a Nonholonomic document: its main fields answer the associated system `nonholonomic.main`."""
 
     nonholonomic: NonholonomicPart | None
     any_associated: AnyAssociatedPart | None = None
+    reduced: ReducedPart | None = None

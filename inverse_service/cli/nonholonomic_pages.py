@@ -60,6 +60,14 @@ def nonholonomic_lines(part: dict[str, Any]) -> Iterator[str]:
     yield f"The rest is about the associated system '{part['main']}':"
 
 
+def reduced_lines(part: dict[str, Any]) -> Iterator[str]:
+    """The reduced system and how the other coordinates follow; its answer comes after it."""
+    yield f"The reduced system in {', '.join(part['coordinates'])}:"
+    yield from (f"  {name}'' = {_short(text)}" for name, text in part["equations"].items())
+    yield f"  {part['statement']}"
+    yield from (f"  {name}' = {_short(text)}" for name, text in part["reconstruction"].items())
+
+
 def _kept(part: dict[str, Any]) -> Iterator[str]:
     yield ""
     yield part["paper_class"]["statement"]

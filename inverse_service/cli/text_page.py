@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from inverse_service.cli.forward_page import forward_text, is_forward_result
-from inverse_service.cli.nonholonomic_pages import any_associated_lines, nonholonomic_lines
+from inverse_service.cli.nonholonomic_pages import any_associated_lines, nonholonomic_lines, reduced_lines
 from inverse_service.cli.special_cases_pages import special_cases_lines
 
 LONG = 300
@@ -35,8 +35,11 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
         lines += ["", *special_cases_lines(result["special_cases"])]
     if result.get("instead"):
         lines += ["", *_instead(result["instead"])]
-    if result.get("with_clock"):
-        part = result["with_clock"]
+    if result.get("reduced"):
+        lines += ["", *reduced_lines(result["reduced"])]
+        lines += _answer({"solution_space": None, "explanation": [], **result["reduced"]}, False, False)
+    part = result.get("with_clock") or (result.get("reduced") or {}).get("with_clock")
+    if part:
         lines += ["", f"With the clock dtau = ({part['factor']}) dt, x' being dx/dtau:"]
         lines += _answer({"solution_space": None, "explanation": [], **part}, False, False)
     if result.get("kinds"):

@@ -126,6 +126,12 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
 
         clock = compared_clock(given, changed, end - time.monotonic())
         found = clock if clock is not None and (found is None or clock.verdict != "valid") else found
+    reduced = _object(result.get("reduced")) if isinstance(result, dict) and given is not None else {}
+    if reduced:
+        from inverse_service.service.documents.reduced import compared_reduced
+
+        part = compared_reduced(given, reduced, end - time.thread_time())
+        found = part if part is not None and (found is None or part.verdict != "valid") else found
     if found is None:
         return alone
     worst = max(alone.verdict, found.verdict, key=_FROM_BEST.index)

@@ -14,6 +14,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import TIME, Acceleration, Expression, Velocity, number, walk
 from inverse_service.inverse_problem.of_kind.clock import with_clock
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.document_names import Declared
 from inverse_service.mechanics.parameter_values import parameter_values, with_values
@@ -46,10 +47,17 @@ def clock_part(system: SecondOrderSystem, factor: Expression, asked: SolveOption
     options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=max(0.1, time_limit), conditions=False)
     solution = solve(changed, options)
     assert solution.autonomous is not None
-    fields = translate.answer_fields(solution.autonomous, solution.system)
-    equations = {name: to_text(f) for name, f in zip(changed.coordinates, changed.accelerations, strict=True)}
-    kept = {key: fields[key] for key in ClockPart.model_fields if key in fields}
-    return ClockPart(factor=to_text(factor), equations=equations, **kept)
+    return ClockPart(factor=to_text(factor), **answered(solution.system, solution.autonomous))
+
+
+def answered(system: SecondOrderSystem, answer: Answer) -> dict[str, Any]:
+    """The equations and the answer as fields."""
+    fields = translate.answer_fields(answer, system)
+    return {"equations": _equations(system)} | {key: fields[key] for key in ClockPart.model_fields if key in fields}
+
+
+def _equations(system: SecondOrderSystem) -> dict[str, str]:
+    return {name: to_text(f) for name, f in zip(system.coordinates, system.given, strict=True)}
 
 
 def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> CheckResult | None:
@@ -61,8 +69,14 @@ def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> Ch
         changed = with_clock(system, to_clock(schema, system))
     except InputError:
         return wrong
-    equations = {name: to_text(f) for name, f in zip(changed.coordinates, changed.accelerations, strict=True)}
-    certificate = part.get("certificate")
+    return compared_answer(part, changed, wrong, time_limit)
+
+
+def compared_answer(
+    part: dict[str, Any], system: SecondOrderSystem, wrong: CheckResult, time_limit: float
+) -> CheckResult | None:
+    """The checker's verdict on an answer for this system, `wrong` where it is for another; None where it is open."""
+    equations, certificate = _equations(system), part.get("certificate")
     if part.get("equations") != equations:
         return wrong
     if not isinstance(certificate, dict):
@@ -71,7 +85,8 @@ def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> Ch
     named = named if isinstance(named, dict) else {}
     good = named.get("equations") == equations and certificate.get("among") is None
     good = good and named.get("parameters") == list(system.parameters)
-    good = good and (certificate.get("claim"), certificate.get("question")) == (part.get("verdict"), "autonomous")
+    question = "time_dependent" if system.depends_on_time else "autonomous"
+    good = good and (certificate.get("claim"), certificate.get("question")) == (part.get("verdict"), question)
     text = shown.get("text") if isinstance(shown, dict) else None
     if not good or text != certificate.get("lagrangian"):
         return wrong

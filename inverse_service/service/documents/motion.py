@@ -44,10 +44,13 @@ def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str],
     motion = read(schema)
     question = schema.time_dependent_lagrangian
     answer = answer_motion(motion, None, (), question, options.seed, end, progress or (lambda _: None))
+    from inverse_service.service.documents.reduced import reduced_of_motion  # which reads motions too
+
+    reduced = reduced_of_motion(motion, options.seed, end - time.monotonic())
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     result = translate.to_result(Solution(first_system(motion), open_answer, None, None), schema)
     fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
-    whole = NonholonomicResult(**fields, nonholonomic=None, any_associated=to_any_associated(answer))
+    whole = NonholonomicResult(**fields, nonholonomic=None, any_associated=to_any_associated(answer), reduced=reduced)
     found = whole.model_dump(mode="json")
     compare_motion(found, end - time.monotonic())
     return solving.ordered(found)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicResult
+from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicResult, ReducedPart
 from api_schemas.result import ResultDocument
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
@@ -25,6 +25,7 @@ from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service.documents import solving, translate
 from inverse_service.service.documents.checking import compare_motion
+from inverse_service.service.documents.reduced import reduced_of_report
 from inverse_service.service.documents.translate_nonholonomic import (
     to_any_associated,
     to_families,
@@ -82,6 +83,7 @@ def solve_nonholonomic(
         **fields,
         nonholonomic=to_nonholonomic_part(found),
         any_associated=to_any_associated(any_associated),
+        reduced=_reduced(report, options, end),
     )
     return solving.ordered(solving.checked(whole, end - time.monotonic()))
 
@@ -108,10 +110,16 @@ def _about_the_motion(
         **fields,
         nonholonomic=to_nonholonomic_part(found),
         any_associated=to_any_associated(answer),
+        reduced=_reduced(report, options, end),
     )
     document = whole.model_dump(mode="json")
     compare_motion(document, end - time.monotonic())
     return solving.ordered(document)
+
+
+def _reduced(report: MotionReport, options: SolveOptions, end: float) -> ReducedPart | None:
+    """In the time that is left, some of which is for checking."""
+    return reduced_of_report(report, options.seed, end - time.monotonic() - SHARE_LEFT * options.time_limit)
 
 
 def _share(schema: NonholonomicDocument) -> float:

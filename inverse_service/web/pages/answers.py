@@ -185,7 +185,11 @@ def further_of(result: Mapping[str, Any]) -> list[Further]:
     for name, part in (result.get("kinds") or {}).items():
         headline = f"A Lagrangian of the kind \u201c{name}\u201d: {SAID[part['verdict']]}"
         found.append(Further(headline, _formulas_of(part, names), part["checked"] or ""))
-    clock = result.get("with_clock")
+    reduced = result.get("reduced") or {}
+    if reduced:
+        headline = f"The reduced system in {', '.join(reduced['coordinates'])}: {SAID[reduced['verdict']]}"
+        found.append(Further(headline, _formulas_of(reduced, names), reduced["checked"] or ""))
+    clock = result.get("with_clock") or reduced.get("with_clock")
     if clock:
         headline = f"With the clock d\u03c4 = {clock['factor']} dt: {SAID[clock['verdict']]}"
         found.append(Further(headline, _formulas_of(clock, names), clock["checked"] or ""))

@@ -1,0 +1,138 @@
+"""The reduced system of a motion on constraints, as it is and with Chaplygin's clock dtau = N(r) dt.
+
+Where neither the motion of the free coordinates r nor the constraints contain the others, r'' = F(r, r') is a system of
+its own. Where its measure rho(r) dr dr' is invariant, N = (rho/det G)^(1/(k - 1)), G the Hessian of the constrained
+Lagrangian l_c in the k free velocities; the measure is unique, so no other clock makes a natural L of G. For k = 2, L
+natural and the constraints homogeneous l_c(r, N r') is one (Chaplygin 1911; for k > 2 where it happens to be:
+Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.01422).
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.tree import (
+    TIME,
+    Arbitrary,
+    Expression,
+    Symbol,
+    Velocity,
+    multiply,
+    power,
+    substitute,
+    walk,
+)
+from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
+from inverse_service.inverse_problem.of_kind.clock import with_clock
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
+from inverse_service.mechanics.nonholonomic.writing import tidied
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+CONSTRAINED = "constrained Lagrangian"
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """A system and the answer to its question for L(q, q'), for L(t, q, q') where t occurs."""
+
+    system: SecondOrderSystem
+    answer: Answer
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """The reduced system; with the clock `factor`, N(r), where there is one, else `reason`."""
+
+    plain: Decided
+    others: tuple[tuple[str, Expression], ...]
+    factor: Expression | None
+    clocked: Decided | None
+    reason: str = ""
+
+
+def reduced_system(motion: ConstrainedMotion) -> SecondOrderSystem | None:
+    """r'' = F(r, r'), if F and the velocities of the other coordinates do not contain these."""
+    others = {Symbol(name) for name in motion.dependent}
+    trees = (*motion.free_accelerations, *motion.dependent_velocities)
+    if any(node in others for tree in trees for node in walk(tree)):
+        return None
+    names = {node.name for tree in trees for node in walk(tree) if isinstance(node, Arbitrary)}
+    functions = tuple(function for function in motion.functions if function.name in names)
+    return SecondOrderSystem(motion.free, motion.free_accelerations, motion.parameters, functions)
+
+
+def answer_reduced(
+    motion: ConstrainedMotion,
+    lagrangian: Expression | None,
+    density: MeasureDensity | None,
+    options: SolveOptions,
+) -> Reduced | None:
+    """Both answers, in equal shares of the time; None where the motion does not reduce.
+
+    `lagrangian` is that of the whole system, `density` its invariant measure.
+    """
+    system = reduced_system(motion)
+    if system is None:
+        return None
+    end, asked = time.monotonic() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
+    candidate = None if lagrangian is None else _on_constraints(motion, lagrangian)
+    plain = _decided(system, candidate, replace(asked, time_limit=options.time_limit / 2))
+    others = tuple(zip(motion.dependent, motion.dependent_velocities, strict=True))
+    found = chaplygin_factor(system, density)
+    if isinstance(found, str):
+        return Reduced(plain, others, None, None, found)
+    faster: dict[Expression, Expression] = {Velocity(r): multiply(found, Velocity(r)) for r in system.coordinates}
+    known = None if candidate is None else tidied(substitute(candidate, faster))
+    left = max(0.1, end - time.monotonic())
+    changed = _decided(with_clock(system, found), known, replace(asked, time_limit=left))
+    return Reduced(plain, others, found, changed)
+
+
+def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) -> Expression | str:
+    """N, or why there is none."""
+    names = system.coordinates
+    if len(names) == 1:
+        return "One equation has a Lagrangian with any clock."
+    if system.depends_on_time:
+        return "The equations contain t, so no other clock can be put in its place."
+    if density is None or density.momenta is None:
+        return "No invariant measure is known whose density is a function of these coordinates alone."
+    own = {*map(Symbol, (*names, *system.parameters))}
+    held = {node for node in walk(density.momenta) if isinstance(node, Symbol | Velocity)}
+    if not held <= own:
+        return "The density of the invariant measure contains other coordinates."
+    if held.isdisjoint(map(Symbol, names)) and not any(isinstance(node, Arbitrary) for node in walk(density.momenta)):
+        return "The measure of the momenta itself is invariant, which asks for no other clock."
+    return power(density.momenta, Fraction(1, len(names) - 1))
+
+
+def _on_constraints(motion: ConstrainedMotion, lagrangian: Expression) -> Expression | None:
+    """l_c(r, r'), unless it contains another coordinate."""
+    found = tidied(substitute(lagrangian, motion.on_constraints))
+    return None if any(Symbol(name) in set(walk(found)) for name in motion.dependent) else found
+
+
+def _decided(system: SecondOrderSystem, candidate: Expression | None, options: SolveOptions) -> Decided:
+    """By the candidate, if the checker confirms it, else by the solver."""
+    end = time.monotonic() + options.time_limit
+    if candidate is not None and TIME not in walk(candidate) and not system.depends_on_time:
+        try:
+            known = Known(candidate, legendre(candidate, system.coordinates), (), CONSTRAINED)
+        except InputError:  # singular
+            known = None
+        if known is not None and confirmed(system, [known], end):
+            found = solution_with(system, [known], options)
+            assert found.autonomous is not None
+            return Decided(found.system, found.autonomous)
+    solution = solve(system, replace(options, time_limit=max(0.1, end - time.monotonic())))
+    answer = solution.with_time if system.depends_on_time else solution.autonomous
+    assert answer is not None
+    return Decided(solution.system, answer)

@@ -1,0 +1,88 @@
+"""The key `reduced` of a nonholonomic result, made and compared with the document."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from api_schemas.nonholonomic import ReducedPart
+from api_schemas.result import ClockPart
+from inverse_service.certificate.checker import CheckResult
+from inverse_service.errors import InputError
+from inverse_service.expressions.printing import to_text
+from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
+from inverse_service.inverse_problem.hamiltonisation.reduced import (
+    Reduced,
+    answer_reduced,
+    chaplygin_factor,
+    reduced_system,
+)
+from inverse_service.inverse_problem.of_kind.clock import with_clock
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion, constrained_motion
+from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents.clock import answered, compared_answer
+from inverse_service.service.documents.document_kinds import is_motion
+from inverse_service.service.documents.motion import look_motion, read
+from inverse_service.service.documents.preparing import prepared
+from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
+
+QUADRATURE = "Along a solution of these equations the other coordinates are integrals over t of the right sides."
+_WRONG = CheckResult("invalid", ("reduced is not the reduced system of the document, or has another clock.",))
+
+
+def reduced_of_report(report: MotionReport, seed: int, time_limit: float) -> ReducedPart | None:
+    """For a Lagrangian with constraints."""
+    motion = constrained_motion(report.motion)
+    options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
+    return _part(answer_reduced(motion, report.motion.system.lagrangian, report.density, options))
+
+
+def reduced_of_motion(motion: ConstrainedMotion, seed: int, time_limit: float) -> ReducedPart | None:
+    """For a motion that is given as it is: there is no Lagrangian whose measure would give a clock."""
+    options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
+    return _part(answer_reduced(motion, None, None, options))
+
+
+def _part(found: Reduced | None) -> ReducedPart | None:
+    if found is None:
+        return None
+    clocked = found.clocked
+    clock = None
+    if clocked is not None and found.factor is not None:
+        clock = ClockPart(factor=to_text(found.factor), **answered(clocked.system, clocked.answer))
+    return ReducedPart(
+        coordinates=list(found.plain.system.coordinates),
+        **answered(found.plain.system, found.plain.answer),
+        reconstruction={name: to_text(rate) for name, rate in found.others},
+        statement=QUADRATURE,
+        with_clock=clock,
+        without_clock=found.reason,
+    )
+
+
+def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> CheckResult | None:
+    """The checker's verdicts on `reduced` and its `with_clock`, whose systems have to be those of the document."""
+    end = time.thread_time() + time_limit
+    try:
+        system, density = _of_document(prepared(document).document)
+    except InputError:
+        return _WRONG
+    if system is None:
+        return _WRONG
+    found = compared_answer(part, system, _WRONG, end - time.thread_time())
+    clock = part.get("with_clock")
+    if (found is not None and found.verdict != "valid") or not isinstance(clock, dict):
+        return found
+    factor = chaplygin_factor(system, density)
+    if isinstance(factor, str) or clock.get("factor") != to_text(factor):
+        return _WRONG
+    return compared_answer(clock, with_clock(system, factor), _WRONG, end - time.thread_time()) or found
+
+
+def _of_document(document: Any) -> tuple[SecondOrderSystem | None, MeasureDensity | None]:
+    if is_motion(document):
+        return reduced_system(read(look_motion(document))), None
+    report = motion_report(to_nonholonomic(to_nonholonomic_schema(document)))
+    return reduced_system(constrained_motion(report.motion)), report.density
