@@ -15,8 +15,8 @@ from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
-from inverse_service.web.pages.form_tasks import GLANCE, Sent, echo_sent_task, echo_task, glance_task, sent_task
 from inverse_service.web.pages.documents import LAGRANGIANS, fields_from, fields_of_link, lean_fields
+from inverse_service.web.pages.form_tasks import GLANCE, Sent, echo_sent_task, echo_task, glance_task, sent_task
 from inverse_service.web.pages.receiving import read_sent
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.pages.result_tasks import fields_task
