@@ -13,7 +13,7 @@ from starlette.responses import PlainTextResponse, Response
 from inverse_service import __version__
 from inverse_service.service.jobs.identity import engine_version
 from inverse_service.service.jobs.metrics import Labels, Metric, gauge, written
-from inverse_service.service.jobs.states import STATUSES
+from inverse_service.service.jobs.model import STATUSES
 from inverse_service.web.describing import refusals
 from inverse_service.web.engine import Engine
 from inverse_service.web.problems import Refusal
@@ -46,7 +46,7 @@ async def metrics(request: Request) -> Response:
     """Counters and gauges in the text format of Prometheus."""
     engine = engine_of(request)
     counts = await engine.read(engine.store.counts)
-    oldest, size = await engine.read(engine.store.measure)
+    oldest, size = await engine.read(engine.store.oldest), await engine.read(engine.store.size)
     age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
     by_status: dict[Labels, float] = {(("status", s),): float(counts.get(s, 0)) for s in STATUSES}
     found = [

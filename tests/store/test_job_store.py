@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from inverse_service.service.jobs.model import BatchLine, Bounds, Event, JobRequest, TooManyJobs, Usage
+from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.jobs.stored_answers import stored_answer
 
 Stores = Callable[[], JobStore]
 USAGE = Usage(0.5, 0.25, 64.0)
@@ -125,13 +125,12 @@ def test_a_result_of_an_earlier_attempt_is_dropped(store: JobStore) -> None:
     assert found.body == b"new"
 
 
-def test_claims_go_by_priority_then_by_turns_of_the_clients_then_by_age(store: JobStore) -> None:
+def test_claims_go_by_turns_of_the_clients_then_by_priority_then_by_age(store: JobStore) -> None:
     store.submit([request("bulk", priority=10, client="y")])
     store.submit([request(f"x{k}", client="x") for k in range(4)])
     store.submit([request(f"y{k}", client="y") for k in range(2)])
     assert ids(store.claim("o", 4)) == ["x0", "y0", "x1", "y1"]
-    assert ids(store.claim("o", 1)) == ["x2"], "bulk goes last, whoever it belongs to"
-    assert ids(store.claim("o", 9)) == ["x3", "bulk"]
+    assert ids(store.claim("o", 9)) == ["x2", "bulk", "x3"], "of one client bulk goes last, of two each has its turn"
 
 
 def test_a_client_never_has_more_running_than_the_bound(store: JobStore) -> None:
@@ -391,14 +390,14 @@ def test_threads_claim_and_finish_each_job_once(store: JobStore) -> None:
 
 
 def test_what_an_operator_asks_and_a_reader_of_parts(store: JobStore) -> None:
-    oldest, size = store.measure()
+    oldest, size = store.oldest(), store.size()
     assert oldest is None
     assert size > 0
     for _ in range(2):
         store.try_to_write()
     assert store.part("a", 0, 10) == (0, b"")
     (job,) = store.submit([request("a")])
-    assert store.measure()[0] == pytest.approx(job.created)
+    assert store.oldest() == pytest.approx(job.created)
     run(store, "a", b"0123456789")
     parts = [store.part("a", *place) for place in ((0, 4), (4, 100), (10, 1))]
     assert parts == [(10, b"0123"), (10, b"456789"), (10, b"")]

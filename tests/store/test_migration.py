@@ -13,7 +13,7 @@ import pytest
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.model import BatchLine, JobRequest, Usage, WrongVersion
 from inverse_service.service.jobs.opening import open_store
-from inverse_service.service.jobs.sqlite_schema import VERSION
+from inverse_service.service.jobs.schema import VERSION
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.store import JobStore
 

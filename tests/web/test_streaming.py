@@ -13,9 +13,9 @@ import pytest
 from inverse_service.service.jobs.asking import request_of
 from inverse_service.service.jobs.line_answers import answer_line
 from inverse_service.service.jobs.model import BatchLine, StoreUnavailable, Usage
+from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.stored_answers import stored_answer
 from inverse_service.settings import Settings
 from inverse_service.web import streaming
 from inverse_service.web.engine import Engine

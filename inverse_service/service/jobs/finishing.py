@@ -11,10 +11,9 @@ from inverse_service.errors import InverseServiceError
 from inverse_service.service.documents import problem_documents
 from inverse_service.service.documents.answers import result_document
 from inverse_service.service.jobs.kinds import KINDS, label_of, solve_options
-from inverse_service.service.jobs.model import Job, Usage
+from inverse_service.service.jobs.model import MAX_CRASHES, MAX_UNSTARTED, TRANSIENT, Job, Usage
 from inverse_service.service.jobs.options import JobOptions, stored_options
 from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.service.jobs.states import MAX_CRASHES, MAX_UNSTARTED, TRANSIENT
 from inverse_service.service.jobs.store import JobStore
 
 log = logging.getLogger(__name__)
@@ -36,14 +35,14 @@ def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
     usage = Usage(outcome.spent.wall, outcome.spent.cpu, outcome.spent.memory)
     if outcome.status == "cancelled":
         # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
-        store.release(job.id, job.attempt, crashed=False)
+        store.release(job.id, job.attempt, crashed=False, usage=usage)
         return "cancelled"
     if outcome.status in ("crash", "killed") and job.crashes + 1 < MAX_CRASHES:
         log.warning("worker died: %s", outcome.detail, extra={"job": job.id})
-        store.release(job.id, job.attempt, crashed=True)
+        store.release(job.id, job.attempt, crashed=True, usage=usage)
         return "again"
     if outcome.status == "unstarted" and job.attempt < MAX_UNSTARTED:
-        store.release(job.id, job.attempt, crashed=False)
+        store.release(job.id, job.attempt, crashed=False, usage=usage)
         return "again"
     options = stored_options(job.options)
     if outcome.status == "done":

@@ -1,16 +1,45 @@
-"""Jobs, events and batches as data."""
+"""Jobs, events and batches as data, the states of a job and the ways between them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final, Literal
 
 from inverse_service.errors import InverseServiceError
-from inverse_service.service.jobs.states import FINAL, OPEN, JobStatus
+
+JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
+STATUSES: Final[tuple[JobStatus, ...]] = ("accepted", "running", "successful", "failed", "dismissed")
+OPEN: Final[frozenset[JobStatus]] = frozenset({"accepted", "running"})
+FINAL: Final[frozenset[JobStatus]] = frozenset({"successful", "failed", "dismissed"})
+# running -> accepted: the worker or the service died; final -> accepted: the question is asked again;
+# accepted -> successful or failed: cancelled while it was computed again, so its earlier answer holds.
+NEXT: Final[dict[JobStatus, frozenset[JobStatus]]] = {
+    "accepted": frozenset({"running", "dismissed", "successful", "failed"}),
+    "running": frozenset({"successful", "failed", "dismissed", "accepted"}),
+    "successful": frozenset({"accepted"}),
+    "failed": frozenset({"accepted"}),
+    "dismissed": frozenset({"accepted"}),
+}
+# A job whose worker dies this often by itself is failed. The death of the service is seldom the fault of a
+# job, which may only have been next in line; the bound ends the loop of one that takes the service along.
+MAX_CRASHES: Final = 3
+MAX_RESTARTS: Final = 100
+# Runs of a job for which no process could be started; each of them takes a second and more.
+MAX_UNSTARTED: Final = 100
+
+
+def may_become(now: JobStatus, then: JobStatus) -> bool:
+    """Whether a job may go from one status to the other."""
+    return then in NEXT[now]
+
+
+# Answers that a clock, lack of memory or a fault of ours ended are given for so long (s) and computed again then.
+TRANSIENT: Final = 600.0
 
 INTERACTIVE = 0
 BULK = 10
+NO_BOUND: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,10 +174,24 @@ class BatchAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """How many open jobs the store takes: in all, and of one client."""
+    """How many open jobs the store takes, in all and of one client; processor seconds a client may use in a day."""
 
-    total: int = 1_000_000
-    client: int = 1_000_000
+    total: int = NO_BOUND
+    client: int = NO_BOUND
+    daily: float = NO_BOUND
+
+
+@dataclass(frozen=True, slots=True)
+class ClientUse:
+    """What the store has of a client: jobs, the operator's rank, runs and processor seconds of today (UTC)."""
+
+    client: str
+    waiting: int
+    running: int
+    stored: int
+    rank: int
+    runs: int
+    cpu: float
 
 
 class TooManyJobs(InverseServiceError):
@@ -172,7 +215,8 @@ class DatabaseTaken(InverseServiceError):
 
 
 class WrongVersion(Exception):
-    """The database was written by a newer version of this program."""
+    """The tables of the database are those of another version of this program."""
 
     def __init__(self, found: int, known: int) -> None:
-        super().__init__(f"a newer version of this program wrote it (its tables are {found}, those known here {known})")
+        age = "a newer" if found > known else "an older"
+        super().__init__(f"{age} version of this program wrote it (its tables are {found}, those known here {known})")

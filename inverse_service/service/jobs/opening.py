@@ -1,4 +1,4 @@
-"""Which store the settings ask for."""
+"""Which store the settings ask for, and what a worker process reads of one by itself."""
 
 from __future__ import annotations
 
@@ -9,34 +9,43 @@ import logging
 import os
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
-from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.sqlite_store import SqliteStore, connect
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.temporary import temporary_database
 
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
 POSTGRES_MODULE = "inverse_service.service.jobs.postgres_store"
+ANSWER = "SELECT jobs.document, bodies.body FROM jobs JOIN bodies ON bodies.id = jobs.id WHERE jobs.id = {}"
 
 
-def open_store(database: str | None) -> JobStore:
-    """The store at a path or an address; raises InputError where it cannot be used.
+def open_store(database: str | None, guest: bool = False) -> JobStore:
+    """The store at a path or an address; raises InputError where it cannot be used. `guest`: s. `SqliteStore`.
 
     None is the file of this user. Where another service has that one, or it cannot be written, the
     jobs go to a new file in the temporary folder, and the log says so.
     """
-    if database is None:
+    if database is None and not guest:
         return _default_store()
+    database = database or str(default_path())
     if database.startswith(POSTGRES):
         return _postgres_store(database)
     try:
-        return _store_at(Path(database))
+        return SqliteStore(_existing(Path(database)), guest=True) if guest else _store_at(Path(database))
     except DatabaseTaken as error:
         raise InputError(error.detail) from None
     except (OSError, sqlite3.Error, WrongVersion) as error:
         raise InputError(f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}.") from None
+
+
+def _existing(path: Path) -> Path:
+    if not path.is_file():
+        raise InputError(f"There is no database {path}; INVERSE_SERVICE_DATABASE names that of the service.")
+    return path
 
 
 def default_path() -> Path:
@@ -81,3 +90,26 @@ def _reason(error: Exception) -> str:
     if isinstance(error, WrongVersion):
         return str(error)
     return getattr(error, "strerror", None) or "it is no database of this program"
+
+
+def stored_answer(address: str, id: str) -> tuple[str, bytes]:
+    """The document of a job and the body of its answer. KeyError: there is none any more.
+
+    For worker processes, so that large answers do not pass through the service.
+    """
+    row = _postgres_row(address, id) if address.startswith(POSTGRES) else _sqlite_row(address, id)
+    if row is None:
+        raise KeyError(id)
+    return row[0], bytes(row[1])
+
+
+def _sqlite_row(path: str, id: str) -> Any:
+    with contextlib.closing(connect(path, read_only=True)) as connection:
+        return connection.execute(ANSWER.format("?"), (id,)).fetchone()
+
+
+def _postgres_row(address: str, id: str) -> Any:
+    module = importlib.import_module(POSTGRES_MODULE)
+    with contextlib.closing(module.connect(address)) as connection:
+        row = connection.execute(ANSWER.format("%s"), (id,)).fetchone()
+    return None if row is None else (row["document"], row["body"])

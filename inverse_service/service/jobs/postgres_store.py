@@ -1,167 +1,277 @@
-"""The job store in PostgreSQL: several front ends, each with its own supervisor, share one."""
+"""The job store in PostgreSQL: several front ends, each with its own supervisor, share one.
+
+Times are those of the database server, whose clock all front ends share.
+"""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Final, TypeVar
+import contextlib
+import functools
+import logging
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import psycopg
+from psycopg.rows import dict_row
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs import postgres_pruning as pruning
-from inverse_service.service.jobs import postgres_statements as statements
-from inverse_service.service.jobs.model import (
-    Batch,
-    BatchAnswer,
-    BatchLine,
-    Bounds,
-    Event,
-    Job,
-    JobRequest,
-    Usage,
-    WrongVersion,
-)
-from inverse_service.service.jobs.postgres_changes import Changes
-from inverse_service.service.jobs.postgres_connections import Connection, Connections, Row
-from inverse_service.service.jobs.pruning import pruned
-from inverse_service.service.jobs.rows import answer_of, sequence_of
-from inverse_service.service.jobs.shared_sql import ANSWERS, OLDEST, SELECT
-from inverse_service.service.jobs.states import JobStatus
-from inverse_service.service.jobs.store import NO_BOUND
+from inverse_service.service.jobs import schema
+from inverse_service.service.jobs.model import StoreUnavailable, WrongVersion
+from inverse_service.service.jobs.statements import SELECT
+from inverse_service.service.jobs.store import Changed, JobStore
 
+log = logging.getLogger(__name__)
 T = TypeVar("T")
-PART_OF_BODY: Final = (
-    "SELECT length(body) AS size, substring(body FROM %s::int FOR %s::int) AS part FROM bodies WHERE id = %s"
+Row = dict[str, Any]
+Connection = psycopg.Connection[Row]
+NOW = "extract(epoch FROM clock_timestamp())::double precision"
+TODAY = "(extract(epoch FROM clock_timestamp())::bigint / 86400)::integer"
+# Rows have their share of tables and indexes besides their contents.
+ROW_BYTES = 300
+# Compressed as it is; the files themselves only shrink when vacuumed.
+USED_BYTES = (
+    "SELECT (SELECT coalesce(sum(pg_column_size(body) + %(row)s), 0) FROM bodies) "
+    "+ (SELECT coalesce(sum(pg_column_size(document) + pg_column_size(options) + %(row)s), 0) FROM jobs) "
+    "+ (SELECT coalesce(sum(pg_column_size(data) + 100), 0) FROM events) AS size"
 )
-NO_BOUNDS = Bounds()
+PART = "SELECT length(body) AS size, substring(body FROM %s::int FOR %s::int) AS part FROM bodies WHERE id = %s"
+# Two front ends that start at the same time create the tables one after the other.
+CREATE_LOCK = 7_204_021_101
+CHANNEL = "inverse_service_changes"
+LOOK = 0.1
+PAUSE = 1.0
+# Above this many changes at once one message says that something changed.
+MOST = 50
 
 
-class PostgresStore:
+class Changes:
+    """Calls listeners with the ids of jobs that changed, here or in another front end."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._origin = uuid.uuid4().hex
+        self._listeners: list[Callable[[str], None]] = []
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._listen, name="store-changes", daemon=True)
+        self._thread.start()
+
+    def on_change(self, listener: Callable[[str], None]) -> None:
+        """Call it from now on; an empty id says that something changed."""
+        self._listeners.append(listener)
+
+    def announce(self, connection: Connection, ids: Iterable[str]) -> None:
+        """Tell the others, when the transaction is committed."""
+        told = list(ids)
+        if told:
+            notices = [f"{self._origin}:{id}" for id in (told if len(told) <= MOST else [""])]
+            connection.execute("SELECT pg_notify(%s, notice) FROM unnest(%s::text[]) AS notice", (CHANNEL, notices))
+
+    def tell(self, ids: Iterable[str]) -> None:
+        """Call the listeners of this process."""
+        for id in ids:
+            for listener in self._listeners:
+                listener(id)
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._stopping.set()
+        self._thread.join()
+
+    def _listen(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                with contextlib.closing(connect(self._address)) as connection:
+                    self._hear(connection)
+            except psycopg.Error as error:
+                log.warning("news of other front ends are interrupted (%s)", type(error).__name__)
+                self._stopping.wait(PAUSE)
+
+    def _hear(self, connection: Connection) -> None:
+        connection.execute(f"LISTEN {CHANNEL}")
+        self.tell([""])  # whatever changed while nobody listened
+        while not self._stopping.is_set():
+            for notice in connection.notifies(timeout=LOOK):
+                origin, _, id = notice.payload.partition(":")
+                if origin != self._origin:
+                    self.tell([id])
+                if self._stopping.is_set():
+                    return
+
+
+MOST = 8
+# A server that is started again is back within this time (s); what waits for it does not fail.
+PATIENCE = 15.0
+CONNECT_TIMEOUT = 10
+LOST = (psycopg.OperationalError, psycopg.InterfaceError)
+CONFLICT = (psycopg.errors.DeadlockDetected, psycopg.errors.SerializationFailure)
+
+
+class Connections:
+    """At most MOST connections; a thread has one for the time of one transaction."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._idle: list[Connection] = []
+        self._free = threading.BoundedSemaphore(MOST)
+        self._lock = threading.Lock()
+        self._closed = False
+        first = connect(address)
+        prepare(first)
+        self._idle.append(first)
+
+    def write(self, function: Callable[[Connection], T], durable: bool = True) -> T:
+        """Run it in a transaction and return its value after the commit.
+
+        It runs again where the connection broke, so it must bear that a first run was committed.
+        Raises what it raises, with everything undone; StoreUnavailable where the server stays away.
+        """
+
+        def transaction(connection: Connection) -> T:
+            # In a pipeline, statements whose rows nobody waits for cost no way to the server and back.
+            with connection.pipeline(), connection.transaction():
+                if not durable:
+                    connection.execute("SET LOCAL synchronous_commit TO off")
+                return function(connection)
+
+        return self._insist(transaction)
+
+    def read(self, function: Callable[[Connection], T]) -> T:
+        """Run it without a transaction around it."""
+        return self._insist(function)
+
+    def close(self) -> None:
+        """Close all that are idle, and the others when they come back."""
+        with self._lock:
+            self._closed = True
+            idle, self._idle = self._idle, []
+        for connection in idle:
+            connection.close()
+
+    def _insist(self, function: Callable[[Connection], T]) -> T:
+        end = time.monotonic() + PATIENCE
+        pause = 0.02
+        while True:
+            try:
+                with self._free:
+                    return self._once(function)
+            except (*LOST, *CONFLICT) as error:
+                if self._closed or time.monotonic() + pause > end:
+                    raise StoreUnavailable(f"The database does not answer ({type(error).__name__}).") from error
+            time.sleep(pause)
+            pause = min(1.0, 2 * pause)
+
+    def _once(self, function: Callable[[Connection], T]) -> T:
+        connection = self._take()
+        try:
+            return function(connection)
+        finally:
+            self._give_back(connection)
+
+    def _take(self) -> Connection:
+        with self._lock:
+            if self._closed:
+                raise StoreUnavailable("The store is closed.")
+            if self._idle:
+                return self._idle.pop()
+        return connect(self._address)
+
+    def _give_back(self, connection: Connection) -> None:
+        with self._lock:
+            if not (connection.closed or connection.broken or self._closed):
+                self._idle.append(connection)
+                return
+            broken = connection.broken
+            stale, self._idle = (self._idle, []) if broken else ([], self._idle)
+        for each in (connection, *stale):  # the server went away for all of them
+            each.close()
+
+
+def connect(address: str) -> Connection:
+    """A connection in autocommit mode that sees our schema; raises psycopg.OperationalError."""
+    connection = psycopg.connect(
+        address, autocommit=True, row_factory=dict_row, connect_timeout=CONNECT_TIMEOUT,
+        application_name="inverse-service", keepalives_idle=30, keepalives_interval=10, keepalives_count=3,
+    )  # fmt: skip
+    connection.execute("SET search_path TO inverse_service")
+    return connection
+
+
+@dataclass(frozen=True, slots=True)
+class _Session:
+    """See `statements.Session`."""
+
+    connection: Connection
+
+    def rows(self, query: str, *arguments: Any) -> list[Any]:
+        return self.connection.execute(_translated(query), arguments).fetchall()
+
+    def run(self, query: str, *arguments: Any) -> None:
+        self.connection.execute(_translated(query), arguments)
+
+    def many(self, query: str, arguments: Sequence[tuple[Any, ...]]) -> None:
+        with self.connection.cursor() as cursor:
+            cursor.executemany(_translated(query), arguments)
+
+    def lock(self, name: int) -> None:
+        self.connection.execute("SELECT pg_advisory_xact_lock(%s)", (name,))
+
+
+@functools.cache
+def _translated(query: str) -> bytes:
+    text = query.replace("AMONG (?)", "= ANY(%s)").replace("?", "%s")
+    return text.replace("moment()", NOW).replace("today()", TODAY).encode()
+
+
+def prepare(connection: Connection) -> None:
+    """Make the tables that are missing, bring those of an older version to this one, all in one transaction.
+
+    Raises WrongVersion for a newer one.
+    """
+    with connection.transaction():
+        connection.execute("SELECT pg_advisory_xact_lock(%s)", (CREATE_LOCK,))
+        connection.execute("CREATE SCHEMA IF NOT EXISTS inverse_service")
+        connection.execute("SET LOCAL search_path TO inverse_service")
+        connection.execute("CREATE TABLE IF NOT EXISTS versions (version INTEGER PRIMARY KEY)")
+        row = connection.execute("SELECT max(version) AS version FROM versions").fetchone()
+        script = schema.script(0 if row is None else row["version"] or 0, schema.POSTGRES)
+        connection.execute(script.encode())
+        connection.execute("DELETE FROM versions")
+        connection.execute("INSERT INTO versions VALUES (%s)", (schema.VERSION,))
+
+
+class PostgresStore(JobStore):
     """See `store.JobStore`. Raises InputError where the database cannot be used, StoreUnavailable later."""
+
+    exclusive = False
 
     def __init__(self, address: str) -> None:
         try:
-            self._address = address
+            self.address = address
             self._connections = Connections(address)
         except psycopg.OperationalError as error:
             reason = str(error).strip().partition("\n")[0][:300]
             raise InputError(f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}") from None
         except (psycopg.Error, WrongVersion, UnicodeError) as error:
-            reason = str(error) if isinstance(error, WrongVersion) else f"wrong address or rights ({_name(error)})"
+            name = type(error).__name__
+            reason = str(error) if isinstance(error, WrongVersion) else f"wrong address or rights ({name})"
             raise InputError(f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}.") from None
         self._changes = Changes(address)
 
-    @property
-    def exclusive(self) -> bool:
-        return False
-
-    def submit(self, requests: Sequence[JobRequest], bounds: Bounds = NO_BOUNDS) -> list[Job]:
-        return self._write(lambda c: statements.submit(c, requests, bounds), lambda found: found[1])[0]
-
-    def claim(self, owner: str, limit: int, client_running: int = NO_BOUND) -> list[Job]:
-        def change(connection: Connection) -> list[Job]:
-            return statements.claim(connection, owner, limit, client_running)
-
-        return self._write(change, lambda jobs: [job.id for job in jobs], durable=False)
-
-    def heartbeat(self, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
-        if not running:
-            return []
-        return self._connections.write(lambda c: statements.heartbeat(c, owner, running), durable=False)
-
-    def finish(self, id: str, attempt: int, result: bytes, usage: Usage, kept: float | None = None) -> bool:
-        return self._end(id, attempt, "successful", result, usage, kept)
-
-    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage, kept: float | None = None) -> bool:
-        return self._end(id, attempt, "failed", problem, usage, kept)
-
-    def release(self, id: str, attempt: int, crashed: bool) -> Job | None:
-        return self._write(lambda c: statements.release(c, id, attempt, crashed), lambda job: [id])
-
-    def dismiss(self, id: str, client: str | None = None) -> tuple[Job | None, bool]:
-        def change(connection: Connection) -> tuple[Job | None, bool]:
-            return statements.dismiss(connection, id) if client is None else statements.leave(connection, id, client)
-
-        return self._write(change, lambda found: [id] if found[0] is not None else [])
-
-    def recover(self, owner: str | None = None, lease: float = 0.0) -> list[Job]:
-        return self._write(lambda c: statements.recover(c, owner, lease), lambda jobs: [job.id for job in jobs])
-
-    def job(self, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
-        return self._connections.read(lambda c: statements.read_job(c, id, with_body, client))
-
-    def jobs(
-        self, *, status: JobStatus | None = None, kind: str | None = None, client: str | None = None,
-        cursor: str | None = None, limit: int = 50,
-    ) -> tuple[list[Job], str | None]:  # fmt: skip
-        wanted = {"status": status, "kind": kind, "client": client, "sequence": sequence_of(cursor)}
-        chosen = {name: value for name, value in wanted.items() if value is not None}
-        where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} %s" for name in chosen) or "true"
-        query = f"{SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT %s"
-        rows = self._rows(query, *chosen.values(), limit + 1)
-        found = [statements.job_of(row) for row in rows[:limit]]
-        return found, str(found[-1].sequence) if len(rows) > limit else None
-
-    def add_events(self, events: Iterable[tuple[str, Event]]) -> None:
-        rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
-        insert = "INSERT INTO events VALUES (%s, %s, %s, %s) ON CONFLICT DO NOTHING"
-
-        def change(connection: Connection) -> None:
-            with connection.cursor() as cursor:
-                cursor.executemany(insert, rows)
-
-        self._write(change, lambda _: sorted({row[0] for row in rows}), durable=False)
-
-    def events(self, id: str, after: int = 0, limit: int = 1000) -> list[Event]:
-        query = "SELECT number, kind, data FROM events WHERE id = %s AND number > %s ORDER BY number LIMIT %s"
-        rows = self._rows(query, id, after, limit)
-        return [Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
-
-    def create_batch(
-        self, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds = NO_BOUNDS
-    ) -> Batch:
-        return self._write(lambda c: statements.create_batch(c, id, kind, client, lines, bounds), lambda _: [""])
-
-    def batch(self, id: str) -> Batch | None:
-        return self._connections.read(lambda c: statements.read_batch(c, id))
-
-    def batch_answers(self, id: str, after: int = 0, limit: int = 500, largest: int = NO_BOUND) -> list[BatchAnswer]:
-        return [answer_of(row) for row in self._rows(statements.marked(ANSWERS), largest, id, after, limit)]
-
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
-        rows = self._rows(PART_OF_BODY, offset + 1, size, id)
+        rows = self._rows(PART, offset + 1, size, id)
         return (rows[0]["size"], bytes(rows[0]["part"])) if rows else (0, b"")
 
-    @property
-    def address(self) -> str:
-        return self._address
-
-    def dismiss_batch(self, id: str) -> list[str]:
-        return self._write(lambda c: statements.leave_batch(c, id), lambda ids: ids or [""])
-
-    def counts(self) -> Mapping[JobStatus, int]:
-        rows = self._rows("SELECT status, count(*) AS jobs FROM jobs GROUP BY status")
-        return {row["status"]: row["jobs"] for row in rows}
-
-    def measure(self) -> tuple[float | None, int]:
-        rows = self._rows(f"SELECT ({OLDEST}) AS oldest, pg_database_size(current_database()) AS size")
-        return rows[0]["oldest"], int(rows[0]["size"])
+    def size(self) -> int:
+        return int(self._rows("SELECT pg_database_size(current_database()) AS size")[0]["size"])
 
     def try_to_write(self) -> None:
         self._rows(f"{SELECT} FROM jobs LIMIT 0")
         # With a number of its own a transaction is written to the log of the server.
         self._connections.write(lambda c: c.execute("SELECT pg_current_xact_id()").rowcount)
-
-    def prune(self, oldest: float, largest: int) -> int:
-        connections = self._connections
-        return pruned(
-            lambda before, most: connections.write(lambda c: pruning.forget(c, before, most)),
-            lambda count: connections.read(lambda c: pruning.oldest_moment(c, count)),
-            lambda: connections.read(pruning.used_bytes),
-            oldest,
-            largest,
-        )
 
     def on_change(self, listener: Callable[[str], None]) -> None:
         self._changes.on_change(listener)
@@ -170,26 +280,22 @@ class PostgresStore:
         self._changes.close()
         self._connections.close()
 
-    def _end(self, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage, kept: float | None) -> bool:
-        return self._write(lambda c: statements.end(c, id, attempt, status, body, usage, kept), lambda _: [id])
+    def _read(self, function: Callable[[_Session], T]) -> T:
+        return self._connections.read(lambda connection: function(_Session(connection)))
 
-    def _write(
-        self, change: Callable[[Connection], T], changed: Callable[[T], Sequence[str]], durable: bool = True
-    ) -> T:
-        """Make a change, and tell here and elsewhere which jobs it was about."""
+    def _write(self, change: Callable[[_Session], T], changed: Changed[T] | None = None, durable: bool = True) -> T:
+        def announced(connection: Connection) -> tuple[T, list[str]]:
+            value = change(_Session(connection))
+            ids = list(changed(value)) if changed is not None else []
+            self._changes.announce(connection, ids)
+            return value, ids
 
-        def announced(connection: Connection) -> T:
-            value = change(connection)
-            self._changes.announce(connection, changed(value))
-            return value
-
-        value = self._connections.write(announced, durable)
-        self._changes.tell(changed(value))
+        value, ids = self._connections.write(announced, durable)
+        self._changes.tell(ids)
         return value
 
+    def _used_bytes(self) -> int:
+        return int(self._connections.read(lambda c: c.execute(USED_BYTES, {"row": ROW_BYTES}).fetchall())[0]["size"])
+
     def _rows(self, query: str, *arguments: Any) -> list[Row]:
-        return self._connections.read(lambda c: c.execute(query, arguments).fetchall())
-
-
-def _name(error: Exception) -> str:
-    return type(error).__name__
+        return self._connections.read(lambda c: c.execute(query.encode(), arguments).fetchall())

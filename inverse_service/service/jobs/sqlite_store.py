@@ -2,47 +2,253 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import json
+import os
+import queue
+import re
 import sqlite3
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
-from inverse_service.service.jobs import sqlite_statements as statements
-from inverse_service.service.jobs.lock import SupervisorLock
-from inverse_service.service.jobs.model import Batch, BatchAnswer, BatchLine, Bounds, Event, Job, JobRequest, Usage
-from inverse_service.service.jobs.pruning import pruned
-from inverse_service.service.jobs.rows import answer_of, sequence_of
-from inverse_service.service.jobs.shared_sql import ANSWERS, OLDEST, SELECT
-from inverse_service.service.jobs.sqlite_schema import connect, prepare
-from inverse_service.service.jobs.sqlite_writer import Writer
-from inverse_service.service.jobs.states import JobStatus
-from inverse_service.service.jobs.store import NO_BOUND
+from inverse_service.service.jobs import schema
+from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
+from inverse_service.service.jobs.statements import SELECT
+from inverse_service.service.jobs.store import Changed, JobStore
 
-NO_BOUNDS = Bounds()
+T = TypeVar("T")
 # Each time another value, or nothing would be written.
 PROBE = "INSERT INTO counters VALUES ('probe', 1) ON CONFLICT (name) DO UPDATE SET value = value + 1"
 PAGES_AT_ONCE, PAGES_KEPT = 256, 2048
+MOST_AT_ONCE = 200
+SAVE, UNDO, KEEP = "SAVEPOINT change", "ROLLBACK TO change", "RELEASE change"
+# Larger files are not rewritten at the start to give space back later; s. docs/operating.md.
+REWRITTEN = 256 * 2**20
+OWN_TABLES = {"jobs", "bodies", "events", "batches", "lines", "counters"}
 
 
-class SqliteStore:
-    """See `store.JobStore`. Raises DatabaseTaken where another process has this file.
+class SupervisorLock:
+    """One supervisor for a database: a flock on `path` + ".lock", which the kernel gives back however its holder dies.
 
-    `durable=False` leaves out the fsync, for a store that is deleted at the end.
+    Raises DatabaseTaken where another process has it.
     """
 
-    def __init__(self, path: Path, durable: bool = True) -> None:
-        self._path = str(path)
-        self._lock = SupervisorLock(path)
+    def __init__(self, path: Path) -> None:
+        self._descriptor: int | None = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
-            connection = connect(self._path)
+            _lock(self._descriptor)
+        except OSError:
+            self.release()
+            raise DatabaseTaken(
+                "Another service works on this database; stop it, or set INVERSE_SERVICE_DATABASE to another file."
+            ) from None
+
+    def release(self) -> None:
+        """Let the next one in; the file stays, as removing it would let two in."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+
+def _lock(descriptor: int) -> None:
+    try:
+        import fcntl
+    except ImportError:  # no flock on this system: the address of the service is the only guard
+        return
+    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+@dataclass(frozen=True, slots=True)
+class _Session:
+    """See `statements.Session`; there is one writer, so that nothing needs a lock."""
+
+    connection: sqlite3.Connection
+
+    def rows(self, query: str, *arguments: Any) -> list[Any]:
+        return self.connection.execute(_translated(query), _adapted(arguments)).fetchall()
+
+    def run(self, query: str, *arguments: Any) -> None:
+        self.connection.execute(_translated(query), _adapted(arguments))
+
+    def many(self, query: str, arguments: Sequence[tuple[Any, ...]]) -> None:
+        self.connection.executemany(query, arguments)
+
+    def lock(self, name: int) -> None:
+        pass
+
+
+@functools.cache
+def _translated(query: str) -> str:
+    text = re.sub(r" FOR UPDATE( SKIP LOCKED)?", "", query)
+    return text.replace("AMONG (?)", "IN (SELECT value FROM json_each(?))")
+
+
+def _adapted(arguments: Sequence[Any]) -> list[Any]:
+    return [json.dumps(argument) if isinstance(argument, list) else argument for argument in arguments]
+
+
+def connect(path: str, read_only: bool = False) -> sqlite3.Connection:
+    """A connection in autocommit mode; transactions are begun by hand."""
+    connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=30.0)
+    connection.row_factory = sqlite3.Row
+    connection.create_function("moment", 0, time.time)
+    connection.create_function("today", 0, lambda: int(time.time() // 86_400))
+    if read_only:
+        connection.execute("PRAGMA query_only = 1")
+    return connection
+
+
+def prepare(connection: sqlite3.Connection) -> None:
+    """Write-ahead log, tables, those of an older version brought to this one; all of it or nothing.
+
+    Raises WrongVersion for a newer one, sqlite3.DatabaseError for a file that is no such database.
+    """
+    found = _number(connection, "user_version")
+    script = schema.script(found, schema.SQLITE)
+    _refuse_other_tables(connection, found)
+    connection.execute("PRAGMA auto_vacuum = INCREMENTAL")  # heard by a new file, and by VACUUM
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute(f"PRAGMA journal_size_limit = {REWRITTEN // 4}")
+    connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {schema.VERSION}; COMMIT;")
+    is_small = _number(connection, "page_count") * _number(connection, "page_size") < REWRITTEN
+    if _number(connection, "auto_vacuum") == 0 and is_small:
+        connection.execute("VACUUM")
+
+
+def _refuse_other_version(connection: sqlite3.Connection) -> None:
+    """A service that runs over the file has it as it is. Raises WrongVersion."""
+    if (found := _number(connection, "user_version")) != schema.VERSION:
+        raise WrongVersion(found, schema.VERSION)
+
+
+def _refuse_other_tables(connection: sqlite3.Connection, version: int) -> None:
+    """Raises sqlite3.DatabaseError for a database of another program, or one that is damaged at its root."""
+    tables = {row["name"] for row in connection.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")}
+    if version and not tables >= OWN_TABLES:
+        raise sqlite3.DatabaseError("tables are missing")
+    if not version and tables - {"sqlite_sequence"}:
+        raise sqlite3.DatabaseError("the tables are those of another program")
+
+
+def _number(connection: sqlite3.Connection, name: str) -> int:
+    """A number that SQLite tells of its file."""
+    return int(connection.execute(f"PRAGMA {name}").fetchone()[0])
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """A function of the connection, whether it must be on the disk before it counts, and its answer."""
+
+    function: Callable[[sqlite3.Connection], Any]
+    durable: bool
+    answer: Future[Any]
+
+
+class Writer:
+    """The one thread that writes: changes that wait at the same time share one commit, and so one fsync."""
+
+    def __init__(self, connection: sqlite3.Connection, durable: bool = True) -> None:
+        self._connection = connection
+        self._durable = durable
+        self._changes: queue.SimpleQueue[_Change | None] = queue.SimpleQueue()
+        self._closed = False
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="store-writer", daemon=True)
+        self._thread.start()
+
+    def write(self, function: Callable[[sqlite3.Connection], T], durable: bool = True) -> T:
+        """Run it, commit, return its value; its exception where it raises one (nothing is changed then)."""
+        answer: Future[T] = Future()
+        with self._lock:
+            if self._closed:
+                raise sqlite3.ProgrammingError("the store is closed")
+            self._changes.put(_Change(function, durable, answer))
+        return answer.result()
+
+    def close(self) -> None:
+        """Finish what waits and close the connection."""
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                self._changes.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        while (first := self._changes.get()) is not None:
+            changes, last = self._waiting(first)
+            self._commit(changes)
+            if last:
+                break
+        self._connection.close()
+
+    def _waiting(self, first: _Change) -> tuple[list[_Change], bool]:
+        changes = [first]
+        while len(changes) < MOST_AT_ONCE and not self._changes.empty():
+            change = self._changes.get()
+            if change is None:
+                return changes, True
+            changes.append(change)
+        return changes, False
+
+    def _commit(self, changes: list[_Change]) -> None:
+        durable = self._durable and any(change.durable for change in changes)
+        ended: list[tuple[_Change, Any, Exception | None]] = []
+        try:
+            self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
+            self._connection.execute("BEGIN IMMEDIATE")
+            ended = [self._apply(change) for change in changes]
+            self._connection.execute("COMMIT")
+        except sqlite3.Error as error:  # disk full, for example: none of them happened
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+            ended = [(change, None, error) for change in changes]
+        for change, value, problem in ended:
+            if problem is None:
+                change.answer.set_result(value)
+            else:
+                change.answer.set_exception(problem)
+
+    def _apply(self, change: _Change) -> tuple[_Change, Any, Exception | None]:
+        self._connection.execute(SAVE)
+        try:
+            value = change.function(self._connection)
+        except Exception as error:  # handed to the caller, who is in another thread
+            self._connection.execute(UNDO)
+            self._connection.execute(KEEP)
+            return change, None, error
+        self._connection.execute(KEEP)
+        return change, value, None
+
+
+class SqliteStore(JobStore):
+    """See `store.JobStore`. Raises DatabaseTaken where another process has this file.
+
+    `durable=False` leaves out the fsync, for a store that is deleted at the end. `guest`: an operator's command, which
+    runs no jobs and so may come in while a service has the file.
+    """
+
+    exclusive = True
+
+    def __init__(self, path: Path, durable: bool = True, guest: bool = False) -> None:
+        self.address = str(path)
+        self._lock = None if guest else SupervisorLock(path)
+        try:
+            connection = connect(self.address)
             try:
-                prepare(connection)
+                (_refuse_other_version if guest else prepare)(connection)
+                if guest:
+                    connection.execute("PRAGMA secure_delete = ON")
             except BaseException:
                 connection.close()
                 raise
         except BaseException:
-            self._lock.release()
+            self._let_in()
             raise
         self._writer = Writer(connection, durable)
         self._local = threading.local()
@@ -50,122 +256,41 @@ class SqliteStore:
         self._guard = threading.Lock()
         self._listeners: list[Callable[[str], None]] = []
 
-    @property
-    def exclusive(self) -> bool:
-        return True
-
-    def submit(self, requests: Sequence[JobRequest], bounds: Bounds = NO_BOUNDS) -> list[Job]:
-        jobs, accepted = self._writer.write(lambda c: statements.submit(c, requests, bounds))
-        self._tell(accepted)
-        return jobs
-
-    def claim(self, owner: str, limit: int, client_running: int = NO_BOUND) -> list[Job]:
-        jobs = self._writer.write(lambda c: statements.claim(c, owner, limit, client_running), durable=False)
-        self._tell(job.id for job in jobs)
-        return jobs
-
-    def heartbeat(self, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
-        query = "SELECT 1 FROM jobs WHERE id = ? AND attempt = ? AND status = 'running' AND owner = ?"
-        reader = self._reader()
-        # One process has the database, so its claims need no renewal.
-        return [id for id, attempt in running if reader.execute(query, (id, attempt, owner)).fetchone() is None]
-
-    def finish(self, id: str, attempt: int, result: bytes, usage: Usage, kept: float | None = None) -> bool:
-        return self._end(id, attempt, "successful", result, usage, kept)
-
-    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage, kept: float | None = None) -> bool:
-        return self._end(id, attempt, "failed", problem, usage, kept)
-
-    def release(self, id: str, attempt: int, crashed: bool) -> Job | None:
-        job = self._writer.write(lambda c: statements.release(c, id, attempt, crashed))
-        self._tell([id])
-        return job
-
-    def dismiss(self, id: str, client: str | None = None) -> tuple[Job | None, bool]:
-        job, changed = self._writer.write(
-            lambda c: statements.dismiss(c, id) if client is None else statements.leave(c, id, client)
-        )
-        self._tell([id])
-        return job, changed
-
-    def recover(self, owner: str | None = None, lease: float = 0.0) -> list[Job]:
-        return self._writer.write(lambda c: statements.recover(c, owner, lease))
-
-    def job(self, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
-        return statements.read_job(self._reader(), id, with_body, client)
-
-    def jobs(
-        self, *, status: JobStatus | None = None, kind: str | None = None, client: str | None = None,
-        cursor: str | None = None, limit: int = 50,
-    ) -> tuple[list[Job], str | None]:  # fmt: skip
-        wanted = {"status": status, "kind": kind, "client": client, "sequence": sequence_of(cursor)}
-        chosen = {name: value for name, value in wanted.items() if value is not None}
-        where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1"
-        query = f"{SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
-        rows = self._reader().execute(query, (*chosen.values(), limit + 1)).fetchall()
-        found = [statements.job_of(row) for row in rows[:limit]]
-        return found, str(found[-1].sequence) if len(rows) > limit else None
-
-    def add_events(self, events: Iterable[tuple[str, Event]]) -> None:
-        rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
-        insert = "INSERT OR IGNORE INTO events VALUES (?, ?, ?, ?)"
-        self._writer.write(lambda c: c.executemany(insert, rows).rowcount, durable=False)
-        self._tell({row[0] for row in rows})
-
-    def events(self, id: str, after: int = 0, limit: int = 1000) -> list[Event]:
-        query = "SELECT number, kind, data FROM events WHERE id = ? AND number > ? ORDER BY number LIMIT ?"
-        rows = self._reader().execute(query, (id, after, limit)).fetchall()
-        return [Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
-
-    def create_batch(
-        self, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds = NO_BOUNDS
-    ) -> Batch:
-        batch = self._writer.write(lambda c: statements.create_batch(c, id, kind, client, lines, bounds))
-        self._tell([""])
-        return batch
-
-    def batch(self, id: str) -> Batch | None:
-        return statements.read_batch(self._reader(), id)
-
-    def batch_answers(self, id: str, after: int = 0, limit: int = 500, largest: int = NO_BOUND) -> list[BatchAnswer]:
-        return [answer_of(row) for row in self._reader().execute(ANSWERS, (largest, id, after, limit))]
+    def on_change(self, listener: Callable[[str], None]) -> None:
+        self._listeners.append(listener)
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
-        row = self._reader().execute("SELECT rowid, length(body) AS size FROM bodies WHERE id = ?", (id,)).fetchone()
+        row = self._reader().execute("SELECT rowid FROM bodies WHERE id = ?", (id,)).fetchone()
         if row is None:
             return 0, b""
         with self._reader().blobopen("bodies", "body", row["rowid"], readonly=True) as blob:
             blob.seek(min(offset, len(blob)))
             return len(blob), blob.read(size)
 
-    @property
-    def address(self) -> str:
-        return self._path
-
-    def dismiss_batch(self, id: str) -> list[str]:
-        dismissed = self._writer.write(lambda c: statements.leave_batch(c, id))
-        self._tell(dismissed or [""])
-        return dismissed
-
-    def counts(self) -> Mapping[JobStatus, int]:
-        rows = self._reader().execute("SELECT status, count(*) AS jobs FROM jobs GROUP BY status")
-        return {row["status"]: row["jobs"] for row in rows}
-
-    def measure(self) -> tuple[float | None, int]:
-        return self._reader().execute(OLDEST).fetchone()[0], self._used_bytes()
+    def size(self) -> int:
+        return self._used_bytes()
 
     def try_to_write(self) -> None:
         self._reader().execute(f"{SELECT} FROM jobs LIMIT 0")
         self._writer.write(lambda c: c.execute(PROBE).rowcount)
 
     def prune(self, oldest: float, largest: int) -> int:
-        forgotten = pruned(self._forget, self._oldest_moment, self._used_bytes, oldest, largest)
+        forgotten = super().prune(oldest, largest)
         while self._writer.write(_give_back, durable=False):
             pass
         return forgotten
 
-    def on_change(self, listener: Callable[[str], None]) -> None:
-        self._listeners.append(listener)
+    def erase_client(self, client: str) -> int:
+        """Also what SQLite would leave in its files: pages that are free already are wiped where no service runs."""
+        forgotten = super().erase_client(client)
+        connection = connect(self.address)
+        with contextlib.closing(connection), contextlib.suppress(DatabaseTaken):
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+            lock = SupervisorLock(Path(self.address)) if self._lock is None else None
+            connection.execute("VACUUM")
+            if lock is not None:
+                lock.release()
+        return forgotten
 
     def close(self) -> None:
         self._writer.close()
@@ -173,40 +298,40 @@ class SqliteStore:
             for reader in self._readers:
                 reader.close()
             self._readers.clear()
-        self._lock.release()
+        self._let_in()
 
-    def _forget(self, before: float, most: int) -> tuple[int, int]:
-        return self._writer.write(lambda c: statements.forget(c, before, most), durable=False)
+    def _let_in(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
 
-    def _oldest_moment(self, count: int) -> float | None:
-        return statements.oldest_moment(self._reader(), count)
+    def _read(self, function: Callable[[_Session], T]) -> T:
+        return function(_Session(self._reader()))
+
+    def _write(self, change: Callable[[_Session], T], changed: Changed[T] | None = None, durable: bool = True) -> T:
+        value = self._writer.write(lambda connection: change(_Session(connection)), durable)
+        for id in changed(value) if changed is not None else ():
+            for listener in self._listeners:
+                listener(id)
+        return value
 
     def _used_bytes(self) -> int:
-        return statements.used_bytes(self._reader())
-
-    def _end(self, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage, kept: float | None) -> bool:
-        ended = self._writer.write(lambda c: statements.end(c, id, attempt, status, body, usage, kept))
-        self._tell([id])
-        return ended
+        """Pages set free are used again, or given back, and do not count."""
+        reader = self._reader()
+        return (_number(reader, "page_count") - _number(reader, "freelist_count")) * _number(reader, "page_size")
 
     def _reader(self) -> sqlite3.Connection:
         """A connection for reading of this thread's own."""
         found: sqlite3.Connection | None = getattr(self._local, "connection", None)
         if found is None:
-            found = self._local.connection = connect(self._path, read_only=True)
+            found = self._local.connection = connect(self.address, read_only=True)
             with self._guard:
                 self._readers.append(found)
         return found
 
-    def _tell(self, ids: Iterable[str]) -> None:
-        for id in ids:
-            for listener in self._listeners:
-                listener(id)
-
 
 def _give_back(connection: sqlite3.Connection) -> bool:
     """Give some free pages back to the disk; whether many are left."""
-    if statements.pragma(connection, "auto_vacuum") == 0:
+    if _number(connection, "auto_vacuum") == 0:
         return False
     connection.execute(f"PRAGMA incremental_vacuum({PAGES_AT_ONCE})").fetchall()
-    return statements.pragma(connection, "freelist_count") > PAGES_KEPT
+    return _number(connection, "freelist_count") > PAGES_KEPT

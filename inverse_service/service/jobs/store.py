@@ -6,51 +6,118 @@ they say otherwise. A store is the truth: whatever else dies, an accepted job is
 
 from __future__ import annotations
 
+import json
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Final, Protocol
+from typing import ClassVar, TypeVar
 
-from inverse_service.service.jobs.model import Batch, BatchAnswer, BatchLine, Bounds, Event, Job, JobRequest, Usage
-from inverse_service.service.jobs.states import JobStatus
+from inverse_service.service.jobs import statements
+from inverse_service.service.jobs.model import (
+    NO_BOUND,
+    Batch,
+    BatchAnswer,
+    BatchLine,
+    Bounds,
+    ClientUse,
+    Event,
+    Job,
+    JobRequest,
+    JobStatus,
+    Usage,
+)
+from inverse_service.service.jobs.statements import Session
 
-NO_BOUND: Final = 1_000_000
+T = TypeVar("T")
+Changed = Callable[[T], Iterable[str]]
+NO_BOUNDS, NO_USE = Bounds(), Usage()
+# Rows that are forgotten in one step, which takes some milliseconds; jobs that are looked at to find the oldest.
+STEP, OLDEST = 50, 100
 
 
-class JobStore(Protocol):
+class JobStore(ABC):
     """Jobs, their events, and batches of them."""
 
-    @property
-    def exclusive(self) -> bool:
-        """Whether one process alone has the store; else claims need a heartbeat and are looked for by polling."""
+    # Whether one process alone has the store; else claims are looked for by polling.
+    exclusive: ClassVar[bool]
+    # Where `stored_answer` reads the same store from another process.
+    address: str
 
-    def submit(self, requests: Sequence[JobRequest], bounds: Bounds = ...) -> list[Job]:
+    @abstractmethod
+    def _read(self, function: Callable[[Session], T]) -> T:
+        """Look at the store."""
+
+    @abstractmethod
+    def _write(self, change: Callable[[Session], T], changed: Changed[T] | None = None, durable: bool = True) -> T:
+        """Change it in one transaction, and tell of the jobs that changed ("": something did)."""
+
+    @abstractmethod
+    def _used_bytes(self) -> int:
+        """Bytes that forgetting can make fewer."""
+
+    @abstractmethod
+    def on_change(self, listener: Callable[[str], None]) -> None:
+        """Call the listener with the id of each job whose status or events change in this process."""
+
+    @abstractmethod
+    def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
+        """The length of the body of a job's answer, 0 where there is none, and so many bytes of it."""
+
+    @abstractmethod
+    def size(self) -> int:
+        """The bytes that the database takes."""
+
+    @abstractmethod
+    def try_to_write(self) -> None:
+        """Write something small and durable, and read every column; raises what the database says."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the store up; nothing that was acknowledged is lost."""
+
+    def submit(self, requests: Sequence[JobRequest], bounds: Bounds = NO_BOUNDS) -> list[Job]:
         """The job of each request, in order; all are stored, or none is (TooManyJobs).
 
         A job that is open or answered already is returned as it is (with its `body`), unless the
         request is `fresh` and it is answered, or it was dismissed: then it is accepted again.
         """
+        return self._write(lambda s: statements.submit(s, requests, bounds), lambda found: found[1])[0]
 
-    def claim(self, owner: str, limit: int, client_running: int = ...) -> list[Job]:
+    def claim(self, owner: str, limit: int, client_running: int = NO_BOUND) -> list[Job]:
         """Up to `limit` accepted jobs, now running and owned by `owner`; of one client at most `client_running` run.
 
-        By priority, then those of the client that has the fewest running, then by age.
-        `attempt` is one higher than before. No two owners get the same job. Need not be durable:
-        a claim that is lost leaves the job accepted.
+        Those of the client that has the fewest running, of these the smallest priority, then the oldest; an operator's
+        rank goes before all of that. `attempt` is one higher than before. No two owners get the same job. Need not be
+        durable: a claim that is lost leaves the job accepted. None while the store is drained.
         """
+        return self._write(
+            lambda s: statements.claim(s, owner, limit, client_running),
+            lambda jobs: [j.id for j in jobs],
+            durable=False,
+        )
 
     def heartbeat(self, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
         """Keep the claims (id, attempt) alive; the ids among them that are no longer this owner's."""
+        if not running:
+            return []
+        return self._write(lambda s: statements.heartbeat(s, owner, running), durable=False)
 
     def finish(self, id: str, attempt: int, result: bytes, usage: Usage, kept: float | None = None) -> bool:
         """running -> successful; False where the attempt is no longer the current one.
 
         After `kept` s (None: never) the question is computed again where it is asked again.
         """
+        return self._end(id, attempt, "successful", result, usage, kept)
 
     def fail(self, id: str, attempt: int, problem: bytes, usage: Usage, kept: float | None = None) -> bool:
         """running -> failed; False where the attempt is no longer the current one."""
+        return self._end(id, attempt, "failed", problem, usage, kept)
 
-    def release(self, id: str, attempt: int, crashed: bool) -> Job | None:
+    def _end(self, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage, kept: float | None) -> bool:
+        return self._write(lambda s: statements.end(s, id, attempt, status, body, usage, kept), lambda _: [id])
+
+    def release(self, id: str, attempt: int, crashed: bool, usage: Usage = NO_USE) -> Job | None:
         """running -> accepted after the worker died; counts a crash where `crashed`."""
+        return self._write(lambda s: statements.release(s, id, attempt, crashed, usage), lambda _: [id])
 
     def dismiss(self, id: str, client: str | None = None) -> tuple[Job | None, bool]:
         """The job, dismissed for a client and its batches (None: for all), and whether its work is to stop.
@@ -58,63 +125,132 @@ class JobStore(Protocol):
         The work stops when nobody waits for it any more: accepted or running -> dismissed, or to the earlier answer of
         a job that was computed again. A final job is returned as it is, an unknown one is None.
         """
+        return self._write(
+            lambda s: statements.dismiss(s, id) if client is None else statements.leave(s, id, client),
+            lambda found: [id] if found[0] is not None else [],
+        )
 
     def recover(self, owner: str | None = None, lease: float = 0.0) -> list[Job]:
         """Jobs running for `owner` (None: for anybody), without a heartbeat for `lease` s (0: all) -> accepted.
 
         Each counts a restart. Returns them.
         """
+        return self._write(lambda s: statements.recover(s, owner, lease), _ids)
 
     def job(self, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
         """One job; while it is open, dismissed for a client who cancelled it."""
+        return self._read(lambda s: statements.read_job(s, id, with_body, client))
 
     def jobs(
         self, *, status: JobStatus | None = None, kind: str | None = None, client: str | None = None,
         cursor: str | None = None, limit: int = 50,
     ) -> tuple[list[Job], str | None]:  # fmt: skip
         """One page, newest first, without bodies, and the cursor of the next one. ValueError: a bad cursor."""
+        wanted = {"status": status, "kind": kind, "client": client, "sequence": _sequence_of(cursor)}
+        chosen = {name: value for name, value in wanted.items() if value is not None}
+        where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1 = 1"
+        query = f"{statements.SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
+        found = statements.jobs_of(self._read(lambda s: s.rows(query, *chosen.values(), limit + 1)))
+        return found[:limit], str(found[limit - 1].sequence) if len(found) > limit else None
 
     def add_events(self, events: Iterable[tuple[str, Event]]) -> None:
         """Append events (job id, event); need not be durable."""
+        rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
+        insert = "INSERT INTO events VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING"
+        self._write(lambda s: s.many(insert, rows), lambda _: {row[0] for row in rows}, durable=False)
 
     def events(self, id: str, after: int = 0, limit: int = 1000) -> list[Event]:
         """Events of a job with greater numbers than `after`, in order."""
+        query = "SELECT number, kind, data FROM events WHERE id = ? AND number > ? ORDER BY number LIMIT ?"
+        rows = self._read(lambda s: s.rows(query, id, after, limit))
+        return [Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
 
-    def create_batch(self, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds = ...) -> Batch:
+    def create_batch(
+        self, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds = NO_BOUNDS
+    ) -> Batch:
         """Store the batch and the jobs of its lines, all or nothing; one of this id stays as it is."""
+        return self._write(lambda s: statements.create_batch(s, id, kind, client, lines, bounds), lambda _: [""])
 
     def batch(self, id: str) -> Batch | None:
         """One batch with its counts."""
+        return self._read(lambda s: statements.read_batch(s, id))
 
-    def batch_answers(self, id: str, after: int = 0, limit: int = 500, largest: int = ...) -> list[BatchAnswer]:
+    def batch_answers(self, id: str, after: int = 0, limit: int = 500, largest: int = NO_BOUND) -> list[BatchAnswer]:
         """Answers with `order` above `after`, in that order: what is done so far; bodies of at most `largest` bytes."""
-
-    def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
-        """The length of the body of a job's answer, 0 where there is none, and so many bytes of it."""
-
-    @property
-    def address(self) -> str:
-        """Where `stored_answers` reads the same store from another process."""
+        return self._read(lambda s: statements.answers(s, id, after, limit, largest))
 
     def dismiss_batch(self, id: str) -> list[str]:
         """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop."""
+        return self._write(lambda s: statements.leave_batch(s, id), lambda ids: ids or [""])
 
     def counts(self) -> Mapping[JobStatus, int]:
         """Number of jobs in each status."""
+        rows = self._read(lambda s: s.rows("SELECT status, count(*) AS jobs FROM jobs GROUP BY status"))
+        return {row["status"]: row["jobs"] for row in rows}
 
-    def measure(self) -> tuple[float | None, int]:
-        """When the job was accepted that waits longest (None where none waits), and the bytes in use."""
-
-    def try_to_write(self) -> None:
-        """Write something small and durable, and read every column; raises what the database says."""
+    def oldest(self) -> float | None:
+        """When the job was accepted that waits longest; None where none waits."""
+        query = "SELECT min(created) AS oldest FROM jobs WHERE status = 'accepted'"
+        found: float | None = self._read(lambda s: s.rows(query))[0]["oldest"]
+        return found
 
     def prune(self, oldest: float, largest: int) -> int:
         """Forget jobs and batches finished before the time `oldest`, then the oldest until the
         store has at most `largest` bytes; how many jobs were forgotten. Open ones always stay.
         In small transactions, between which others are served; free space goes back to the disk."""
+        forgotten = 0
+        while (step := self._forget(oldest))[0]:
+            forgotten += step[1]
+        while self._used_bytes() > largest:
+            moment = self._read(lambda s: statements.oldest_moment(s, OLDEST))
+            step = (0, 0) if moment is None else self._forget(moment)
+            if not step[0]:
+                break
+            forgotten += step[1]
+        return forgotten
 
-    def on_change(self, listener: Callable[[str], None]) -> None:
-        """Call the listener with the id of each job whose status or events change in this process."""
+    def _forget(self, before: float) -> tuple[int, int]:
+        return self._write(lambda s: statements.forget(s, before, STEP), durable=False)
 
-    def close(self) -> None:
-        """Give the store up; nothing that was acknowledged is lost."""
+    # What follows is for an operator; a service that runs over the same store hears of it within seconds.
+
+    def is_drained(self) -> bool:
+        """Whether no job begins."""
+        return self._read(statements.is_drained)
+
+    def drain(self, drained: bool) -> None:
+        """Let no job begin any more, or let them begin again."""
+        self._write(lambda s: statements.drain(s, drained), lambda _: [""])
+
+    def clients(self) -> list[ClientUse]:
+        """Who has something in the store, or a rank."""
+        return self._read(statements.clients)
+
+    def rank_client(self, client: str, rank: int) -> None:
+        """The jobs of a client, also those to come, begin before (-1), with (0) or after (1) those of the others."""
+        self._write(lambda s: statements.rank_client(s, client, rank))
+
+    def prioritise_batch(self, id: str, priority: int) -> int:
+        """Give the open jobs of a batch this priority; below 0 goes before all others, above 10 after them."""
+        return self._write(lambda s: statements.prioritise_batch(s, id, priority))
+
+    def dismiss_client(self, client: str) -> list[str]:
+        """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for, which stop."""
+        return self._write(lambda s: statements.leave_all(s, client), lambda ids: ids or [""])
+
+    def erase_client(self, client: str) -> int:
+        """Forget all jobs, answers and batches of a client that no other one asked for; how many jobs."""
+        return self._write(lambda s: statements.erase(s, client), lambda _: [""])
+
+
+def _ids(jobs: Iterable[Job]) -> list[str]:
+    return [job.id for job in jobs]
+
+
+def _sequence_of(cursor: str | None) -> int | None:
+    """The place of a cursor in the list; raises ValueError."""
+    if cursor is None:
+        return None
+    if not (cursor.isascii() and cursor.isdigit() and len(cursor) < 16):
+        raise ValueError("not a cursor of this list")
+    return int(cursor)

@@ -21,12 +21,11 @@ from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, with_
 from inverse_service.service.jobs import finishing, tasks
 from inverse_service.service.jobs.event_log import EventLog
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import Job, StoreUnavailable
+from inverse_service.service.jobs.model import MAX_RESTARTS, NO_BOUND, Job, StoreUnavailable
 from inverse_service.service.jobs.options import stored_options
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.short_lane import AHEAD, ShortLane
-from inverse_service.service.jobs.states import MAX_RESTARTS
-from inverse_service.service.jobs.store import NO_BOUND, JobStore
+from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.worker_process import Report
 from inverse_service.service.jobs.workers import FIRST, Executor, Running
 

@@ -11,8 +11,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from inverse_service.service.jobs.lock import SupervisorLock
 from inverse_service.service.jobs.model import DatabaseTaken
+from inverse_service.service.jobs.sqlite_store import SupervisorLock
 
 PREFIX = "inverse-service-"
 NAME = "jobs.sqlite"

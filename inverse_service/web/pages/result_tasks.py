@@ -13,8 +13,8 @@ from starlette.responses import HTMLResponse
 from inverse_service.errors import InputError
 from inverse_service.service.documents import documents
 from inverse_service.service.jobs.identity import write_json
+from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.service.jobs.stored_answers import stored_answer
 from inverse_service.service.jobs.tasks import guard
 from inverse_service.web.pages import answers, cases, constrained, exports, figures, simulations, typesetting
 from inverse_service.web.pages.advice import advice_for

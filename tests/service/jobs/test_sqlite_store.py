@@ -15,6 +15,9 @@ from pathlib import Path
 import pytest
 
 from inverse_service.service.jobs.model import (
+    FINAL,
+    NEXT,
+    STATUSES,
     BatchLine,
     Bounds,
     DatabaseTaken,
@@ -23,9 +26,9 @@ from inverse_service.service.jobs.model import (
     JobRequest,
     TooManyJobs,
     Usage,
+    may_become,
 )
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.states import FINAL, NEXT, STATUSES, may_become
 
 USAGE = Usage(1.0, 0.5, 100.0)
 

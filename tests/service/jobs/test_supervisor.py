@@ -15,12 +15,11 @@ import pytest
 
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.asking import request_of
-from inverse_service.service.jobs.model import Job, JobRequest, Usage
+from inverse_service.service.jobs.model import MAX_CRASHES, MAX_RESTARTS, MAX_UNSTARTED, Job, JobRequest, Usage
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
 from inverse_service.service.jobs.outcome import Call, Outcome, Place
 from inverse_service.service.jobs.progress import described
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.states import MAX_CRASHES, MAX_RESTARTS, MAX_UNSTARTED
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.worker_process import Report
 from inverse_service.service.jobs.workers import Running

@@ -1,0 +1,504 @@
+"""What a store does inside a transaction, the same for each database.
+
+Statements have ? for an argument and AMONG (?) for one that is a list; moment() is the time of the database, today()
+its day in UTC, counted from 1970. Locks, which only mean something where transactions run at the same time, are always
+taken in the order jobs (by id), then batches (by id), so that no two wait for each other.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final, Protocol
+
+from inverse_service.service.jobs.model import (
+    NO_BOUND,
+    Batch,
+    BatchAnswer,
+    BatchLine,
+    Bounds,
+    ClientUse,
+    Job,
+    JobRequest,
+    JobStatus,
+    TooManyJobs,
+    Usage,
+)
+
+COLUMNS: Final = (
+    "id", "kind", "document", "options", "status", "client", "priority", "created", "started", "finished",
+    "attempt", "crashes", "restarts", "revision", "sequence", "wall", "cpu", "memory", "expires",
+)  # fmt: skip
+LISTED: Final = ", ".join(f"jobs.{name}" for name in COLUMNS)
+SELECT: Final = f"SELECT {LISTED}"
+OPEN: Final = "status IN ('accepted', 'running')"
+FINISHED: Final = "status NOT IN ('accepted', 'running')"
+BODY: Final = "LEFT JOIN bodies ON bodies.id = jobs.id AND bodies.status = jobs.status"
+
+# Which jobs are next: by the operator's rank of the client and of the job, then the client with the fewest running
+# ones, then by priority and age. Each client is found by one step in the index (client, priority, sequence), however
+# many jobs it has waiting. Arguments: limit (of each client), most running ones of a client, limit.
+NEXT: Final = (
+    "WITH RECURSIVE waiting (client) AS (SELECT min(client) FROM jobs WHERE status = 'accepted' UNION ALL "
+    "SELECT (SELECT min(client) FROM jobs WHERE status = 'accepted' AND client > waiting.client) FROM waiting "
+    "WHERE waiting.client IS NOT NULL), "
+    "busy AS (SELECT client, count(*) AS jobs FROM jobs WHERE status = 'running' GROUP BY client), "
+    "candidates AS (SELECT id, priority, sequence, coalesce(ranks.rank, 0) "
+    "+ CASE WHEN priority < 0 THEN -1 WHEN priority > 10 THEN 1 ELSE 0 END AS rank, coalesce(busy.jobs, 0) "
+    "+ row_number() OVER (PARTITION BY jobs.client ORDER BY priority, sequence) AS place "
+    "FROM waiting JOIN jobs ON jobs.sequence IN (SELECT own.sequence FROM jobs AS own WHERE own.status = 'accepted' "
+    "AND own.client = waiting.client ORDER BY own.priority, own.sequence LIMIT ?) "
+    "LEFT JOIN busy ON busy.client = jobs.client LEFT JOIN ranks ON ranks.client = jobs.client) "
+    "SELECT id FROM candidates WHERE place <= ? ORDER BY rank, place, priority, sequence LIMIT ?"
+)
+# Whether anybody waits for a job: somebody who asked for it, or a batch. Arguments: its id, twice.
+WAITED_FOR: Final = (
+    "SELECT EXISTS (SELECT 1 FROM askers WHERE job = ? AND gone = 0) "
+    "OR EXISTS (SELECT 1 FROM lines WHERE job = ? AND order_number IS NULL) AS waited"
+)
+COUNTS: Final = (
+    "SELECT CASE WHEN lines.dismissed = 1 THEN 'dismissed' ELSE coalesce(jobs.status, 'failed') END AS status, "
+    "count(*) AS lines FROM lines LEFT JOIN jobs ON jobs.id = lines.job WHERE batch = ? GROUP BY 1"
+)
+# Arguments: the largest body that comes with its line, the batch, the last order that is known, how many.
+ANSWERS: Final = (
+    "SELECT lines.number, lines.identifier, lines.problem, lines.order_number, lines.dismissed, lines.job, "
+    "bodies.status, length(bodies.body) AS size, CASE WHEN length(bodies.body) <= ? THEN bodies.body END AS body "
+    "FROM lines LEFT JOIN bodies ON bodies.id = lines.job "
+    "WHERE lines.batch = ? AND lines.order_number > ? ORDER BY lines.order_number LIMIT ?"
+)
+ACCEPT: Final = (
+    "INSERT INTO jobs (id, kind, document, options, status, client, priority, created) "
+    "VALUES (?, ?, ?, ?, 'accepted', ?, ?, moment()) ON CONFLICT (id) DO UPDATE SET status = 'accepted', "
+    "client = excluded.client, priority = excluded.priority, created = excluded.created, started = NULL, "
+    "finished = NULL, attempt = jobs.attempt + 1, crashes = 0, restarts = 0, owner = NULL "
+    f"WHERE jobs.{FINISHED} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= moment())"
+)
+DRAINED: Final = "SELECT value FROM counters WHERE name = 'drained'"
+# So many bytes of answers are forgotten at once, and one answer however large.
+FORGOTTEN_BYTES: Final = 8 * 2**20
+ACCEPT_LOCK, PRUNE_LOCK, CLAIM_LOCK = 7_204_021_102, 7_204_021_103, 7_204_021_104
+# Near the bounds on open jobs front ends accept one after the other, so that they hold for all together.
+FAR, FAR_AT_LEAST = 10, 1000
+
+
+class Session(Protocol):
+    """The connection of one transaction."""
+
+    def rows(self, query: str, *arguments: Any) -> list[Any]:
+        """All rows, each a mapping by column."""
+
+    def run(self, query: str, *arguments: Any) -> None:
+        """A statement whose rows nobody waits for."""
+
+    def many(self, query: str, arguments: Sequence[tuple[Any, ...]]) -> None:
+        """The statement for each of the arguments."""
+
+    def lock(self, name: int) -> None:
+        """Wait until no other transaction holds this lock; held to the end."""
+
+
+def first(session: Session, query: str, *arguments: Any) -> Any:
+    """The first row, None where there is none."""
+    rows = session.rows(query, *arguments)
+    return rows[0] if rows else None
+
+
+def jobs_of(rows: Iterable[Mapping[str, Any]]) -> list[Job]:
+    """Rows of SELECT, with a `body` if the query has one."""
+    return [Job(**dict(row)) for row in rows]
+
+
+def read_job(session: Session, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
+    """One job; the body only where it is that of the present status. Open, it is dismissed for who has left it."""
+    job = _read(session, [id], with_body).get(id)
+    if job is None or client is None or not job.is_open:
+        return job
+    left = session.rows("SELECT 1 FROM askers WHERE job = ? AND client = ? AND gone = 1", id, client)
+    return replace(job, status="dismissed") if left else job
+
+
+def submit(
+    session: Session, requests: Sequence[JobRequest], bounds: Bounds, of_batch: bool = False
+) -> tuple[list[Job], list[str]]:
+    """The jobs, and the ids of those accepted by this call. The jobs stay locked until the commit.
+
+    Those of a batch come without bodies, for its lines wait.
+    """
+    wanted = {request.id: request for request in reversed(requests)}
+    known = _locked(session, list(wanted))
+    now = first(session, "SELECT moment() AS now")["now"]
+    new = [r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)][::-1]
+    if new:
+        _refuse_too_many(session, new, bounds)
+        asked = [(r.id, r.kind, r.document, r.options, r.client, r.priority, r.fresh) for r in new]
+        session.many(ACCEPT, asked)  # two front ends that insert the same job at once make one
+        if again := [request.id for request in new if request.id in known]:
+            session.run("DELETE FROM events WHERE id AMONG (?)", again)
+    found = _read(session, list(wanted), not of_batch)
+    if not of_batch:
+        waiting = [(request.id, request.client) for request in requests if found[request.id].is_open]
+        session.many("INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0", waiting)
+    return [found[request.id] for request in requests], [request.id for request in new]
+
+
+def _locked(session: Session, ids: list[str]) -> dict[str, Job]:
+    rows = session.rows(f"{SELECT} FROM jobs WHERE id AMONG (?) ORDER BY id FOR UPDATE", ids)
+    return {job.id: job for job in jobs_of(rows)}
+
+
+def _read(session: Session, ids: list[str], with_bodies: bool) -> dict[str, Job]:
+    body, join = (", bodies.body", BODY) if with_bodies else ("", "")
+    rows = session.rows(f"{SELECT}{body} FROM jobs {join} WHERE jobs.id AMONG (?)", ids)
+    return {job.id: job for job in jobs_of(rows)}
+
+
+def _refuse_too_many(session: Session, new: Sequence[JobRequest], bounds: Bounds) -> None:
+    """Raises TooManyJobs. Far from the bounds nobody waits for another one: the lock costs most of the rate."""
+    clients = {request.client for request in new}
+    if bounds.daily < NO_BOUND:
+        used = "SELECT client FROM uses WHERE client AMONG (?) AND day = today() AND cpu >= ?"
+        if session.rows(used, list(clients), float(bounds.daily)):
+            raise TooManyJobs("The processor time of this client for today (UTC) is used; ask again tomorrow.")
+    if _room(session, clients, bounds) > FAR * len(new) + FAR_AT_LEAST:
+        return
+    session.lock(ACCEPT_LOCK)
+    if len(new) > _room(session, clients, bounds):
+        raise TooManyJobs("Too many jobs wait already; let some of them end and try again.")
+
+
+def _room(session: Session, clients: set[str], bounds: Bounds) -> int:
+    """How many more jobs may be open, of each of these clients and in all."""
+    rows = session.rows(f"SELECT client, count(*) AS jobs FROM jobs WHERE {OPEN} GROUP BY client")
+    most = max((row["jobs"] for row in rows if row["client"] in clients), default=0)
+    room: int = min(bounds.total - sum(row["jobs"] for row in rows), bounds.client - most)
+    return room
+
+
+def claim(session: Session, owner: str, limit: int, client_running: int) -> list[Job]:
+    """The next jobs, now running; those that another front end takes at this moment are passed over.
+
+    Where running jobs of a client are bounded, front ends claim one after the other, so that it holds for all together.
+    """
+    if client_running < NO_BOUND:
+        session.lock(CLAIM_LOCK)
+    if is_drained(session):
+        return []
+    ids = [row["id"] for row in session.rows(NEXT, limit, client_running, limit)]
+    rows = session.rows(
+        "UPDATE jobs SET status = 'running', owner = ?, heartbeat = moment(), started = moment(), "
+        "attempt = attempt + 1 WHERE id IN (SELECT id FROM jobs WHERE id AMONG (?) AND status = 'accepted' "
+        f"FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
+        owner, ids,
+    ) if ids else []  # fmt: skip
+    return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
+
+
+def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
+    """Renew the claims that are still this owner's; the ids of the others."""
+    ids = sorted({id for id, _ in running})
+    _locked(session, ids)
+    rows = session.rows(
+        "UPDATE jobs SET heartbeat = moment() WHERE id AMONG (?) AND owner = ? AND status = 'running' "
+        "RETURNING id, attempt",
+        ids, owner,
+    )  # fmt: skip
+    kept = {(row["id"], row["attempt"]) for row in rows}
+    return [id for id, attempt in running if (id, attempt) not in kept]
+
+
+def end(
+    session: Session, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage, kept: float | None
+) -> bool:
+    """running -> successful or failed, for the current attempt only; kept for so many seconds, None: always."""
+    changed = first(
+        session,
+        "UPDATE jobs SET status = ?, finished = moment(), expires = moment() + CAST(? AS DOUBLE PRECISION), "
+        "revision = revision + 1, wall = ?, cpu = ?, memory = ?, owner = NULL "
+        "WHERE id = ? AND attempt = ? AND status = 'running' RETURNING client",
+        status, kept, usage.wall, usage.cpu, usage.memory, id, attempt,
+    )  # fmt: skip
+    if changed is None:
+        return False
+    session.run("DELETE FROM askers WHERE job = ?", id)
+    session.run(
+        "INSERT INTO bodies (id, status, body) VALUES (?, ?, ?) "
+        "ON CONFLICT (id) DO UPDATE SET status = excluded.status, body = excluded.body",
+        id, status, body,
+    )  # fmt: skip
+    count_use(session, changed["client"], usage)
+    _number_lines(session, "job = ?", (id,))
+    return True
+
+
+def release(session: Session, id: str, attempt: int, crashed: bool, usage: Usage) -> Job | None:
+    """running -> accepted; what the run took is counted also where the job was dismissed meanwhile."""
+    session.run(
+        "UPDATE jobs SET status = 'accepted', owner = NULL, crashes = crashes + ? "
+        "WHERE id = ? AND attempt = ? AND status = 'running'",
+        int(crashed), id, attempt,
+    )  # fmt: skip
+    job = read_job(session, id, with_body=False)
+    if job is not None:
+        count_use(session, job.client, usage)
+    return job
+
+
+def count_use(session: Session, client: str, usage: Usage) -> None:
+    """Add a run to what the client used today."""
+    session.run(
+        "INSERT INTO uses (client, day, runs, cpu) VALUES (?, today(), 1, ?) "
+        "ON CONFLICT (client, day) DO UPDATE SET runs = uses.runs + 1, cpu = uses.cpu + excluded.cpu",
+        client, float(usage.cpu),
+    )  # fmt: skip
+
+
+def leave(session: Session, id: str, client: str) -> tuple[Job | None, bool]:
+    """The job, dismissed for this client and its batches, and whether it was dismissed because nobody else waits."""
+    _locked(session, [id])
+    job = read_job(session, id)
+    if job is None or not job.is_open:
+        return job, False
+    session.run("INSERT INTO askers VALUES (?, ?, 1) ON CONFLICT (job, client) DO UPDATE SET gone = 1", id, client)
+    _dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
+    return (replace(job, status="dismissed"), False) if _is_waited_for(session, id) else dismiss(session, id)
+
+
+def leave_batch(session: Session, batch: str) -> list[str]:
+    """Dismiss the open lines of a batch, and those of their jobs that nobody else waits for: their ids."""
+    rows = session.rows("SELECT DISTINCT job FROM lines WHERE batch = ? AND order_number IS NULL", batch)
+    ids = sorted(row["job"] for row in rows)
+    _locked(session, ids)
+    _dismiss_lines(session, "batch = ?", (batch,))
+    return [id for id in ids if not _is_waited_for(session, id) and dismiss(session, id)[1]]
+
+
+def dismiss(session: Session, id: str) -> tuple[Job | None, bool]:
+    """The job, and whether this call ended it; one that was computed again has its earlier answer back."""
+    earlier = "coalesce((SELECT bodies.status FROM bodies WHERE bodies.id = jobs.id), 'dismissed')"
+    changed = session.rows(
+        f"UPDATE jobs SET status = {earlier}, finished = moment(), owner = NULL WHERE id = ? AND {OPEN} RETURNING id",
+        id,
+    )
+    if changed:
+        session.run("DELETE FROM askers WHERE job = ?", id)
+        _dismiss_lines(session, "job = ?", (id,))
+    return read_job(session, id), bool(changed)
+
+
+def recover(session: Session, owner: str | None, lease: float) -> list[Job]:
+    """Running jobs whose owner is gone are accepted again; without a lease all, whatever the clock says.
+
+    Whoever comes second finds none. A claim from the future is of a clock that was set back.
+    """
+    where, arguments = "status = 'running'", list[Any]()
+    if lease > 0:
+        where += " AND (heartbeat <= moment() - ? OR heartbeat > moment() + ?)"
+        arguments += [lease, lease]
+    if owner is not None:
+        where += " AND owner = ?"
+        arguments.append(owner)
+    rows = session.rows(
+        "UPDATE jobs SET status = 'accepted', owner = NULL, restarts = restarts + 1 "
+        f"WHERE id IN (SELECT id FROM jobs WHERE {where} FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
+        *arguments,
+    )
+    return jobs_of(rows)
+
+
+def create_batch(
+    session: Session, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds
+) -> Batch:
+    """The batch, its lines, the jobs that are new; the batch as it is where it is there already."""
+    if (found := read_batch(session, id)) is not None:
+        return found
+    requests = [line.request for line in lines if line.request is not None]
+    answered = {job.id for job in submit(session, requests, bounds, of_batch=True)[0] if job.is_final}
+    rows, order = [], 0
+    for line in lines:
+        job = None if line.request is None else line.request.id
+        has_answer = job is None or job in answered
+        order += has_answer
+        rows.append((id, line.number, line.identifier, job, line.problem, order if has_answer else None))
+    is_new = session.rows(
+        "INSERT INTO batches (id, kind, client, created, total, answers) VALUES (?, ?, ?, moment(), ?, ?) "
+        "ON CONFLICT DO NOTHING RETURNING id",
+        id, kind, client, len(lines), order,
+    )  # fmt: skip
+    if is_new:  # else another front end stored it at the same moment
+        session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, ?, 0)", rows)
+    batch = read_batch(session, id)
+    assert batch is not None
+    return batch
+
+
+def read_batch(session: Session, id: str) -> Batch | None:
+    """A batch with its counts by status."""
+    row = first(session, "SELECT * FROM batches WHERE id = ?", id)
+    if row is None:
+        return None
+    by_status = {found["status"]: found["lines"] for found in session.rows(COUNTS, id)}
+    return Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
+
+
+def answers(session: Session, batch: str, after: int, limit: int, largest: int) -> list[BatchAnswer]:
+    """Answers of a batch in their order: of a bad line, of one that was cancelled, or of a job."""
+    return [_answer_of(row) for row in session.rows(ANSWERS, largest, batch, after, limit)]
+
+
+def _answer_of(row: Any) -> BatchAnswer:
+    if row["problem"] is not None:
+        return BatchAnswer(row["number"], row["identifier"], "failed", row["problem"], row["order_number"])
+    status: JobStatus = "dismissed" if row["dismissed"] else row["status"] or "dismissed"
+    body = None if status == "dismissed" else row["body"]
+    job, size = row["job"] or "", row["size"] or 0
+    return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
+
+
+def forget(session: Session, before: float, most: int) -> tuple[int, int]:
+    """Forget a little: lines of a batch from before with nothing open, or where there is none, finished jobs.
+
+    How many rows were forgotten, and how many of them are jobs. Those that a kept batch names stay, and so do those
+    that a batch has locked which is made at this moment.
+    """
+    session.lock(PRUNE_LOCK)
+    batch = first(
+        session,
+        "SELECT id FROM batches WHERE created <= ? AND NOT EXISTS (SELECT 1 FROM lines WHERE batch = batches.id "
+        "AND order_number IS NULL) ORDER BY created LIMIT 1",
+        before,
+    )
+    if batch is not None:
+        some = "number IN (SELECT number FROM lines WHERE batch = ? LIMIT ?)"
+        lines = session.rows(
+            f"DELETE FROM lines WHERE batch = ? AND {some} RETURNING number", batch["id"], batch["id"], most
+        )
+        if len(lines) < most:
+            session.run("DELETE FROM batches WHERE id = ?", batch["id"])
+        return max(1, len(lines)), 0
+    rows = session.rows(
+        "SELECT id, coalesce((SELECT length(body) FROM bodies WHERE bodies.id = jobs.id), 0) AS size FROM jobs "
+        f"WHERE {FINISHED} AND finished <= ? AND NOT EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id) "
+        "ORDER BY finished LIMIT ? FOR UPDATE SKIP LOCKED",
+        before, most,
+    )  # fmt: skip
+    sizes = itertools.accumulate(row["size"] for row in rows)
+    ids = [row["id"] for row, size in zip(rows, sizes, strict=True) if row is rows[0] or size <= FORGOTTEN_BYTES]
+    return len(ids), _delete(session, ids)
+
+
+def _delete(session: Session, ids: list[str]) -> int:
+    for table in ("bodies", "events", "jobs"):
+        session.run(f"DELETE FROM {table} WHERE id AMONG (?)", ids)
+    return len(ids)
+
+
+def oldest_moment(session: Session, count: int) -> float | None:
+    """When the last of the `count` finished jobs ended that are the first to be forgotten."""
+    finished = f"SELECT finished FROM jobs WHERE {FINISHED} ORDER BY finished LIMIT ?"
+    moment: float | None = first(session, f"SELECT max(finished) AS moment FROM ({finished}) AS oldest", count)[
+        "moment"
+    ]
+    return moment
+
+
+def is_drained(session: Session) -> bool:
+    """Whether an operator lets no job begin."""
+    found = first(session, DRAINED)
+    return found is not None and bool(found["value"])
+
+
+def drain(session: Session, drained: bool) -> None:
+    """Let no job begin, or let them begin again."""
+    session.run(
+        "INSERT INTO counters VALUES ('drained', ?) ON CONFLICT (name) DO UPDATE SET value = excluded.value",
+        int(drained),
+    )
+
+
+def clients(session: Session) -> list[ClientUse]:
+    """Who has something in the store or a rank, with what each used today."""
+    count = "(SELECT count(*) FROM jobs WHERE jobs.client = known.client AND status = '{}') AS {}"
+    return [
+        ClientUse(**dict(row))
+        for row in session.rows(
+            f"SELECT known.client, {count.format('accepted', 'waiting')}, {count.format('running', 'running')}, "
+            "(SELECT count(*) FROM jobs WHERE jobs.client = known.client) AS stored, "
+            "coalesce(ranks.rank, 0) AS rank, coalesce(uses.runs, 0) AS runs, coalesce(uses.cpu, 0) AS cpu "
+            "FROM (SELECT client FROM jobs UNION SELECT client FROM batches UNION SELECT client FROM ranks) AS known "
+            "LEFT JOIN ranks ON ranks.client = known.client "
+            f"LEFT JOIN uses ON uses.client = known.client AND uses.day = today() ORDER BY known.client"
+        )
+    ]
+
+
+def rank_client(session: Session, client: str, rank: int) -> None:
+    """The client's jobs, also those to come, begin before (-1), with (0) or after (1) those of the others."""
+    session.run("DELETE FROM ranks WHERE client = ?", client)
+    if rank:
+        session.run("INSERT INTO ranks VALUES (?, ?)", client, rank)
+
+
+def prioritise_batch(session: Session, batch: str, priority: int) -> int:
+    """Give the waiting jobs of a batch this priority; how many there are."""
+    lines = "SELECT job FROM lines WHERE batch = ? AND order_number IS NULL"
+    found = session.rows(f"SELECT id FROM jobs WHERE {OPEN} AND id IN ({lines}) ORDER BY id FOR UPDATE", batch)
+    session.run("UPDATE jobs SET priority = ? WHERE id AMONG (?)", priority, [row["id"] for row in found])
+    return len(found)
+
+
+def leave_all(session: Session, client: str) -> list[str]:
+    """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for, which stop."""
+    batches = session.rows("SELECT id FROM batches WHERE client = ? ORDER BY id", client)
+    ended = [id for batch in batches for id in leave_batch(session, batch["id"])]
+    asked = session.rows(
+        f"SELECT id FROM jobs WHERE {OPEN} AND (client = ? OR id IN (SELECT job FROM askers WHERE client = ?)) "
+        "ORDER BY id",
+        client, client,
+    )  # fmt: skip
+    return ended + [row["id"] for row in asked if leave(session, row["id"], client)[1]]
+
+
+def erase(session: Session, client: str) -> int:
+    """Forget a client: its batches, its jobs with their answers, what it used; how many jobs.
+
+    Jobs that others wait for, or that a batch of another client names, lose its name instead.
+    """
+    leave_all(session, client)
+    session.run("DELETE FROM lines WHERE batch IN (SELECT id FROM batches WHERE client = ?)", client)
+    for table in ("batches", "askers", "ranks", "uses"):
+        session.run(f"DELETE FROM {table} WHERE client = ?", client)
+    rows = session.rows(
+        f"SELECT id FROM jobs WHERE client = ? AND {FINISHED} AND NOT EXISTS (SELECT 1 FROM lines WHERE job = jobs.id) "
+        "ORDER BY id FOR UPDATE",
+        client,
+    )
+    forgotten = _delete(session, [row["id"] for row in rows])
+    session.run("UPDATE jobs SET client = '' WHERE client = ?", client)
+    return forgotten
+
+
+def _is_waited_for(session: Session, id: str) -> bool:
+    return bool(first(session, WAITED_FOR, id, id)["waited"])
+
+
+def _dismiss_lines(session: Session, where: str, arguments: tuple[str, ...]) -> None:
+    session.run(f"UPDATE lines SET dismissed = 1 WHERE {where} AND order_number IS NULL", *arguments)
+    _number_lines(session, f"{where} AND dismissed = 1", arguments)
+
+
+def _number_lines(session: Session, where: str, arguments: tuple[str, ...]) -> None:
+    """Number lines that have an answer now, in the order in which answers come.
+
+    Whoever takes numbers of a batch holds its row until the commit, so they become visible in their order.
+    """
+    due = f"FROM lines WHERE {where} AND order_number IS NULL"
+    for row in session.rows(f"SELECT batch, count(*) AS due {due} GROUP BY batch ORDER BY batch", *arguments):
+        taken = "UPDATE batches SET answers = answers + ? WHERE id = ? RETURNING answers"
+        before = first(session, taken, row["due"], row["batch"])["answers"] - row["due"]
+        places = f"SELECT number AS line, row_number() OVER (ORDER BY number) AS place {due} AND batch = ?"
+        session.run(
+            f"UPDATE lines SET order_number = ? + place FROM ({places}) AS due WHERE batch = ? AND number = due.line",
+            before, *arguments, row["batch"], row["batch"],
+        )  # fmt: skip
