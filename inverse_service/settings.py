@@ -26,7 +26,8 @@ class Settings:
     """`time_limit` in seconds, `memory_limit` in MiB a worker, `max_body` in bytes.
 
     `database`: a path or an address, None for the file of this user. `queue` and `client_queue` jobs
-    may be open, `client_running` of one client run at a time (None: no bound); `waiting` requests may
+    may be open, `client_running` of one client run at a time, and its runs of a day may
+    take `client_daily_seconds` of the processor (None: no bound); `waiting` requests may
     wait for a process without being jobs. `retention_days` and `store_size` (MiB) say how long answers
     are kept. `api_keys`: SHA-256 of each key by the name of its client, `api_keys_file`: a file with more of them,
     read again when it changes; with neither, no keys are asked for.
@@ -42,6 +43,7 @@ class Settings:
     queue: int = 100_000
     client_queue: int = 50_000
     client_running: int | None = None
+    client_daily_seconds: int | None = None
     waiting: int = 1024
     max_lines: int = 10_000
     database: str | None = None
@@ -79,6 +81,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         queue=_whole(environment, "QUEUE", 100_000, 1, 10_000_000),
         client_queue=_whole(environment, "CLIENT_QUEUE", 50_000, 1, 10_000_000),
         client_running=_whole(environment, "CLIENT_RUNNING", 0, 0, 100_000) or None,
+        client_daily_seconds=_whole(environment, "CLIENT_DAILY_SECONDS", 0, 0, 100_000_000) or None,
         waiting=_whole(environment, "WAITING", 1024, 1, 100_000),
         max_lines=_whole(environment, "MAX_LINES", 10_000, 1, 1_000_000),
         database=environment.get(PREFIX + "DATABASE", "").strip() or None,

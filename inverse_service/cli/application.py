@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from inverse_service import __version__
+from inverse_service.cli.administering import admin
 from inverse_service.cli.exits import exit_codes
 
 application = typer.Typer(
@@ -22,6 +23,7 @@ application = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
     rich_markup_mode=None,
 )
+application.add_typer(admin, name="admin")
 
 
 class Format(StrEnum):

@@ -21,7 +21,7 @@ from inverse_service.service.jobs.cleaning import Cleaner
 from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.identity import batch_id
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import Batch, BatchLine, Bounds, Job, JobRequest, StoreUnavailable
+from inverse_service.service.jobs.model import NO_BOUND, Batch, BatchLine, Bounds, Job, JobRequest, StoreUnavailable
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.outcome import Call, Outcome
@@ -151,8 +151,9 @@ class Engine:
 
     @property
     def bounds(self) -> Bounds:
-        """How many open jobs there may be."""
-        return Bounds(self.settings.queue, self.settings.client_queue)
+        """How many open jobs there may be, and what a client may use in a day."""
+        settings = self.settings
+        return Bounds(settings.queue, settings.client_queue, settings.client_daily_seconds or NO_BOUND)
 
     async def in_thread(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
         """Run something that waits for the disk."""
@@ -306,10 +307,13 @@ class Engine:
         try:
             async with asyncio.timeout(READY_PATIENCE):
                 counts = await self.in_thread(self.store.counts)
+                is_drained = await self.in_thread(self.store.is_drained)
                 await self.in_thread(self.store.try_to_write)
         except Exception:  # whatever the database says, a full disk for one: it is not ready
             log.warning("the store is not ready", exc_info=True)
             return ["The store of jobs does not answer, or cannot be written."]
+        if is_drained:
+            return ["The operator lets no job begin."]
         waiting = counts.get("accepted", 0) + counts.get("running", 0)
         return ["The queue of jobs is full."] if waiting >= self.settings.queue else []
 

@@ -90,6 +90,7 @@ async def limits(request: Request) -> Response:
         "open_jobs": settings.queue,
         "open_jobs_of_a_client": settings.client_queue,
         "running_jobs_of_a_client": settings.client_running or settings.workers,
+        "processor_seconds_of_a_client_a_day": settings.client_daily_seconds or 86_400 * settings.workers,
         "waiting_requests": settings.waiting,
         "retention_days": settings.retention_days,
         "store_mib": settings.store_size,

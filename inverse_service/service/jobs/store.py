@@ -236,7 +236,7 @@ class JobStore(ABC):
 
     def dismiss_client(self, client: str) -> list[str]:
         """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for, which stop."""
-        return self._write(lambda s: statements.leave_all(s, client), lambda ids: ids or [""])
+        return self._write(lambda s: statements.leave_all(s, client), lambda ids: [*ids, ""])
 
     def erase_client(self, client: str) -> int:
         """Forget all jobs, answers and batches of a client that no other one asked for; how many jobs."""

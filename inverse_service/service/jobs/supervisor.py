@@ -249,6 +249,7 @@ class Supervisor:
         """Keep the claims, and take back those of a front end that is gone."""
         self._beaten = time.monotonic()
         self._keep()
+        self._wake.set()  # an operator's command may have let jobs begin
         if not self._store.exclusive:
             self._take_back(LEASE)
 

@@ -1,0 +1,107 @@
+"""`inverse-service admin` beside a running service: drain, resume, cancel, erase, as an operator types them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from inverse_service.settings import hash_of_key
+from tests.web.test_operations import ALICE, ASYNC, BOB, COMMAND, EASY, HARD
+
+Admin = Callable[..., list[Any]]
+
+
+@pytest.fixture(params=["sqlite", "postgres"])
+def service(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[httpx.Client, Admin]]:
+    """A client of a service with keys, and the command of its operator."""
+    database = str(tmp_path / "jobs.sqlite")
+    if request.param == "postgres":
+        database = request.getfixturevalue("postgres").database("admin")
+    environment = os.environ | {
+        "INVERSE_SERVICE_DATABASE": database,
+        "INVERSE_SERVICE_API_KEYS": f"alice:{hash_of_key('alice-key')}, bob:{hash_of_key('bob-key')}",
+        "INVERSE_SERVICE_WORKERS": "2",
+    }
+
+    def admin(*words: str) -> list[Any]:
+        command = [*COMMAND[:3], "admin", *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=60)
+        return [json.loads(line) for line in done.stdout.splitlines()]
+
+    with subprocess.Popen(
+        COMMAND, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
+    ) as process:
+        assert process.stdout is not None
+        with httpx.Client(base_url=process.stdout.readline().strip(), timeout=60) as client:
+            until(lambda: client.get("/readyz").status_code == 200)
+            yield client, admin
+        process.kill()
+
+
+def until(holds: Callable[[], bool], seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.1)
+
+
+def test_an_operator_drains_resumes_cancels_and_erases_while_the_service_runs(
+    service: tuple[httpx.Client, Admin],
+) -> None:
+    client, admin = service
+    assert client.post("/v1/solve", json=EASY, headers=BOB | {"Prefer": "wait=20"}).status_code == 200
+    long = client.post("/v1/solve", json=HARD, headers=ALICE | ASYNC).json()
+    place = f"/v1/jobs/{long['id']}"
+    until(lambda: client.get(place, headers=ALICE).json()["status"] == "running")
+    admin("drain")
+    until(lambda: client.get("/readyz").status_code == 503)
+    assert "no job begin" in client.get("/readyz").json()["detail"]
+    waits = client.post("/v1/solve", json=EASY, headers=ALICE | ASYNC).json()
+    assert client.get(place, headers=ALICE).json()["status"] == "running", "what runs goes on"
+    alice, bob = admin("clients")
+    assert (alice["client"], alice["waiting"], alice["running"]) == ("alice", 1, 1)
+    assert (bob["client"], bob["stored"], bob["runs"]) == ("bob", 1, 1)
+    assert admin("status")[0]["drained"]
+    time.sleep(1.0)
+    assert client.get(f"/v1/jobs/{waits['id']}", headers=ALICE).json()["status"] == "accepted"
+    admin("resume")
+    until(lambda: client.get(f"/v1/jobs/{waits['id']}", headers=ALICE).json()["status"] == "successful")
+    until(lambda: client.get("/readyz").status_code == 200)
+    assert admin("cancel", "alice") == [{"jobs": 1}]
+    assert client.get(place, headers=ALICE).json()["status"] == "dismissed"
+    until(lambda: b"inverse_service_jobs_taken 0\n" in client.get("/metrics").content, 20)
+    assert admin("erase", "alice") == [{"jobs": 2}]
+    assert client.get("/v1/jobs", headers=ALICE).json()["jobs"] == []
+    assert len(client.get("/v1/jobs", headers=BOB).json()["jobs"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("status",), "There is no database"),
+        (("priority", "--batch", "unknown", "first"), "no batch"),
+        (("priority", "alice", "faster"), "faster"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_a_sentence_and_makes_nothing(
+    tmp_path: Path, words: tuple[str, ...], says: str
+) -> None:
+    path = tmp_path / "jobs.sqlite"
+    if words[0] != "status":
+        from inverse_service.service.jobs.sqlite_store import SqliteStore
+
+        SqliteStore(path).close()
+    command = [sys.executable, "-m", "inverse_service.cli", "admin", *words]
+    environment = os.environ | {"INVERSE_SERVICE_DATABASE": str(path)}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=60)
+    assert (done.returncode, says in done.stderr, done.stdout) == (2, True, "")
+    assert path.exists() == (words[0] != "status")
