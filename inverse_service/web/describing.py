@@ -27,7 +27,17 @@ def body_of(*schemas: str, others: dict[str, Any] | None = None) -> dict[str, An
     return {"requestBody": {"required": True, "content": content}}
 
 
+# What `Accept` may ask for in the place of JSON.
+WRITTEN: dict[str, Any] = {
+    name: {"schema": {"type": "string", "description": what}}
+    for name, what in (
+        ("text/plain", "The result of `solve` as text for people."),
+        ("application/x-latex", "The result of `solve` as a LaTeX document."),
+        ("text/x-python", "The result of `solve` as a SymPy program."),
+    )
+}
 SOLVED = answers_of("NonholonomicResult", "ResultDocument", "ForwardResult")
+SOLVED["content"] |= WRITTEN
 PARSED = answers_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer")
 OBJECT: dict[str, Any] = {
     "description": "The result.",

@@ -14,20 +14,28 @@ from inverse_service.service.jobs.model import Batch, Job
 from inverse_service.web.engine import Engine
 from inverse_service.web.problems import MEDIA_TYPE
 from inverse_service.web.streaming import JSON, PART, stored_response
+from inverse_service.web.writing import MEDIA_TYPES, media_type_of, written_response
 
 RETRY_AFTER = "1"
 MINIMAL = "return=minimal"
 REVALIDATE = "private, no-cache"
+VARY = {"Vary": "Accept"}
 
 
-async def result_response(job: Job, engine: Engine, applied: str) -> Response:
-    """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look."""
+async def result_response(request: Request, job: Job, engine: Engine, applied: str) -> Response:
+    """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look.
+
+    `Accept` of text, LaTeX or a SymPy program gives the result of `solve` in that form.
+    """
     headers = {"Location": address(job)} | ({"Preference-Applied": applied} if applied else {})
     if job.is_open:
         headers["Retry-After"] = RETRY_AFTER
         return Response(await job_json(job, engine), 202, headers, JSON)
     if job.status == "successful":
-        headers |= {"ETag": etag(job), "Link": f'</results/{job.id}>; rel="canonical"'}
+        written = media_type_of(request) if job.kind == "solve" else None
+        headers |= {"ETag": etag(job, written), "Link": f'</results/{job.id}>; rel="canonical"'} | VARY
+        if written:
+            return await written_response(request, job, engine, written, headers)
         return await stored_response(engine, job.id, headers)
     body = await problem_of(job, engine)
     return Response(body, json.loads(body)["status"], headers, MEDIA_TYPE)
@@ -40,9 +48,12 @@ async def job_response(request: Request, job: Job, engine: Engine) -> Response:
     """
     if job.is_open:
         return Response(await job_json(job, engine), 202, {"Retry-After": RETRY_AFTER}, JSON)
-    headers = {"ETag": etag(job), "Cache-Control": REVALIDATE}
+    written = media_type_of(request) if job.kind == "solve" and job.status == "successful" else None
+    headers = {"ETag": etag(job, written), "Cache-Control": REVALIDATE} | VARY
     if is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
+    if written:
+        return await written_response(request, job, engine, written, headers)
     if MINIMAL in request.headers.get("prefer", "").lower():
         return Response(await job_json(job, engine), 200, headers, JSON)
     return await whole_job(job, engine, headers)
@@ -123,6 +134,7 @@ def address(job: Job) -> str:
     return f"/v1/jobs/{job.id}"
 
 
-def etag(job: Job) -> str:
-    """Changes when the question is answered anew."""
-    return f'"{job.id[:20]}-{job.revision}-{job.status[:1]}"'
+def etag(job: Job, written: str | None = None) -> str:
+    """Changes when the question is answered again; each form that it is written in has its own."""
+    form = f"-{MEDIA_TYPES[written]}" if written else ""
+    return f'"{job.id[:20]}-{job.revision}-{job.status[:1]}{form}"'

@@ -27,6 +27,7 @@ from inverse_service.web.describing import (
     SOLVED,
     SYSTEM_BODY,
     TIME_LIMIT_QUERY,
+    WRITTEN,
     refusals,
 )
 from inverse_service.web.engine import LOOK_AGAIN, Engine
@@ -64,7 +65,8 @@ async def solve(request: Request) -> Response:
     The job is stored before any answer. The call waits 2 s, or as `Prefer: wait=S` says (at most 20);
     past it, or with `Prefer: respond-async`, the answer is 202 with the job's address. `?time_limit=S`, or
     `"options": {"time_limit": S, "memory_limit": MiB, "seed": N}` in the document, ask for less than the
-    service's limits. The same question is answered from the store; `Cache-Control: no-cache` asks anew.
+    service's limits. The same question is answered from the store; `Cache-Control: no-cache` asks again.
+    `Accept` may ask for text, LaTeX or a SymPy program in the place of JSON.
     """
     return await ask(request, "solve")
 
@@ -82,7 +84,7 @@ async def ask(request: Request, kind: str) -> Response:
         job = await engine.wait(job, viewer, preference.wait)
     elif job.is_open and kind == "solve":
         await engine.look_ahead(client, question.document)
-    return await result_response(job, engine, preference.applied)
+    return await result_response(request, job, engine, preference.applied)
 
 
 @router.get("/v1/jobs", response_model=JobList, responses={**refusals(422), **KEY_AND_RATE})
@@ -109,7 +111,7 @@ async def list_jobs(
 @router.get(
     "/v1/jobs/{id}",
     responses={
-        200: {"model": JobDocument, "headers": {"ETag": {"schema": {"type": "string"}}}},
+        200: {"model": JobDocument, "headers": {"ETag": {"schema": {"type": "string"}}}, "content": WRITTEN},
         202: {"model": JobDocument},
         304: {"description": "The caller has this answer already."},
         **refusals(404),

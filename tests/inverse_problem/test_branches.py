@@ -9,10 +9,10 @@ import pytest
 
 from inverse_service.cli import solving
 from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.text_page import text_page
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.text_page import text_page
 from tests.inverse_problem.all_over import assert_holds_all_over
 
 

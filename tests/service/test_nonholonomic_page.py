@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from inverse_service import catalogue
-from inverse_service.cli.text_page import text_page
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.documents import solve_document
+from inverse_service.service.documents.text_page import text_page
 from tests.service.test_nonholonomic import solved
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "nonholonomic.md").read_text(encoding="utf-8")

@@ -13,10 +13,10 @@ import pytest
 from typer.testing import CliRunner
 
 from inverse_service.cli.application import application
-from inverse_service.cli.latex_page import latex_page
-from inverse_service.cli.text_page import text_page
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.text_page import text_page
 
 OSCILLATORS = {
     "coordinates": ["x", "y"],

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from inverse_service.service.documents.latex_proof import latex_proof
+from inverse_service.service.documents.latex_page import latex_proof
 
 # Languages of inverse_service.sympy.code, and the endings of their files.
 LANGUAGES = {

@@ -1,20 +1,11 @@
-"""The nonholonomic part of a result for people: plain text and LaTeX."""
+"""The nonholonomic part of a result as plain text."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any
 
-from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.expressions.tree import Symbol
-
 LONG = 300
-VERDICTS = {
-    "variational": "variational",
-    "not_variational": "not variational",
-    "undetermined": "undetermined",
-    None: "not defined",
-}
 
 
 def any_associated_lines(part: dict[str, Any] | None, explain: bool) -> list[str]:
@@ -82,7 +73,7 @@ def _kept(part: dict[str, Any]) -> Iterator[str]:
 
 def _verdict(one: dict[str, Any]) -> str:
     checked = f" (independent check: {one['checked']})" if one["checked"] is not None else ""
-    return VERDICTS[one["verdict"]] + checked
+    return (one["verdict"] or "not defined").replace("_", " ") + checked
 
 
 def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
@@ -104,27 +95,3 @@ def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
 
 def _short(text: str) -> str:
     return text if len(text) <= LONG else f"({len(text)} characters; see --format json)"
-
-
-def nonholonomic_latex(part: dict[str, Any]) -> Iterator[str]:
-    """The equations of motion, N, and L, H and constraints of each Hamiltonisation."""
-    motion = part["equations_of_motion"]
-    yield "The nonholonomic motion is"
-    yield from (rf"\[ \ddot{{{name}}} = {found['latex']} \]" for name, found in _lettered(motion["second_order"]))
-    yield from (rf"\[ \dot{{{name}}} = {found['latex']} \]" for name, found in _lettered(motion["first_order"]))
-    density = part["measure_density"]["density"]
-    if density is not None:
-        yield "and its invariant measure has the density"
-        yield rf"\[ N = {density['latex']} \]"
-    for one in part["hamiltonisation"]:
-        yield f"By the {one['associated']} associated system:"
-        yield rf"\[ L = {one['lagrangian']['latex']} \]"
-        if one["hamiltonian"] is not None:
-            yield rf"\[ H = {one['hamiltonian']['latex']} \]"
-        yield from (rf"\[ {found['latex']} = 0 \]" for found in one["constraints"])
-
-
-def _lettered(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Each coordinate in LaTeX."""
-    for name, found in table.items():
-        yield to_latex(Symbol(name)), found

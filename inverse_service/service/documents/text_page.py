@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from inverse_service.cli.forward_page import forward_text, is_forward_result
-from inverse_service.cli.nonholonomic_pages import any_associated_lines, nonholonomic_lines, reduced_lines
-from inverse_service.cli.special_cases_pages import special_cases_lines
+from inverse_service.service.documents.nonholonomic_text import any_associated_lines, nonholonomic_lines, reduced_lines
 
 LONG = 300
 QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
@@ -54,7 +52,7 @@ def branches_of(result: dict[str, Any]) -> list[dict[str, Any]]:
     return result.get("branches") or [result]
 
 
-KIND_SENTENCES = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
+_YES_OR_NO = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
 
 
 def _kinds(kinds: dict[str, Any]) -> Iterator[str]:
@@ -62,7 +60,7 @@ def _kinds(kinds: dict[str, Any]) -> Iterator[str]:
     for name, part in kinds.items():
         reason = f", {part['reason']}" if part["reason"] else ""
         check = f" (independent check: {part['checked']})" if part["checked"] else ""
-        yield f"  {name}: {KIND_SENTENCES[part['verdict']]}{reason}{check}"
+        yield f"  {name}: {_YES_OR_NO[part['verdict']]}{reason}{check}"
         yield from (f"    {sign} = {part[key]['text']}" for sign, key in _FORMULAS if part[key])
 
 
@@ -81,7 +79,7 @@ def _cases(result: dict[str, Any]) -> Iterator[str]:
     branches = branches_of(result)
     if len(branches) > 1:
         yield f"{len(branches)} cases:"
-        yield from (f"  {', '.join(each['domain'])}: {each['verdict'].replace('_', ' ')}" for each in branches)
+        yield from (f"  {', '.join(each['domain'])}: {spaced(each['verdict'])}" for each in branches)
         yield ""
 
 
@@ -187,3 +185,81 @@ def _entries(part: Any, place: tuple[int, ...]) -> Iterator[tuple[tuple[int, ...
     else:
         for k, inner in enumerate(part, 1):
             yield from _entries(inner, (*place, k))
+
+
+def spaced(verdict: str) -> str:
+    """not_variational as people write it."""
+    return verdict.replace("_", " ")
+
+
+def is_forward_result(result: dict[str, Any]) -> bool:
+    """Whether a result answers the forward problem."""
+    return str(result.get("format", "")).startswith("inverse-service/forward")
+
+
+def forward_rows(result: dict[str, Any], form: str) -> Iterator[tuple[str, str]]:
+    """(left side, right side) of every formula, `form` being text or latex."""
+    yield "L", result["lagrangian"][form]
+    for name, found in result["equations"].items():
+        if form == "latex":
+            left, _, right = result["system"]["latex"][name].partition(" = ")
+            yield left, right
+        else:
+            yield f"{name}''", found["text"]
+    for symbol, momentum in zip(result["hamiltonian"]["momenta"], result["momenta"].values(), strict=True):
+        yield symbol if form == "text" else f"p_{{{symbol.partition('_')[2]}}}", momentum[form]
+    yield "H", result["hamiltonian"][form]
+    for found in result["conserved"]:
+        yield found["name"] if form == "text" else rf"\text{{{found['name']}}}", found[form]
+
+
+def forward_text(result: dict[str, Any]) -> str:
+    """Equations, momenta, Hamiltonian, and what is conserved, one a line."""
+    title = [result["system"]["name"]] if result["system"]["name"] else []
+    guessed = [f"  not declared, taken as constants: {', '.join(result['guessed'])}"] if result["guessed"] else []
+    return (
+        "\n".join([*title, *guessed, *(f"  {left} = {right}" for left, right in forward_rows(result, "text"))]) + "\n"
+    )
+
+
+def special_cases_lines(part: dict[str, Any]) -> Iterator[str]:
+    """The answer first, then the tree, then what is not known."""
+    yield "For which parameters?"
+    yield from cases_answered(part["variational_when"], "  A Lagrangian exists", "text")
+    if part["variational_when_with_time"] not in (None, part["variational_when"]):
+        yield from cases_answered(part["variational_when_with_time"], "  A Lagrangian L(t, q, q') exists", "text")
+    yield f"  Tree of cases ({part['examined']} examined):"
+    yield from _tree(part["tree"], "    ")
+    if part["complete"]:
+        yield "  The tree is complete: no other case has another verdict."
+    else:
+        only = " for L(q, q'); for L(t, q, q') it is" if part["complete_with_time"] else ""
+        yield f"  The tree may not be complete{only}:"
+        yield from (f"    {reason}" for reason in part["reasons"])
+
+
+def _tree(node: dict[str, Any], indent: str) -> Iterator[str]:
+    verdict = spaced(node["verdict"])
+    if node["verdict_with_time"] not in (None, node["verdict"]):
+        verdict += f" (with t: {spaced(node['verdict_with_time'])})"
+    yield f"{indent}{where(node['conditions'], 'text')}: {verdict}"
+    for child in node["children"]:
+        yield from _tree(child, indent + "  ")
+
+
+def cases_answered(cases: list[dict[str, Any]], opening: str, form: str) -> Iterator[str]:
+    ending = r" \\" if form == "latex" else ""
+    if not cases:
+        yield f"{opening} in none of the cases found.{ending}"
+    for case in cases:
+        line = f"{opening} {where(case['conditions'], form)}"
+        if case["exceptions"]:
+            line += ", except " + "; ".join(where(conditions, form) for conditions in case["exceptions"])
+        yield f"{line}.{ending}"
+
+
+def where(conditions: list[dict[str, str]], form: str) -> str:
+    if not conditions:
+        return "in general"
+    texts = [f"${c['latex']}$" if form == "latex" else c["text"] for c in conditions]
+    return "where " + ", ".join(texts)

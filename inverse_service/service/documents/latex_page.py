@@ -1,0 +1,140 @@
+"""A result as a LaTeX document that compiles by itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.tree import Symbol
+from inverse_service.service.documents.text_page import (
+    asks_for_time,
+    branches_of,
+    cases_answered,
+    forward_rows,
+    is_forward_result,
+    spaced,
+    verdict_sentence,
+    where,
+)
+
+SIGNS = {"!=": r"\neq"}
+SPECIAL = {
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    **{character: f"\\{character}" for character in "&%$#_{}"},
+}  # fmt: skip
+
+
+def latex_page(result: dict[str, Any], explain: bool) -> str:
+    """The whole document, ending with a newline."""
+    lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb}", r"\begin{document}"]
+    if is_forward_result(result):
+        return "\n".join([*lines, *forward_latex(result), r"\end{document}"]) + "\n"
+    if result.get("nonholonomic") is not None:
+        lines += [escaped(result["any_associated"]["statement"])] if result.get("any_associated") else []
+        lines += nonholonomic_latex(result["nonholonomic"])
+    if result["system"] is not None:
+        lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
+    for branch in branches_of(result):
+        lines += _answer(branch, asks_for_time(result), explain)
+        if branch["with_time"] is not None:
+            lines += _answer(branch["with_time"], True, explain)
+    if result.get("special_cases") is not None:
+        lines += special_cases_latex(result["special_cases"])
+    return "\n".join([*lines, r"\end{document}"]) + "\n"
+
+
+def _in_formula_mode(text: str) -> str:
+    """Inequality signs as LaTeX prints them in any font encoding."""
+    return re.sub("(!=|[<>])", lambda found: f"${SIGNS.get(found[0], found[0])}$", text)
+
+
+def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
+    sentence = verdict_sentence(answer["verdict"], with_time, answer.get("domain"))
+    yield _in_formula_mode(escaped(f"{sentence} {answer['reason']}".strip()))
+    for letter, part in (("L", answer["lagrangian"]), ("H", answer["hamiltonian"])):
+        if part is not None:
+            yield display(f"{letter} = {part['latex']}")
+            if part.get("domain"):
+                yield _in_formula_mode(escaped(f"where {', '.join(part['domain'])}."))
+    if answer["solution_space"] is not None:
+        yield escaped(answer["solution_space"]["statement"])
+    if explain:
+        yield from latex_proof(answer["explanation"])
+
+
+def forward_latex(result: dict[str, Any]) -> Iterator[str]:
+    """The same as displayed formulas."""
+    yield from (display(f"{left} = {right}") for left, right in forward_rows(result, "latex"))
+
+
+def special_cases_latex(part: dict[str, Any]) -> Iterator[str]:
+    """The same as lines of LaTeX; conditions are formulas."""
+    yield r"\paragraph{For which parameters?}"
+    yield from cases_answered(part["variational_when"], "A Lagrangian exists", "latex")
+    if part["variational_when_with_time"] not in (None, part["variational_when"]):
+        yield from cases_answered(part["variational_when_with_time"], "A Lagrangian $L(t, q, q')$ exists", "latex")
+    yield f"Cases examined: {part['examined']}. " + (
+        "The tree is complete." if part["complete"] else "The tree may not be complete."
+    )
+    yield from _items(part["tree"])
+
+
+def _items(node: dict[str, Any]) -> Iterator[str]:
+    yield r"\begin{itemize}"
+    yield f"\\item {where(node['conditions'], 'latex')}: {spaced(node['verdict'])}"
+    for child in node["children"]:
+        yield from _items(child)
+    yield r"\end{itemize}"
+
+
+def nonholonomic_latex(part: dict[str, Any]) -> Iterator[str]:
+    """The equations of motion, N, and L, H and constraints of each Hamiltonisation."""
+    motion = part["equations_of_motion"]
+    yield "The nonholonomic motion is"
+    yield from (display(rf"\ddot{{{name}}} = {found['latex']}") for name, found in _lettered(motion["second_order"]))
+    yield from (display(rf"\dot{{{name}}} = {found['latex']}") for name, found in _lettered(motion["first_order"]))
+    density = part["measure_density"]["density"]
+    if density is not None:
+        yield "and its invariant measure has the density"
+        yield display(rf"N = {density['latex']}")
+    for one in part["hamiltonisation"]:
+        yield f"By the {one['associated']} associated system:"
+        yield display(rf"L = {one['lagrangian']['latex']}")
+        if one["hamiltonian"] is not None:
+            yield display(rf"H = {one['hamiltonian']['latex']}")
+        yield from (display(rf"{found['latex']} = 0") for found in one["constraints"])
+
+
+def _lettered(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Each coordinate in LaTeX."""
+    for name, found in table.items():
+        yield to_latex(Symbol(name)), found
+
+
+def escaped(text: str) -> str:
+    """Plain text with the characters that LaTeX gives a meaning made harmless."""
+    return "".join(SPECIAL.get(character, character) for character in text)
+
+
+def display(formula: str) -> str:
+    """A formula on a line of its own."""
+    return f"\\[ {formula} \\]"
+
+
+def latex_proof(steps: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """The lines of an enumeration; formulas of the sentences are set as formulas."""
+    if not steps:
+        return
+    yield r"\begin{enumerate}"
+    for step in steps:
+        parts = step.get("parts") or [{"kind": "text", "text": step["text"]}]
+        sentence = "".join(_inline(part) for part in parts if part["kind"] in ("text", "formula"))
+        below = [display(part["latex"]) for part in parts if part["kind"] == "display"]
+        yield " ".join([f"\\item {sentence}", *below])
+    yield r"\end{enumerate}"
+
+
+def _inline(part: Mapping[str, Any]) -> str:
+    return f"${part['latex'].strip()}$" if part["kind"] == "formula" else escaped(part["text"])
