@@ -16,9 +16,8 @@ import numpy as np
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.integrators.compositions import composition
-from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Start
 
 LAGRANGIAN = "(x'^2 + y'^2)/2 - (x^2 + y^2)/2 - x^2*y + y^3/3"
 HAMILTONIAN = "(p_x^2 + p_y^2)/2 + (x^2 + y^2)/2 + x^2*y - y^3/3"

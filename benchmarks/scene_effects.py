@@ -19,13 +19,10 @@ import numpy as np
 
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
-from inverse_service.simulation import part_costs
-from inverse_service.simulation.choices import Grid, MethodChoice
-from inverse_service.simulation.derivation import derive, problem_of
-from inverse_service.simulation.effects import lagrangian_parts, with_effects
-from inverse_service.simulation.problem import Problem
+from inverse_service.simulation import advice
+from inverse_service.simulation.derivation import derive, lagrangian_parts, problem_of, with_effects
 from inverse_service.simulation.running import MethodRun, observed_problem, run_method
-from inverse_service.simulation.scene import FreeLagrangian, Requested, Scene, Unavailable
+from inverse_service.simulation.scene import FreeLagrangian, Grid, MethodChoice, Problem, Requested, Scene, Unavailable
 
 COORDINATES = ("phi", "theta", "x", "y")
 LAGRANGIAN = "(x'^2 + y'^2)/2 + theta'^2/4 + phi'^2/8 + B*(x*y' - y*x')/2 - k*(x^2 + y^2)/2"
@@ -101,7 +98,7 @@ def operations(scene: Scene) -> int:
     """Floating-point instructions and calls in the kernel of the scene's method, each counted once."""
     problem = problem_of(scene, METHOD, derive(scene, _no_free))
     assert isinstance(problem, Problem)
-    return part_costs.operations(*observed_problem(scene, problem), METHOD)
+    return advice.operations(*observed_problem(scene, problem), METHOD)
 
 
 def _observing(run: MethodRun) -> float:

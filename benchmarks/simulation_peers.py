@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from benchmarks.hard_cases import contact_start, disk_start, particle_start
 from benchmarks.problems import CONTACT, DISK, PARTICLE
-from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
-from inverse_service.simulation.heyoka_reference import taylor_integrator, used_parameters
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.peers import taylor_integrator, used_parameters
+from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Start
 
 SPAN, TARGET, ROUNDS = 100.0, 1e-9, 5
 SHORT = 5e-3  # seconds

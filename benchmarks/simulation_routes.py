@@ -15,8 +15,8 @@ from inverse_service.codegen.compiled import Compiled, card_of, kernel_text
 from inverse_service.codegen.layout import changing
 from inverse_service.codegen.machine import load, object_code
 from inverse_service.codegen.program import Assign, Program, Solve
-from inverse_service.simulation.choices import Grid
 from inverse_service.simulation.execution import execute, memory_of
+from inverse_service.simulation.scene import Grid
 
 Runner = Callable[[int], float]  # steps -> seconds
 

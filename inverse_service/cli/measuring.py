@@ -31,7 +31,7 @@ def measure_file(name: str, output: Path | None, time_limit: float | None) -> Ex
     if folder is None:
         write(json.dumps(result, ensure_ascii=False, indent=2) + "\n")
         return ExitCode.DONE
-    from inverse_service.service.figures.precision import precision_figure
+    from inverse_service.service.figures.series import precision_figure
     from inverse_service.service.figures.style import save
 
     figure, caption = precision_figure(result)

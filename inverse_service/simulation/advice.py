@@ -1,17 +1,30 @@
-"""Which method to take for a scene, and why, seen from its formulas."""
+"""Which method to take for a scene, seen from its formulas, and what each effect and observed quantity adds to a step.
+
+step_ns      time of a step of the whole scene, best of several runs over the first steps of the scene
+operations   floating-point instructions and calls in the text of its kernel, which no load changes
+of a part    the difference to the same scene without it; no time where that is below the noise
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from inverse_service.codegen.compiled import kernel_text
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, walk
+from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.scene import Scene
+from inverse_service.simulation.derivation import USES_FREE, Derived, Find, derive, problem_of
+from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.scene import Observation, Problem, Requested, Scene, Unavailable
+from inverse_service.simulation.schemes import program_of
 
 STIFF = 1e3  # decay times that a run is long, beyond which an explicit method spends its steps on what has decayed
 SHARE = 10.0  # real parts beside imaginary ones
@@ -62,3 +75,102 @@ def is_stiff(scene: Scene, accelerations: tuple[Expression, ...]) -> bool:
     fastest = values[np.argmax(np.abs(values.real))]
     length = scene.grid.step * scene.grid.steps
     return bool(abs(fastest.real) * length > STIFF and abs(fastest.real) > SHARE * abs(fastest.imag))
+
+
+COST = "cost"
+IN_KERNEL = ("energy", "constraints", "momenta", "velocities")
+MOST_STEPS = 20_000
+REPEATS, LEAST_REPEATS = 15, 3
+ENOUGH = 0.03  # seconds of running for one measurement
+NOT_IN_STEPS = "The cost of parts is measured for methods that step with a kernel."
+TOGETHER = "The free Lagrangian belongs to all effects together: they cannot be taken out of it one by one."
+_OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
+
+Run = Callable[[Scene, Problem], Trajectory | Unavailable]
+Observe = Callable[[Scene, Problem], tuple[Problem, Observation]]
+Stop = Callable[[], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Means:
+    """How a scene is run, which problem and observation its kernel has, where free Lagrangians come from."""
+
+    run: Run
+    observe: Observe
+    find: Find
+    stop: Stop
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """Nanoseconds of a step and operations of a kernel."""
+
+    step: float
+    operations: int
+
+
+def part_costs(scene: Scene, requested: Requested, derived: Derived, means: Means) -> dict[str, Any]:
+    """The key `cost` of a method: the whole step, and each part of it."""
+    problem = problem_of(scene, requested, derived)
+    if requested.method == "heyoka" or isinstance(problem, Unavailable):
+        return {"note": NOT_IN_STEPS}
+    short = replace(scene, grid=replace(scene.grid, steps=min(scene.grid.steps, MOST_STEPS)))
+    whole = _price(short, problem, requested, means)
+    if isinstance(whole, Unavailable):
+        return {"note": whole.reason}
+    document: dict[str, Any] = {"step_ns": whole.step, "operations": whole.operations, "steps": short.grid.steps}
+    if scene.constraints and requested.method in USES_FREE and scene.without:
+        document["note"] = TOGETHER
+    parts = []
+    for name, kind, variant in _variants(short, requested):
+        parts.append({"name": name, "kind": kind} | _part(short, variant, requested, whole, means))
+    return document | {"parts": parts}
+
+
+def _variants(scene: Scene, requested: Requested) -> Iterator[tuple[str, str, Scene]]:
+    """The scene without one effect, then without one observed quantity."""
+    if not (scene.constraints and requested.method in USES_FREE):
+        for name, (lagrangian, constraints) in scene.without.items():
+            left = tuple(effect for effect in scene.effects if effect != name)
+            yield name, "effect", replace(scene, lagrangian=lagrangian, constraints=constraints, effects=left)
+    for name in scene.observe:
+        if name in IN_KERNEL:
+            yield name, "observed", replace(scene, observe=tuple(one for one in scene.observe if one != name))
+
+
+def _part(scene: Scene, variant: Scene, requested: Requested, whole: Price, means: Means) -> dict[str, Any]:
+    if (variant.lagrangian, variant.constraints, variant.observe) == (
+        scene.lagrangian, scene.constraints, scene.observe,
+    ):  # fmt: skip
+        return {"step_ns": 0.0, "operations": 0, "note": "The system has no such part."}
+    alone = replace(variant, methods=(requested,), observe=tuple(n for n in variant.observe if n in IN_KERNEL))
+    problem = problem_of(variant, requested, derive(alone, means.find))
+    found = problem if isinstance(problem, Unavailable) else _price(variant, problem, requested, means)
+    if isinstance(found, Unavailable):
+        return {"step_ns": None, "operations": None, "note": f"Without it: {found.reason}"}
+    less = whole.step - found.step
+    measured = {"step_ns": less} if less > 0 else {"step_ns": None, "note": "Its time is within the noise."}
+    return {**measured, "operations": whole.operations - found.operations}
+
+
+def _price(scene: Scene, problem: Problem, requested: Requested, means: Means) -> Price | Unavailable:
+    best, spent = float("inf"), 0.0
+    for turn in range(REPEATS):
+        if (turn >= LEAST_REPEATS and spent > ENOUGH) or (turn and means.stop()):
+            break
+        found = means.run(scene, problem)
+        if isinstance(found, Unavailable):
+            return found
+        done = scene.grid.steps if found.outcome.completed else max(0, (found.outcome.step or 0) - 1)
+        if not done:
+            return Unavailable("no step is made.")
+        best = min(best, 1e9 * found.run_seconds / done)
+        spent += found.run_seconds
+    return Price(best, operations(*means.observe(scene, problem), requested))
+
+
+def operations(problem: Problem, observation: Observation, requested: Requested) -> int:
+    """Floating-point instructions and calls in the kernel of a method, each counted once."""
+    assert requested.choice is not None
+    text = kernel_text(program_of(Formulas(problem), requested.choice, observation))
+    return len(_OPERATION.findall(text))

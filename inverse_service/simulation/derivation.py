@@ -1,22 +1,77 @@
-"""Only what a scene's methods and observables need is derived: accelerations, exact motion, free Lagrangians."""
+"""Only what a scene's methods and observables need is derived: accelerations, exact motion, free Lagrangians.
+
+The parts of a Lagrangian that can be left out of a scene:
+
+L = T(q, v) + b_i(q) v^i - V(q):   kinetic part, "magnetic" (linear in v), "potential" (free of v)
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
-from inverse_service.simulation.choices import POINT_METHODS, SCIPY
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature
 from inverse_service.simulation.initial import is_degenerate
-from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.regular_motion import DEGENERATE, regular_accelerations
-from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
+from inverse_service.simulation.scene import (
+    EXACT,
+    POINT_METHODS,
+    SCIPY,
+    FreeLagrangian,
+    Problem,
+    Requested,
+    Scene,
+    Unavailable,
+)
+
+KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", "constraints"
+BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
+
+
+@dataclass(frozen=True, slots=True)
+class LagrangianParts:
+    """L = kinetic + magnetic + potential, each zero where L has no such terms (`potential` is -V)."""
+
+    kinetic: Expression
+    magnetic: Expression
+    potential: Expression
+
+
+def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> LagrangianParts:
+    """The terms of L by their kind; a term is taken as a whole."""
+    whole = collect(lagrangian)
+    kinds: dict[str, list[Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
+    for term in whole.terms if isinstance(whole, Sum) else (whole,):
+        kinds[_kind(term, coordinates)].append(term)
+    return LagrangianParts(*(add(*kinds[kind]) for kind in (KINETIC, MAGNETIC, POTENTIAL)))
+
+
+def _kind(term: Expression, coordinates: Sequence[str]) -> str:
+    rates = [Velocity(name) for name in coordinates if Velocity(name) in set(walk(term))]
+    if not rates:
+        return POTENTIAL
+    slopes = [differentiate(term, rate) for rate in rates]
+    linear = all(collect(differentiate(slope, rate)) == ZERO for slope in slopes for rate in rates)
+    return MAGNETIC if linear else KINETIC
+
+
+def with_effects(parts: LagrangianParts, terms: Mapping[str, Expression], named: Sequence[str]) -> Expression:
+    """The Lagrangian of a scene: the kinetic part and what `named` lists; all else is not there at all."""
+    chosen = [parts.kinetic]
+    if MAGNETIC in named:
+        chosen.append(parts.magnetic)
+    if POTENTIAL in named:
+        chosen.append(parts.potential)
+    return collect(add(*chosen, *(tree for name, tree in terms.items() if name in named)))
+
 
 USES_FREE = frozenset({"variational", "modified"})
 USES_ACCELERATIONS = POINT_METHODS | {"heyoka", *SCIPY}

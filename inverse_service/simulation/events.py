@@ -16,11 +16,18 @@ from numpy.typing import NDArray
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
-from inverse_service.simulation.choices import POINT_METHODS, Grid, MethodChoice
 from inverse_service.simulation.ensembles import run_ensemble
-from inverse_service.simulation.point_velocities import mean_velocities, point_velocities
-from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.scene import Event, Requested, Scene, Unavailable
+from inverse_service.simulation.observing import mean_velocities, point_velocities
+from inverse_service.simulation.scene import (
+    POINT_METHODS,
+    Event,
+    Grid,
+    MethodChoice,
+    Problem,
+    Requested,
+    Scene,
+    Unavailable,
+)
 
 Array = NDArray[np.float64]
 State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)

@@ -24,7 +24,7 @@ from inverse_service.codegen.constants import (
 )
 from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE, TRIAL
-from inverse_service.simulation.choices import Grid
+from inverse_service.simulation.scene import Grid
 
 FloatArray = NDArray[np.float64]
 _FIRST_PIECE = 4096

@@ -1,22 +1,140 @@
-"""What a kernel left, as a trajectory with a typed outcome."""
+"""What a kernel left, as a trajectory with a typed outcome: what vanished is said as a formula in the user's names.
+
+Zeros of the denominators of L~ just ahead of where a run stopped are its cause where the formulas have a pole there.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
 
 import numpy as np
+import symengine
 
-from inverse_service.codegen.algebra import real_value
+from inverse_service.codegen.algebra import STEP, Formula, real_value, symbol
 from inverse_service.codegen.compiled import Card, Compiled
+from inverse_service.codegen.planning import limit_at_zero_step
+from inverse_service.codegen.program import Program, Solve
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import (
+    Apply,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    number,
+    power,
+)
 from inverse_service.integrators.trajectory import FloatArray, Outcome, Trajectory
-from inverse_service.simulation.choices import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.execution import CLOCK, Run, Stopped, at_last, stopped
-from inverse_service.simulation.formulas import Formulas
-from inverse_service.simulation.poles import pole_ahead
-from inverse_service.simulation.quantity_text import limit_text
+from inverse_service.simulation.formulas import Denominator, Formulas
+from inverse_service.simulation.scene import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.schemes import parts_of, program_of
 from inverse_service.simulation.starting import Initial
 from inverse_service.simulation.watches import OTHER_LAGRANGIAN
+
+_LONGEST = 160
+_FUNCTIONS = {"sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh", "asin", "acos", "atan"}
+
+
+def limit_text(f: Formulas, program: Program, block: int) -> tuple[str, int] | None:
+    """The determinant of an implicit block as h -> 0, over q, q' and the momenta, with the sign it was multiplied by.
+
+    The sign makes a constant term -1 into 1. None where the limit is not known or too long to be read.
+    """
+    solves = [one for one in program.blocks if isinstance(one, Solve)]
+    if block >= len(solves):
+        return None
+    limit = limit_at_zero_step(solves[block].jacobian, [symbol(name) for name in solves[block].unknowns])
+    if limit is None:
+        return None
+    formula = limit.subs({symbol(f"d{k}"): STEP * symbol(f"v{k}") for k in range(f.size)}).expand()
+    sign = -1 if isinstance(formula, symengine.Add) and symengine.Integer(-1) in formula.args else 1
+    tree = _tree((sign * formula).expand(), _names(f))
+    text = to_text(collect(tree)) if tree is not None else ""
+    return (text, sign) if 0 < len(text) <= _LONGEST else None
+
+
+def _names(f: Formulas) -> dict[str, Expression]:
+    coordinates, parameters = f.problem.coordinates, f.problem.parameters
+    table: dict[str, Expression] = {f"c{k}": Symbol(name) for k, name in enumerate(parameters)}
+    for k, name in enumerate(coordinates):
+        table |= {f"q{k}": Symbol(name), f"v{k}": Velocity(name), f"p{k}": Symbol(f"p_{name}")}
+    return table
+
+
+def _tree(formula: Formula, names: dict[str, Expression]) -> Expression | None:
+    """A formula of symengine as a tree; None where it holds something else."""
+    if formula.is_Symbol:
+        return names.get(str(formula))
+    if isinstance(formula, symengine.Rational):
+        return number(Fraction(str(formula)))
+    if not formula.args:
+        return None
+    parts = [_tree(part, names) for part in formula.args]
+    known = [part for part in parts if part is not None]
+    if len(known) < len(parts):
+        return None
+    if isinstance(formula, symengine.Add):
+        return add(*known)
+    if isinstance(formula, symengine.Mul):
+        return multiply(*known)
+    if isinstance(formula, symengine.Pow):
+        return power(known[0], known[1])
+    name = type(formula).__name__.lower()
+    return Apply(name, known[0]) if name in _FUNCTIONS and len(known) == 1 else None
+
+
+# So far ahead a pole is felt by the guard or by Newton; the way there is nearly straight.
+STEPS_AHEAD = 20
+_NEAR = 1e-9
+_LARGE = 1e4
+
+State = Mapping[str, float]
+
+
+def pole_ahead(f: Formulas, state: State, rates: Sequence[float], step: float) -> tuple[str, float] | None:
+    """(text, value now) of the first denominator that passes 0 in STEPS_AHEAD steps, where dH~/dq has a pole.
+
+    `state` gives positions, momenta and parameters by kernel name, `rates` the velocities. Denominators that H~ is
+    smooth through, as cos(phi) of the disk, do not count.
+    """
+    for item in f.denominators:
+        part = _zero_ahead(item, state, rates, step)
+        if part is not None and _has_pole(f, state, rates, part * step):
+            return item.text, real_value(item.formula, _moved(state, rates, 0.0))
+    return None
+
+
+def _moved(state: State, rates: Sequence[float], time: float) -> dict[str, float]:
+    table = dict(state) | {f"v{k}": rate for k, rate in enumerate(rates)}
+    return table | {f"q{k}": state[f"q{k}"] + time * rate for k, rate in enumerate(rates)}
+
+
+def _zero_ahead(item: Denominator, state: State, rates: Sequence[float], step: float) -> float | None:
+    """After how many steps on the straight way the denominator passes 0, by bisection; None where it does not."""
+    value = real_value(item.formula, _moved(state, rates, 0.0))
+    for k in range(STEPS_AHEAD):
+        low, high = float(k), float(k + 1)
+        if not value * real_value(item.formula, _moved(state, rates, high * step)) <= 0:
+            continue
+        while high - low > _NEAR:
+            middle = (low + high) / 2
+            passed = value * real_value(item.formula, _moved(state, rates, middle * step)) <= 0
+            low, high = (low, middle) if passed else (middle, high)
+        return low
+    return None
+
+
+def _has_pole(f: Formulas, state: State, rates: Sequence[float], time: float) -> bool:
+    slopes: list[Formula] = [f.hamiltonian.diff(q) for q in f.symbols("q")]
+    now, there = (
+        max(abs(real_value(slope, _moved(state, rates, moment))) for slope in slopes) for moment in (0.0, time)
+    )
+    return not math.isfinite(there) or there > _LARGE * (1.0 + now)
 
 
 def failed_start(start: Start, outcome: Outcome, time: float = 0.0) -> Trajectory:

@@ -12,8 +12,8 @@ from inverse_service.errors import InputError
 from inverse_service.integrators.gauss_legendre import collocation
 from inverse_service.integrators.rosenbrock import RODAS
 from inverse_service.integrators.runge_kutta import DOP853_ERRORS, TABLEAUX
-from inverse_service.simulation.choices import MethodChoice, Observation
 from inverse_service.simulation.formulas import MOMENT, Formulas
+from inverse_service.simulation.scene import MethodChoice, Observation
 from inverse_service.simulation.watches import SMALLEST, moment_at, rank_watches, resolution_watches, with_clock
 
 Stages = list[tuple[list[Formula], list[Formula]]]

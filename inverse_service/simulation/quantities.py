@@ -19,16 +19,16 @@ from inverse_service.simulation.observing import (
     constraint_numbers,
     error_numbers,
     greatest,
+    mean_velocities,
     momentum_numbers,
     phase_numbers,
     point_constraints,
     point_energy,
+    point_velocities,
     start_energy,
     why_energy_varies,
 )
-from inverse_service.simulation.point_velocities import mean_velocities, point_velocities
-from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.scene import Requested, Scene, Unavailable
+from inverse_service.simulation.scene import Problem, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, places_of
 
 Array = NDArray[np.float64]

@@ -1,4 +1,12 @@
-"""A scene run: every method, with the observed quantities, each with what it cost."""
+"""A scene run: every method, with the observed quantities, each with what it cost.
+
+The largest Lyapunov exponent of a motion is found from its variational equations
+
+    w_i'' = sum_j (df_i/dq_j) w_j + (df_i/dq_j') w_j'
+
+integrated with q'' = f by DOP853; w is brought back to length 1 after each of PARTS parts of the run. The mean
+of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9.
+"""
 
 from __future__ import annotations
 
@@ -12,20 +20,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply
 from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.simulation.advice import COST, Means, part_costs
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.choices import Observation, Start
 from inverse_service.simulation.derivation import COMPARED, USES_EXACT, Derived, Find, problem_of, with_accelerations
-from inverse_service.simulation.ensemble_runs import EnsembleRun, run_members
+from inverse_service.simulation.ensembles import EnsembleRun, run_members
 from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
-from inverse_service.simulation.lyapunov import largest_exponent
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
-from inverse_service.simulation.part_costs import COST, Means, part_costs
-from inverse_service.simulation.problem import Problem
 from inverse_service.simulation.quantities import Observed, observed_quantities
-from inverse_service.simulation.scene import EXACT, FreeLagrangian, Requested, Scene, Unavailable
+from inverse_service.simulation.scene import (
+    EXACT,
+    FreeLagrangian,
+    Grid,
+    MethodChoice,
+    Observation,
+    Problem,
+    Requested,
+    Scene,
+    Start,
+    Unavailable,
+)
 from inverse_service.simulation.truth import Truth, exact_trajectory, true_motion
 
 Array = NDArray[np.float64]
@@ -211,3 +230,46 @@ def _truth(scene: Scene, derived: Derived, stop: Stop | None) -> Truth | Unavail
     if COMPARED & set(scene.observe) or isinstance(derived.exact, ExactMotion):
         return true_motion(scene, derived, stop)
     return Unavailable("No exact solution is known here.")
+
+
+PARTS = 200
+CHOICE = MethodChoice("adaptive", tolerance=1e-10)
+BARE = Observation(momenta=False)
+ENDED = "The motion ends at t = {:.6g}, before the exponent has settled."
+
+
+def largest_exponent(
+    scene: Scene, accelerations: tuple[Expression, ...], stop: Callable[[], bool] | None = None
+) -> dict[str, Any]:
+    """{largest, half, time}: the exponent over the whole run and over its first half, which tells how settled it is."""
+    problem = with_tangent(scene, accelerations)
+    n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
+    tangent = np.ones(2 * n) / np.sqrt(2 * n)
+    positions, velocities = scene.positions, scene.velocities
+    total, halves = 0.0, []
+    for part in range(PARTS):
+        begin = scene.grid.begin + part * length / PARTS
+        start = Start((*positions, *tangent[:n]), velocities=(*velocities, *tangent[n:]))
+        found = run(problem, CHOICE, start, Grid(length / PARTS, 1, 1, begin), dict(scene.values), BARE, stop)
+        if not found.outcome.completed or found.velocities is None:
+            return {"largest": None, "note": ENDED.format(begin)}
+        positions, velocities = found.positions[-1, :n], found.velocities[-1, :n]
+        tangent = np.concatenate([found.positions[-1, n:], found.velocities[-1, n:]])
+        size = float(np.linalg.norm(tangent))
+        total, tangent = total + float(np.log(size)), tangent / size
+        halves.append(total)
+    return {"largest": total / length, "half": halves[PARTS // 2 - 1] / (length / 2), "time": length}
+
+
+def with_tangent(scene: Scene, accelerations: tuple[Expression, ...]) -> Problem:
+    """The motion with its variational equations; the tangent of x has a name that no formula uses."""
+    names = scene.coordinates
+    tangents = tuple(f"tangent_of_{name}" for name in names)
+    rows = []
+    for force in accelerations:
+        terms = [multiply(differentiate(force, Symbol(x)), Symbol(w)) for x, w in zip(names, tangents, strict=True)]
+        terms += [
+            multiply(differentiate(force, Velocity(x)), Velocity(w)) for x, w in zip(names, tangents, strict=True)
+        ]
+        rows.append(collect(add(*terms)))
+    return Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))

@@ -1,15 +1,122 @@
-"""A scene as data: what is to be simulated, with everything that was not named already left out."""
+"""What is simulated, as data: the problem of a method, what is asked of a run, and the scene they belong to.
+
+A scene holds everything that was not named already left out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.expressions.tree import Expression
-from inverse_service.simulation.choices import Grid, MethodChoice, Observable
+from inverse_service.expressions.tree import TIME, Expression, walk
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One motion, described in the ways that the methods ask for; what is not known is None.
+
+    `lagrangian` L of the constrained system with its effects applied, `constraints` omega(q) . v, linear in the
+    velocities, `free_lagrangian` the L~ of an associated second-order system or the L of a free one,
+    `free_hamiltonian` its H~(q, p) in Symbol("p_x") for each coordinate x, `free_constants` names among the
+    parameters that L~ may choose freely (C2, a_x, ...), `accelerations` all n accelerations of the true motion,
+    `forces` Q_i(t, q, q') that act beside `lagrangian` or `free_lagrangian`.
+    """
+
+    coordinates: tuple[str, ...]
+    parameters: tuple[str, ...] = ()
+    lagrangian: Expression | None = None
+    constraints: tuple[Expression, ...] = ()
+    free_lagrangian: Expression | None = None
+    free_hamiltonian: Expression | None = None
+    free_constants: tuple[str, ...] = ()
+    accelerations: tuple[Expression, ...] | None = None
+    forces: tuple[Expression, ...] = ()
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether t occurs in any of the formulas; the motion begins at t = 0."""
+        trees = (
+            self.lagrangian,
+            self.free_lagrangian,
+            self.free_hamiltonian,
+            *(self.accelerations or ()),
+            *self.forces,
+        )
+        return any(node == TIME for tree in trees if tree is not None for node in walk(tree))
+
+
+TOLERANCES = {"heyoka": 1e-15, "adaptive": 1e-12, "stiff": 1e-8}
+OWN_STEPS = frozenset(TOLERANCES)
+SCIPY = {"scipy_dop853": "DOP853", "scipy_radau": "Radau", "scipy_lsoda": "LSODA"}  # peers in comparisons
+POINT_METHODS = frozenset({"runge_kutta", "reference", "adaptive", "stiff"})  # kernels on positions and velocities
+
+
+@dataclass(frozen=True, slots=True)
+class MethodChoice:
+    """A method and its settings.
+
+    `method`: "variational", "nonholonomic", "modified", "runge_kutta", "reference" (Gauss-Legendre of order 12),
+    "adaptive" (DOP853 with steps of its own), "stiff" (RODAS likewise) or "heyoka". `alpha` in [0, 1] is the place of
+    the discrete Lagrangian, `symmetrised` takes the mean of its alpha and 1 - alpha forms. `order`: 2 (the plain step)
+    or 4, 6, 8 by composition; for "runge_kutta" 4, 5 or 8.
+    `form` of "variational": "hamiltonian", "raw" or "verlet". `guard`: stop where the implicit equations may have other
+    roots, or steps do not resolve the motion. `tolerance` of "adaptive", "stiff" and "heyoka", for each of their steps,
+    which they choose themselves.
+    """
+
+    method: str
+    alpha: float = 0.5
+    symmetrised: bool = False
+    order: int = 2
+    form: str = "hamiltonian"
+    guard: bool = True
+    tolerance: float = 1e-15
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Initial data, n numbers each, in the order of the coordinates; velocities or momenta.
+
+    `convention` "momenta": p_0 = dL/dv at (q_0, v_0), or the momenta given. "discrete_constraint": the first step
+    goes from q_0 to q_1 = q_0 + h v_0 with the dependent coordinates put on the discrete constraint.
+    """
+
+    positions: Sequence[float]
+    velocities: Sequence[float] | None = None
+    momenta: Sequence[float] | None = None
+    convention: str = "momenta"
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """`steps` steps of size `step` from t = `begin`; the start and every `record_every`-th point are recorded."""
+
+    step: float
+    steps: int
+    record_every: int = 1
+    begin: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Observable:
+    """A quantity of (q, v) evaluated inside the kernel at every step, at the point and velocity of the discrete
+    Lagrangian: q = (1 - alpha) q_k + alpha q_(k+1), v = (q_(k+1) - q_k)/h; at (q, v) for Runge-Kutta methods."""
+
+    name: str
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What is recorded; nothing else is computed."""
+
+    momenta: bool = True
+    velocities: bool = True
+    observables: tuple[Observable, ...] = field(default=())
+
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from inverse_service.integrators.variational import (
     raw_step,
     symmetrised_hamiltonian_step,
 )
-from inverse_service.simulation.choices import MethodChoice, Observable, Observation
 from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.point_schemes import adaptive, gauss_legendre, runge_kutta, stiff
+from inverse_service.simulation.scene import MethodChoice, Observable, Observation
 from inverse_service.simulation.watches import (
     SMALLER_STEP,
     discrete_point,

@@ -6,12 +6,18 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from inverse_service.codegen.algebra import ZERO, Formula, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome
-from inverse_service.simulation.choices import POINT_METHODS, MethodChoice, Start
 from inverse_service.simulation.formulas import MOMENT, Formulas
+from inverse_service.simulation.scene import POINT_METHODS, Grid, MethodChoice, Start
 from inverse_service.simulation.schemes import parts_of
+from inverse_service.simulation.watches import GUARD_REMEDY
+
+LIMIT = 1.0
+_SAMPLES, _NEAR = 256, 20.0
 
 Numbers = dict[str, float]
 OFF_CONSTRAINTS = 1e-9
@@ -194,3 +200,28 @@ def _discrete_slopes(
         slopes.append((real_value(impulse, table), real_value(force, table)))
     pushes = [real_value(force, table) for force in f.forces] or [0.0] * f.size
     return [(impulse, force + push) for (impulse, force), push in zip(slopes, pushes, strict=True)]
+
+
+def refusal(
+    f: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
+) -> Outcome | None:
+    """A "guard" outcome at step 0 where h max|G'| reaches 1 on the way, else None. `parameters` by kernel name."""
+    if not choice.guard or choice.method != "variational" or f.problem.free_hamiltonian is None or not grid.steps:
+        return None
+    if f.depends_on_time:  # what it is on the way is not known beforehand
+        return None
+    place = f.moving_alone
+    if place is None or f"d{place}" not in begin.rates:
+        return None
+    name = f.problem.coordinates[place]
+    first, rate = begin.state[f"q{place}"], begin.rates[f"d{place}"]
+    whole = rate * grid.step * grid.steps
+    near = np.sign(whole) * min(abs(whole), _NEAR)
+    way = np.concatenate([np.linspace(first, first + reach, _SAMPLES) for reach in (near, whole)])
+    with np.errstate(all="ignore"):
+        slopes = np.abs(f.slope_on_way({**parameters, **begin.state}, way))
+    worst = float(slopes[np.isfinite(slopes)].max(initial=0.0))
+    if abs(grid.step) * worst < LIMIT:
+        return None
+    remedy = f"{GUARD_REMEDY}; |step| must be well below {1.0 / worst:.3g}"
+    return Outcome("guard", 0, 0.0, f"h*max|d2H/d{name} dp_{name}|", abs(grid.step) * worst, remedy)

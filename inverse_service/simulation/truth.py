@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome, Trajectory
-from inverse_service.simulation.choices import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.derivation import Derived, with_accelerations
 from inverse_service.simulation.exact_motion import ExactMotion, positions_of
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.problem import Problem
-from inverse_service.simulation.scene import Scene, Unavailable
+from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Scene, Start, Unavailable
 
 Array = NDArray[np.float64]
 Stop = Callable[[], bool]

@@ -200,9 +200,9 @@ def test_the_energy_error_is_of_one_quantity_for_every_method() -> None:
 @pytest.mark.parametrize("method", ["heyoka"])
 def test_a_series_whose_steps_shrink_without_end_is_stopped(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("heyoka")
-    from inverse_service.simulation import heyoka_reference
+    from inverse_service.simulation import peers
 
-    monkeypatch.setattr(heyoka_reference, "MOST_STEPS", 50)
+    monkeypatch.setattr(peers, "MOST_STEPS", 50)
     found = methods(OSCILLATOR | {"time": 1000, "methods": [method, "variational"]})
     assert found[method]["outcome"] == "not_finite"
     assert "50 steps" in found[method]["stopped"]["quantity"]

@@ -22,7 +22,7 @@ from inverse_service.service.scenes.simulating import MOST_POINTS, run_document,
 from inverse_service.simulation.derivation import derive, problem_of
 from inverse_service.simulation.formulas import Formulas
 from inverse_service.simulation.observing import ENERGY_START, observation_of
-from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.scene import Problem
 from inverse_service.simulation.schemes import program_of
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"

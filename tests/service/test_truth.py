@@ -105,13 +105,13 @@ def test_a_truth_that_ends_early_ends_the_errors_too() -> None:
 
 def test_without_heyoka_our_own_two_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     from inverse_service.errors import InputError
-    from inverse_service.simulation import heyoka_reference
+    from inverse_service.simulation import peers
 
     def missing() -> None:
         raise InputError("not here")
 
-    monkeypatch.setattr(heyoka_reference, "load_heyoka", missing)
-    heyoka_reference.taylor_integrator.cache_clear()
+    monkeypatch.setattr(peers, "load_heyoka", missing)
+    peers.taylor_integrator.cache_clear()
     found = kepler(0.6, 0.05, ["adaptive"])
     assert set(found["truth"]["references"]) == {"adaptive", "reference"}
     assert found["truth"]["uncertainty"] < 1e-10

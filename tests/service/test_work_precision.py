@@ -9,12 +9,10 @@ from typing import Any
 import pytest
 
 from inverse_service.service.documents.reading import read_json
-from inverse_service.service.figures.precision import precision_figure
+from inverse_service.service.figures.series import precision_figure
 from inverse_service.service.scenes.work_precision import work_precision
-from inverse_service.simulation.choices import MethodChoice
-from inverse_service.simulation.precision import Setting, _with_floor
-from inverse_service.simulation.precision_reading import measured_order, seconds_to
-from inverse_service.simulation.scene import Requested
+from inverse_service.simulation.precision import Setting, _with_floor, measured_order, seconds_to
+from inverse_service.simulation.scene import MethodChoice, Requested
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 METHOD = Requested("variational-0.5", "variational", "0.5", MethodChoice("variational"))

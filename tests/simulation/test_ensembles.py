@@ -8,10 +8,9 @@ import pytest
 from benchmarks.hard_cases import disk_start, particle_start
 from benchmarks.problems import DISK, PARTICLE, PENDULUM
 from inverse_service.errors import InputError
-from inverse_service.simulation.choices import Grid, MethodChoice, Start
 from inverse_service.simulation.ensembles import Many, run_ensemble
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.scene import Grid, MethodChoice, Problem, Start
 
 
 def together(what: Problem, choice: MethodChoice, starts: list[Start], grid: Grid, values: dict[str, object]) -> Many:

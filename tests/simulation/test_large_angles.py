@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.problems import DISK
-from inverse_service.simulation.choices import Grid, MethodChoice, Start
 from inverse_service.simulation.methods import run
+from inverse_service.simulation.scene import Grid, MethodChoice, Start
 
 
 @pytest.mark.parametrize("angle", [1.3e5, 1e7])

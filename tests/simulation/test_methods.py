@@ -22,9 +22,8 @@ from benchmarks.problems import (
     problem,
 )
 from inverse_service.errors import InputError
-from inverse_service.simulation.choices import Grid, MethodChoice, Observable, Observation, Start
 from inverse_service.simulation.methods import available, run
-from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.scene import Grid, MethodChoice, Observable, Observation, Problem, Start
 
 C = {"c": 1.0}
 

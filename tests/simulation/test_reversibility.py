@@ -11,9 +11,8 @@ from benchmarks.hard_cases import contact_start
 from benchmarks.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
 from inverse_service.integrators.trajectory import FloatArray
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.choices import Grid, MethodChoice, Observation
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.problem import Problem
+from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem
 
 K = {"k": 0.3}
 # The reflections of space that keep x' + y z' = 0.

@@ -1,4 +1,4 @@
-"""All figures of a simulation."""
+"""All figures of a simulation: coordinates against time, ensembles, paths and observed quantities."""
 
 from __future__ import annotations
 
@@ -6,17 +6,98 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from inverse_service.service.figures.coordinates import coordinate_figure
-from inverse_service.service.figures.ensembles import ensemble_figure
 from inverse_service.service.figures.paths import path_figure
 from inverse_service.service.figures.series import QUANTITIES, series_figure
-from inverse_service.service.figures.style import save
+from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, look, new_figure, plain, save, shown, spread
 from inverse_service.simulation.matching_circle import turned
 
 Array = NDArray[np.float64]
+MOST_POINTS = 4000
+
+
+def coordinate_figure(
+    result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]], truth: Mapping[str, Array] | None
+) -> tuple[Figure, str]:
+    """One panel a coordinate, one line a method, the true motion in black."""
+    names = result["system"]["coordinates"]
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(7.6, 1.5 * len(names) + 1.2)
+        panels = figure.subplots(len(names), 1, squeeze=False, sharex=True).ravel()
+        for axes, name in zip(panels, names, strict=True):
+            times = result["step"] * result["record_every"] * np.arange(len(truth[name])) if truth else None
+            if truth is not None and times is not None:
+                axes.plot(times, truth[name], color=TRUE_COLOUR, linewidth=1.1, zorder=3, label="true motion")
+            for place, method in enumerate(result["methods"]):
+                if method["label"] in tables and method["method"] != "exact":
+                    _line(axes, place, method, tables[method["label"]], name)
+            axes.set_ylabel(name)
+        panels[-1].set_xlabel("t")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
+    start = f"{result['name'] or 'Motion'}: {result['steps']} steps of {shown(result['step'])}."
+    return figure, start + _finding(result)
+
+
+def _finding(result: Mapping[str, Any]) -> str:
+    """Which method is nearest to the true motion at the end, and which stopped before."""
+    own = [m for m in result["methods"] if m["method"] not in ("exact", "reference")]
+    errors = {m["label"]: m["final_error"] for m in own if m.get("final_error") and m["outcome"] == "completed"}
+    words = ""
+    if errors:
+        best, worst = min(errors, key=errors.__getitem__), max(errors, key=errors.__getitem__)
+        words = f" At the end {best} is nearest to the true motion ({shown(errors[best])} away)"
+        words += "." if best == worst else f", {worst} farthest ({shown(errors[worst])})."
+    stopped = [f"{m['label']} ends at t = {shown(m['stopped']['time'])}" for m in own if m.get("stopped")]
+    return words + (f" {'; '.join(stopped)}." if stopped else "")
+
+
+def _line(axes: Any, place: int, method: Mapping[str, Any], table: Mapping[str, Array], name: str) -> None:
+    style = look(place, method["method"])
+    every = max(1, len(table["t"]) // MOST_POINTS)
+    t, values = table["t"][::every], table[name][::every]
+    axes.plot(
+        t, values, color=style.colour, linestyle=style.line, linewidth=1.1, marker=style.marker, markersize=4,
+        fillstyle="none", markevery=spread(len(t), 14, 5 * place), label=plain(method["label"]),
+    )  # fmt: skip
+
+
+DRAWN = 24  # members drawn as lines
+MOST_COORDINATES = 6
+
+
+def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str]:
+    """One panel a coordinate and method: median, band from least to greatest, and lines of some members."""
+    methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
+    names = result["system"]["coordinates"][:MOST_COORDINATES]
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(3.6 * len(methods), 2.2 * len(names))
+        panels = figure.subplots(len(names), len(methods), squeeze=False, sharex=True)
+        for column, (place, method) in enumerate(methods):
+            table, style = tables[method["label"]], look(place, method["method"])
+            for row, name in enumerate(names):
+                _panel(panels[row][column], table["t"], table[name], style.colour)
+                panels[row][column].set_ylabel(name)
+            panels[0][column].set_title(method["label"])
+            panels[-1][column].set_xlabel("t")
+    count = methods[0][1]["members"]
+    caption = f"{count} members: the median, the range of all, and {min(DRAWN, count)} of them as thin lines."
+    return figure, caption
+
+
+def _panel(axes: Any, times: Array, values: Array, colour: str) -> None:
+    kept = values[np.isfinite(values[:, 0])]
+    known = np.isfinite(kept).any(axis=0)
+    times, kept = times[known], kept[:, known]
+    low, middle, high = np.nanmin(kept, axis=0), np.nanmedian(kept, axis=0), np.nanmax(kept, axis=0)
+    axes.fill_between(times, low, high, color=colour, alpha=0.15, linewidth=0)
+    for row in kept[np.linspace(0, len(kept) - 1, min(DRAWN, len(kept))).astype(int)]:
+        axes.plot(times, row, color=colour, linewidth=0.5, alpha=0.5)
+    axes.plot(times, middle, color=colour, linewidth=1.6)
 
 
 def draw_simulation(

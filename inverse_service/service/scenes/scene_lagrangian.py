@@ -27,14 +27,18 @@ from inverse_service.mechanics.nonholonomic.paper_class import recognised
 from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.documents.solving import solve_document
-from inverse_service.service.scenes.scene_formulas import defined, refuse_open_functions
-from inverse_service.service.scenes.scene_numbers import number_of
-from inverse_service.service.scenes.scene_system import MechanicalSystem, formula, lagrangian_of
+from inverse_service.service.scenes.scene_methods import number_of
+from inverse_service.service.scenes.scene_system import (
+    MechanicalSystem,
+    defined,
+    formula,
+    lagrangian_of,
+    refuse_open_functions,
+)
 from inverse_service.simulation.array_values import Array, array_value, table_of
-from inverse_service.simulation.class_lagrangian import ClassLagrangian, class_lagrangian, start_momenta
 from inverse_service.simulation.derivation import Find
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion
-from inverse_service.simulation.free_check import keeps_motion
+from inverse_service.simulation.free_lagrangians import ClassLagrangian, class_lagrangian, keeps_motion, start_momenta
 from inverse_service.simulation.regular_motion import regular_accelerations
 from inverse_service.simulation.scene import FreeLagrangian, Scene, Unavailable
 

@@ -17,22 +17,24 @@ from api_schemas.scene import SceneDocument
 from inverse_service import __version__
 from inverse_service.errors import InputError
 from inverse_service.service.scenes.scene_lagrangian import finder
-from inverse_service.service.scenes.scene_numbers import number_of
+from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.service.scenes.simulating import Progress, as_plain, catalogue_name
 from inverse_service.simulation.advice import advice, told
-from inverse_service.simulation.choices import SCIPY, MethodChoice
 from inverse_service.simulation.derivation import derive
-from inverse_service.simulation.precision import Precision, Setting, default_steps, measure
-from inverse_service.simulation.precision_reading import (
+from inverse_service.simulation.precision import (
+    Precision,
+    Setting,
     conclusion,
     curves,
+    default_steps,
+    measure,
     measured_order,
     reached_at_once,
     times_to_errors,
 )
-from inverse_service.simulation.scene import Requested, Scene, Unavailable
+from inverse_service.simulation.scene import SCIPY, MethodChoice, Requested, Scene, Unavailable
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8

@@ -183,10 +183,9 @@ def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
 def _figure_of(result: Mapping[str, Any], name: str) -> Any:
     import numpy as np
 
-    from inverse_service.service.figures.coordinates import coordinate_figure
+    from inverse_service.service.figures.drawing import coordinate_figure
     from inverse_service.service.figures.paths import path_figure
-    from inverse_service.service.figures.precision import precision_figure
-    from inverse_service.service.figures.series import series_figure
+    from inverse_service.service.figures.series import precision_figure, series_figure
 
     if name == "work-precision":
         return precision_figure(result)[0]

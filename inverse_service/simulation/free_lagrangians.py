@@ -8,6 +8,11 @@ associated system r'' = 0, q_i'' = (d_i/n)' (n/d_i) r' q_i' is variational for e
 and where n is constant, coordinates with constant d_i may have q_i'^2/2 instead (the paper's L~2).
 Constant factors and signs of d_i are left to the free constants C_i; H~ is smooth through d_i = 0.
 Source: Mestdag, Bloch, Fernandez (2009), proposition 1.2, for d = (1, -A_a); the general d by own computation.
+
+Whether a Lagrangian has the true motion among its solutions, tested at points on the constraints.
+
+The Euler-Lagrange residual L_vv f + L_vq v - L_q is computed with the accelerations f of the true motion. It need
+only vanish on the constraints: the free system may differ from the true one elsewhere.
 """
 
 from __future__ import annotations
@@ -18,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import (
     HALF,
@@ -26,6 +32,7 @@ from inverse_service.expressions.tree import (
     Expression,
     Number,
     Product,
+    Sum,
     Symbol,
     Velocity,
     add,
@@ -37,9 +44,12 @@ from inverse_service.expressions.tree import (
     square_root,
     walk,
 )
-from inverse_service.simulation.array_values import array_value
+from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
+from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.exact_motion import ExactMotion
+from inverse_service.simulation.initial import initial_velocities
 from inverse_service.simulation.regular_motion import determinant
+from inverse_service.simulation.scene import Scene
 
 Array = NDArray[np.float64]
 SAMPLES = 32
@@ -187,3 +197,51 @@ def _constant_ratio(raw: Expression, stripped: Expression, motion: ExactMotion) 
     top, bottom = array_value(raw, table), array_value(stripped, table)
     best = int(np.nanargmax(np.where(np.isfinite(top) & np.isfinite(bottom), np.abs(bottom), np.nan)))
     return float(top[best] / bottom[best])
+
+
+POINTS = 24
+ENOUGH = 4
+TOLERANCE = 1e-7
+
+
+def keeps_motion(
+    scene: Scene, lagrangian: Expression, accelerations: tuple[Expression, ...], values: dict[str, float]
+) -> bool | None:
+    """True or False where enough points have finite values, None where not."""
+    positions, velocities = _points(scene)
+    times = np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions)) + scene.grid.begin
+    table = table_of(scene.coordinates, positions, velocities, values, times)
+    residuals = euler_lagrange_residual(lagrangian, scene.coordinates, accelerations)
+    worst = np.zeros(len(positions))
+    for residual in residuals:
+        worst = np.maximum(worst, np.abs(array_value(residual, table)) / _size(residual, table))
+    finite = worst[np.isfinite(worst)]
+    return None if len(finite) < ENOUGH else bool((finite < TOLERANCE).all())
+
+
+def _size(residual: Expression, table: dict[Expression, NDArray[np.float64] | float]) -> Array:
+    """The size of the largest term, which the residual is measured by."""
+    terms = residual.terms if isinstance(residual, Sum) else (residual,)
+    size = np.ones(len(array_value(residual, table)))
+    for term in terms:
+        size = np.maximum(size, np.abs(array_value(term, table)))
+    return size
+
+
+def _points(scene: Scene) -> tuple[Array, Array]:
+    random = np.random.default_rng(7)
+    n = len(scene.coordinates)
+    found_q, found_v = [scene.positions], [scene.velocities]
+    for _ in range(POINTS):
+        q = scene.positions + random.normal(0, 0.3, n)
+        v = scene.velocities + 0.2 * (1 + np.abs(scene.velocities)) * random.normal(0, 1, n)
+        given = dict(zip(scene.coordinates, map(float, v), strict=True))
+        try:
+            v = initial_velocities(
+                scene.coordinates, scene.constraints, scene.lagrangian, scene.values, q, given, project=True
+            )
+        except InputError:
+            continue
+        found_q.append(q)
+        found_v.append(v)
+    return np.array(found_q), np.array(found_v)
