@@ -26,8 +26,11 @@ from inverse_service.algebra.echelon_kernels import (
     LATER,
     ROWS,
     USES,
+    Basis,
     Columns,
+    Field,
     Indices,
+    Uses,
     Words,
     cut,
     keep_those_that_do_not_vanish,
@@ -75,6 +78,18 @@ class Echelon:
     use_factors: Words = field(default_factory=lambda: np.empty(16_384, np.uint64))
     state: Indices = field(default_factory=lambda: np.zeros(4, np.int64))
 
+    @property
+    def _field(self) -> Field:
+        return montgomery.constants(self.prime)[:3]
+
+    @property
+    def _basis(self) -> Basis:
+        return self.pivot_of, self.starts, self.columns, self.values
+
+    @property
+    def _uses(self) -> Uses:
+        return self.use_starts, self.use_rows, self.use_factors
+
     def widen(self, width: int) -> None:
         """Append columns."""
         more = np.full(width - self.width, -1, np.int64)
@@ -120,37 +135,30 @@ class Echelon:
         """Those of the rows that do not depend on the basis."""
         if not len(rows):
             return rows
-        prime, negative_inverse, _, _ = montgomery.constants(self.prime)
         # The prime is random itself, and so are numbers that come from it.
         seed = np.uint64(self.prime * 0x2545F4914F6CDD1D + self.inserted & 0xFFFFFFFFFFFFFFFF)
         solution, kept = np.empty(self.width, np.uint64), np.empty(len(rows), np.int64)
-        basis = (self.pivot_of, self.starts, self.columns, self.values)
-        solve_at_random(solution, seed, *basis, prime, negative_inverse)
-        given = (row_starts, columns, values)
-        count = keep_those_that_do_not_vanish(rows, *given, solution, kept, prime, negative_inverse)
+        solve_at_random(solution, seed, *self._basis, *self._field)
+        count = keep_those_that_do_not_vanish(rows, row_starts, columns, values, solution, kept, *self._field)
         return kept[:count]
 
     def _insert(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words, most: int) -> Indices:
         """Insert those rows one by one; the answer has those left out that need over `most` rows of the basis."""
-        prime, negative_inverse, one, _ = montgomery.constants(self.prime)
-        work, touched = np.zeros(self.width, np.uint64), np.zeros((self.width >> 6) + 1, np.uint64)
+        dense = np.zeros(self.width, np.uint64), np.zeros((self.width >> 6) + 1, np.uint64)
         later, self.state[LATER] = np.empty(len(rows), np.int64), 0
         place = 0
         while True:
             place = reduce_rows(
-                place, most, rows, later, row_starts, columns, values, work, touched,
-                self.pivot_of, self.starts, self.columns, self.values, self.origin,
-                self.use_starts, self.use_rows, self.use_factors, self.state, prime, negative_inverse, one,
+                place, most, rows, later, row_starts, columns, values, *dense, *self._basis, self.origin, *self._uses,
+                self.state, *self._field,
             )  # fmt: skip
             if place == len(rows):
                 break
             self._grow()
         first, self.count = self.count, int(self.state[ROWS])
         if self.count > first:
-            normalise_rows(
-                first, self.count, np.empty(self.count - first, np.uint64), self.starts, self.values,
-                self.use_starts, self.use_factors, prime, negative_inverse, one,
-            )  # fmt: skip
+            scratch = np.empty(self.count - first, np.uint64)
+            normalise_rows(first, self.count, scratch, *self._basis, *self._uses, *self._field)
         return later[: self.state[LATER]]
 
     def _grow(self) -> None:
@@ -190,11 +198,10 @@ class Echelon:
 
     def trace(self, weights: Mapping[int, int]) -> list[int]:
         """The original rows of which a combination of basis rows is made, in order of insertion."""
-        prime, negative_inverse, _, _ = montgomery.constants(self.prime)
         vector = np.zeros(self.count, np.uint64)
         for number, weight in weights.items():
             vector[number] = weight % self.prime
-        trace_weights(vector, self.use_starts, self.use_rows, self.use_factors, prime, negative_inverse)
+        trace_weights(vector, *self._uses, *self._field)
         return [int(self.origin[k]) for k in np.flatnonzero(vector)]
 
 
