@@ -11,10 +11,8 @@ from typing import Any
 import symengine
 
 from benchmarks.simulation_cases import SpeedCase, lane, program
-from inverse_service.codegen.compiled import Compiled, card_of, kernel_text
-from inverse_service.codegen.layout import changing
-from inverse_service.codegen.machine import load, object_code
-from inverse_service.codegen.program import Assign, Program, Solve
+from inverse_service.codegen.compiled import Compiled, card_of, kernel_text, load, object_code
+from inverse_service.codegen.program import Assign, Program, Solve, changing
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.scene import Grid
 

@@ -2,33 +2,160 @@
 
 Within a level the arguments of exp, log and the circular functions are first written in a basis over
 Q, so that exp(x + y), exp(x) and exp(y) or sin(2x) and cos(x) share generators.
+
+Arbitrary functions: each partial derivative of each one is a generator of its own.
+
+Roots, and the inverse functions whose derivatives hold them.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
-from inverse_service.algebra.exact_arbitrary import adjoin_arbitrary
-from inverse_service.algebra.exact_circular import CIRCULAR, HYPERBOLIC, adjoin_pairs
-from inverse_service.algebra.exact_lattice import argument_basis, coordinates_of, factor_coordinates
-from inverse_service.algebra.exact_ring import ExactRing, add_symbols, is_integer_power, scaled_tree
-from inverse_service.algebra.exact_roots import INVERSE, adjoin_inverse, adjoin_roots
-from inverse_service.algebra.exact_trees import generator_power
+from inverse_service.algebra.exact_circular import (
+    CIRCULAR,
+    HYPERBOLIC,
+    adjoin_pairs,
+    argument_basis,
+    coordinates_of,
+    factor_coordinates,
+)
+from inverse_service.algebra.exact_ring import (
+    ExactRing,
+    add_symbols,
+    generator_power,
+    is_integer_power,
+    polynomial_tree,
+    scaled_tree,
+)
 from inverse_service.algebra.rational_functions import Budget, Quotient, QuotientField
 from inverse_service.expressions.tree import (
     Apply,
     Arbitrary,
     Expression,
+    Integral,
     Number,
     Power,
     Symbol,
     Velocity,
+    add,
     children,
     distinct_nodes,
+    multiply,
+    number,
+    power,
     split_exponent,
 )
+
+Family = tuple[str, tuple[Expression, ...]]
+
+
+def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[Arbitrary], further: int) -> None:
+    """Generators for the functions in `nodes` and their derivatives of `further` more orders.
+
+    Derivatives of the highest order have none in their turn and are marked undefined.
+    """
+    families: dict[Family, int] = {}
+    for node in nodes:
+        if isinstance(node, Integral):
+            index = ring.new_generator(node)
+            ring.atoms[node] = ring.generator(index)
+            ring.undefined.add(index)
+            continue
+        family = (node.name, node.arguments)
+        families[family] = max(families.get(family, 0), sum(node.orders))
+    for (name, arguments), order in families.items():
+        _adjoin_family(ring, name, arguments, order + further)
+
+
+def _adjoin_family(ring: ExactRing, name: str, arguments: tuple[Expression, ...], highest: int) -> None:
+    values = [ring.value(argument) for argument in arguments]
+    indices: dict[tuple[int, ...], int] = {}
+    # From the highest order down, so that lower derivatives are the greater generators.
+    for orders in sorted(_orders(len(arguments), highest), key=lambda k: (-sum(k), k)):
+        node = Arbitrary(name, arguments, orders)
+        indices[orders] = ring.new_generator(node)
+        ring.atoms[node] = ring.generator(indices[orders])
+        if sum(orders) == highest:
+            ring.undefined.add(indices[orders])
+            continue
+        slopes = [(_next(ring, indices, orders, place), value) for place, value in enumerate(values)]
+        ring.set_slopes(indices[orders], slopes)
+
+
+def _orders(length: int, highest: int) -> list[tuple[int, ...]]:
+    return [k for k in itertools.product(range(highest + 1), repeat=length) if sum(k) <= highest]
+
+
+def _next(ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[int, ...], place: int) -> Quotient:
+    raised = tuple(order + (position == place) for position, order in enumerate(orders))
+    return ring.generator(indices[raised])
+
+
+# The derivative of each inverse function is sign / (constant + quadratic u^2)^exponent.
+INVERSE: dict[str, tuple[int, int, int, Fraction]] = {
+    "asin": (1, 1, -1, Fraction(1, 2)),
+    "acos": (-1, 1, -1, Fraction(1, 2)),
+    "atan": (1, 1, 1, Fraction(1)),
+    "asinh": (1, 1, 1, Fraction(1, 2)),
+    "acosh": (1, -1, 1, Fraction(1, 2)),
+    "atanh": (1, 1, -1, Fraction(1)),
+}
+
+
+def adjoin_roots(ring: ExactRing, powers: Sequence[Power]) -> None:
+    """Generators for rational powers; powers of one base share the root of the common denominator."""
+    degrees: dict[Expression, int] = {}
+    for node in powers:
+        assert isinstance(node.exponent, Number)
+        degrees[node.base] = math.lcm(degrees.get(node.base, 1), node.exponent.value.denominator)
+    for base, degree in degrees.items():
+        root = root_generator(ring, ring.value(base), base, degree)
+        for node in powers:
+            if node.base == base and isinstance(node.exponent, Number):
+                ring.atoms[node] = root ** int(node.exponent.value * degree)
+
+
+def root_generator(ring: ExactRing, radicand: Quotient, tree: Expression, degree: int) -> Quotient:
+    """An element r with r^degree = radicand; the same radicand gives the same generator.
+
+    For the radicand a/b the generator is b (a/b)^(1/degree), a root of the polynomial a b^(degree-1).
+    """
+    if radicand.is_zero:
+        return radicand
+    below = Quotient(ring.field, ring.field.expand(radicand.exponents), ())
+    polynomial = (Quotient(ring.field, radicand.numerator, ()) * below ** (degree - 1)).numerator
+    for relation in ring.field.relations.values():
+        if relation.degree % degree == 0 and relation.right == polynomial and _is_root(ring, relation.generator):
+            return ring.generator(relation.generator) ** (relation.degree // degree) / below
+    root = power(tree, Fraction(1, degree))
+    index = ring.new_generator(multiply(polynomial_tree(ring, below.numerator), root))
+    ring.field.relate(index, degree, polynomial)
+    whole = Quotient(ring.field, polynomial, ())
+    ring.set_slopes(index, [(ring.generator(index) / whole.scaled(degree), whole)])
+    return ring.generator(index) / below
+
+
+def _is_root(ring: ExactRing, index: int) -> bool:
+    """Whether the generator is a root, not a sine; sqrt(1 - cos^2) is sin up to a sign only."""
+    return not isinstance(ring.trees[index], Apply)
+
+
+def adjoin_inverse(ring: ExactRing, node: Apply) -> None:
+    """A generator for asin, acos, atan, asinh, acosh or atanh of an argument."""
+    sign, constant, quadratic, exponent = INVERSE[node.function]
+    argument = ring.value(node.argument)
+    below = ring.constant(constant) + (argument * argument).scaled(quadratic)
+    if exponent.denominator == 2:
+        square = power(node.argument, 2)
+        tree = add(number(constant), multiply(number(quadratic), square))
+        below = root_generator(ring, below, tree, 2)
+    index = ring.new_generator(node)
+    ring.set_slopes(index, [(below.inverse().scaled(sign), argument)])
+    ring.atoms[node] = ring.generator(index)
 
 
 def exact_ring(

@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from inverse_service.algebra import montgomery
 from inverse_service.algebra import series_kernels as machine
+from inverse_service.algebra.monomials import SeriesTables, coefficients, products, series_tables
 from inverse_service.algebra.point import Point, Variable, evaluate, number_value
 from inverse_service.algebra.primes import positive_power
 from inverse_service.algebra.series import SingularPoint
-from inverse_service.algebra.series_tables import SeriesTables, coefficients, products, series_tables
 from inverse_service.expressions.tree import (
     Apply,
     Arbitrary,

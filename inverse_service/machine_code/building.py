@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
 from inverse_service.machine_code.entry import entry_text
-from inverse_service.machine_code.processor import target_machine
+from inverse_service.machine_code.loading import target_machine
 from inverse_service.machine_code.signatures import Kinds, array_of
 from inverse_service.machine_code.sources import Unstorable, used
 

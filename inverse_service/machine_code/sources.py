@@ -17,7 +17,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from inverse_service.machine_code.processor import processor_name
+from inverse_service.machine_code.loading import processor_name
 from inverse_service.machine_code.signatures import Kinds
 
 _CONSTANTS = (bool, int, float, np.generic)

@@ -31,7 +31,7 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 
 Ring = Any  # one of the checker's, and an element of it
 Value = Any

@@ -1,26 +1,150 @@
-"""The tensors N, Phi, nabla Phi, R (and higher ones) of a system as exact expressions for people."""
+"""The tensors of the inverse problem, over any commutative ring with the derivations of a system.
+
+    Gamma = d/dt + v^i d/dq^i + f^i d/dv^i
+    N     = -1/2 df/dv
+    Phi   = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(df/dv)
+    nabla T^i_j  = Gamma(T^i_j)  + N^i_m T^m_j  - T^i_m N^m_j
+    nabla T^i_kl = Gamma(T^i_kl) + N^i_m T^m_kl - T^i_ml N^m_k - T^i_km N^m_l
+    R[T]^i_kl    = dT^i_k/dv^l - dT^i_l/dv^k                                     (R = R[Phi])
+
+Source: J. Douglas, Solution of the inverse problem of the calculus of variations, 1941; W. Sarlet, The
+Helmholtz conditions revisited, 1982; the sign of N in nabla is that of the definition of N here.
+
+The tensors N, Phi, nabla Phi, R (and higher ones) of a system as exact expressions for people.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import cast
+from fractions import Fraction
+from typing import Generic, Protocol, Self, TypeVar, cast
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
-from inverse_service.mechanics.curvature import (
-    Motion,
-    connection,
-    curvature,
-    jacobi_endomorphism,
-    nabla,
-    nabla_of_curvature,
-)
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+
+class Scalar(Protocol):
+    """An element of a commutative algebra over Q."""
+
+    def __add__(self, other: Self, /) -> Self: ...
+
+    def __sub__(self, other: Self, /) -> Self: ...
+
+    def __mul__(self, other: Self, /) -> Self: ...
+
+    def scaled(self, factor: int | Fraction) -> Self: ...
+
+    @property
+    def is_zero(self) -> bool: ...
+
+
+S = TypeVar("S", bound=Scalar)
+Tensor11 = tuple[tuple[S, ...], ...]
+Tensor12 = tuple[tuple[tuple[S, ...], ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Motion(Generic[S]):
+    """The accelerations f^i and the derivations by q^i, by v^i and along the motion (Gamma)."""
+
+    accelerations: tuple[S, ...]
+    by_coordinate: tuple[Callable[[S], S], ...]
+    by_velocity: tuple[Callable[[S], S], ...]
+    along: Callable[[S], S]
+    zero: S
+
+    @property
+    def size(self) -> int:
+        return len(self.accelerations)
+
+
+def total(zero: S, terms: Sequence[S]) -> S:
+    """The sum."""
+    result = zero
+    for term in terms:
+        if not term.is_zero:
+            result = result + term
+    return result
+
+
+def _times(motion: Motion[S], left: S, right: S) -> S:
+    return motion.zero if left.is_zero or right.is_zero else left * right
+
+
+def velocity_slopes(motion: Motion[S]) -> Tensor11[S]:
+    """df^i/dv^j, shape (n, n)."""
+    return tuple(tuple(by(f) for by in motion.by_velocity) for f in motion.accelerations)
+
+
+def connection(motion: Motion[S]) -> Tensor11[S]:
+    """N^i_j = -1/2 df^i/dv^j, shape (n, n)."""
+    return tuple(tuple(entry.scaled(Fraction(-1, 2)) for entry in row) for row in velocity_slopes(motion))
+
+
+def jacobi_endomorphism(motion: Motion[S]) -> Tensor11[S]:
+    """Phi^i_j, shape (n, n); twice the Jacobi endomorphism of the literature, up to sign."""
+    slopes, span = velocity_slopes(motion), range(motion.size)
+
+    def entry(i: int, j: int) -> S:
+        square = total(motion.zero, [_times(motion, slopes[i][m], slopes[m][j]) for m in span])
+        rest = motion.by_coordinate[j](motion.accelerations[i]).scaled(2) + square.scaled(Fraction(1, 2))
+        return motion.along(slopes[i][j]) - rest
+
+    return tuple(tuple(entry(i, j) for j in span) for i in span)
+
+
+def nabla(motion: Motion[S], n: Tensor11[S], tensor: Tensor11[S]) -> Tensor11[S]:
+    """nabla T = Gamma(T) + N T - T N, shape (n, n)."""
+    span = range(motion.size)
+
+    def entry(i: int, j: int) -> S:
+        plus = total(motion.along(tensor[i][j]), [_times(motion, n[i][m], tensor[m][j]) for m in span])
+        return plus - total(motion.zero, [_times(motion, tensor[i][m], n[m][j]) for m in span])
+
+    return tuple(tuple(entry(i, j) for j in span) for i in span)
+
+
+def nabla_of_curvature(motion: Motion[S], n: Tensor11[S], tensor: Tensor12[S]) -> Tensor12[S]:
+    """nabla T^i_kl for T antisymmetric in k, l, shape (n, n, n).
+
+    If g solves (H2), Gamma(g) = g N + (g N)^T, and g_ij T^j_kl + cyclic = 0, then Gamma of this is
+    g_ij (nabla T)^j_kl + cyclic = 0: the terms of N with a lower index cancel in pairs.
+    """
+    span = range(motion.size)
+
+    def entry(i: int, k: int, m: int) -> S:
+        plus = total(motion.along(tensor[i][k][m]), [_times(motion, n[i][j], tensor[j][k][m]) for j in span])
+        minus = [_times(motion, tensor[i][j][m], n[j][k]) for j in span]
+        minus += [_times(motion, tensor[i][k][j], n[j][m]) for j in span]
+        return plus - total(motion.zero, minus)
+
+    return antisymmetric(motion, entry)
+
+
+def curvature(motion: Motion[S], tensor: Tensor11[S]) -> Tensor12[S]:
+    """R[T]^i_kl = dT^i_k/dv^l - dT^i_l/dv^k, shape (n, n, n)."""
+    by = motion.by_velocity
+    return antisymmetric(motion, lambda i, k, m: by[m](tensor[i][k]) - by[k](tensor[i][m]))
+
+
+def antisymmetric(motion: Motion[S], entry: Callable[[int, int, int], S]) -> Tensor12[S]:
+    """The tensor T^i_kl = -T^i_lk with these entries for k < l."""
+    span = range(motion.size)
+    zero = motion.zero
+    known = {(i, k, m): entry(i, k, m) for i in span for k in span for m in span if k < m}
+
+    def read(i: int, k: int, m: int) -> S:
+        if k == m:
+            return zero
+        return known[i, k, m] if k < m else zero - known[i, m, k]
+
+    return tuple(tuple(tuple(read(i, k, m) for m in span) for k in span) for i in span)
+
 
 Matrix = tuple[tuple[Expression, ...], ...]
 

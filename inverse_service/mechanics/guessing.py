@@ -3,25 +3,156 @@
 An unknown name followed by coordinates in brackets is a function of them; any other is a parameter,
 unless it may be something else: kx, dx, sinx, or an r that no equation moves. Then the writer is
 asked. What was guessed is shown to the writer.
+
+Which coordinates a document means where it does not list them.
 """
 
 from __future__ import annotations
 
 import difflib
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import (
     ASK_FOR_THE_TIME,
+    DOTTED,
     Names,
+    declared_name,
     looks_like_a_coordinate,
     readings,
 )
 from inverse_service.expressions.reader import read_tokens
-from inverse_service.expressions.tokens import Token, refusal, shorten
-from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED, REFUSED_UNLESS_DECLARED, RESERVED
-from inverse_service.mechanics.coordinate_names import derived_stem
+from inverse_service.expressions.tokens import Token, joined, refusal, shorten
+from inverse_service.expressions.vocabulary import (
+    DERIVATIVE_NAMES,
+    FUNCTIONS,
+    REFUSED,
+    REFUSED_UNLESS_DECLARED,
+    RESERVED,
+)
+
+_LONGEST_ARGUMENTS = 400
+
+
+def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int = 2) -> tuple[str, ...]:
+    """The names with this many time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
+
+    `texts` are given by their pointers; `declared` holds parameters and functions, which are no coordinates.
+    """
+    found: dict[str, None] = {}
+    for pointer, text in texts.items():
+        try:
+            tokens = read_tokens(text, declared)
+        except InputError as error:
+            raise error.at(pointer) from None
+        names = [name for name in moving_names(tokens, order) if declared.role(declared.spelling(name)) is None]
+        found.update(dict.fromkeys(declared_name(name, pointer, "coordinate") for name in names))
+    return tuple(found)
+
+
+def key_coordinate(key: str, names: Names, pointer: str) -> str:
+    """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if it is none."""
+    name = names.spelling(key_name(key, names))
+    if name not in names.coordinates:
+        raise InputError(
+            f"there is an equation for '{shorten(key)}', which is not a coordinate: the coordinates are "
+            f"{joined(names.coordinates)}.",
+            pointer,
+        )
+    return name
+
+
+def key_name(key: str, names: Names) -> str:
+    """The name that a key of `equations` holds, with or without two derivatives."""
+    pointer = "/equations/" + key.replace("~", "~0").replace("/", "~1")
+    if names.role(key):
+        return key
+    try:
+        tokens = read_tokens(key[:200], names)
+    except InputError:
+        tokens = []
+    accelerated = moving_names(tokens, 2)
+    if len(accelerated) == 1 and all(token.kind == "prime" for token in tokens[1:]):
+        return accelerated[0]
+    return declared_name(key, pointer, "coordinate")
+
+
+def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
+    """The names that stand with at least this many time derivatives, in order of appearance; V''(x) is no motion."""
+    return [name for name, times in _motions(tokens) if times >= order]
+
+
+def _motions(tokens: Sequence[Token]) -> list[tuple[str, int]]:
+    """Names with the number of their time derivatives, those of diff(diff(x, t), t) together."""
+    found: list[tuple[str, int]] = []
+    place = 0
+    while place < len(tokens):
+        token = tokens[place]
+        place += 1
+        if token.kind != "name":
+            continue
+        primes, after = _primes(tokens[place:])
+        if token.text in DERIVATIVE_NAMES:
+            inner, length = _differentiated(tokens[place : place + _LONGEST_ARGUMENTS])
+            found += inner
+            place += length
+        elif primes and (after[:1] != ["("] or after == ["(", "t", ")"]):
+            found.append((token.text, primes))
+        elif stem := derived_stem(token.text, 2) or derived_stem(token.text):
+            found.append((stem, 2 if derived_stem(token.text, 2) else 1))
+    return found
+
+
+def derived_stem(word: str, order: int = 1) -> str:
+    """The x of x_ddot, xddot, x_dot_dot, of at least this order; empty for other words."""
+    endings = (ending for ending, times in DOTTED if times >= order and word.endswith(ending))
+    return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
+
+
+def _primes(tokens: Sequence[Token]) -> tuple[int, list[str]]:
+    """The order of the primes that come first, and the three texts after them."""
+    primes = list(itertools.takewhile(lambda token: token.kind == "prime", tokens[:4]))
+    after = [token.text for token in tokens[len(primes) : len(primes) + 3]]
+    return sum(int(prime.value) for prime in primes), after
+
+
+def _differentiated(tokens: Sequence[Token]) -> tuple[list[tuple[str, int]], int]:
+    """The names that diff moves, from its bracket on, and how long that is: (x, t, 2), (x(t), (t, 2)), (m*x', t)."""
+    parts = _arguments(tokens)
+    length = sum(len(part) + 1 for part in parts) + 1 if parts else 0
+    times = _times([token.text for part in parts[1:] for token in part])
+    if not times:
+        return [], length
+    first = parts[0]
+    alone = [token.text for token in first[1:]] in ([], ["(", "t", ")"])
+    inner = [(first[0].text, 0)] if alone and first and first[0].kind == "name" else _motions(first)
+    return [(name, order + times) for name, order in inner], length
+
+
+def _arguments(tokens: Sequence[Token]) -> list[list[Token]]:
+    """The arguments in the bracket that comes first; none where it is not closed."""
+    parts: list[list[Token]] = [[]]
+    depth = 0
+    for place, token in enumerate(tokens):
+        depth += token.is_operator("(") - token.is_operator(")")
+        if depth == 0:
+            return parts if place else []
+        if depth == 1 and token.is_operator(","):
+            parts.append([])
+        elif place:
+            parts[-1].append(token)
+    return []
+
+
+def _times(words: Sequence[str]) -> int:
+    """The order of a derivative by t, t and by t, 2 and by (t, 2); 0 where it is another."""
+    plain = [word for word in words if word not in ("(", ")", ",")]
+    if len(plain) == 2 and plain[0] == "t" and plain[1].isdigit():
+        return int(plain[1])
+    return len(plain) if all(word == "t" for word in plain) else 0
+
 
 # Refused as functions or as numbers, so they would be a strange guess for a parameter too.
 NEVER_GUESSED = (
@@ -54,7 +185,7 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
             names = {token.text, declared.spelling(token.text), derived_stem(token.text)}
             if token.kind != "name" or names & known:
                 continue
-            arguments = _arguments(line, place + 1, coordinates)
+            arguments = _call_arguments(line, place + 1, coordinates)
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
             elif not arguments and not _is_primed(line, place) and not _may_be_called(line, place):
@@ -103,7 +234,7 @@ def _may_be_called(line: Sequence[Token], place: int) -> bool:
     return line[place].text in FUNCTION_LETTERS and bool(after) and after[0].is_operator("(")
 
 
-def _arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
+def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
     """The coordinates in brackets after a name and its primes; nothing where something else stands there."""
     while place < len(line) and line[place].kind == "prime":
         place += 1

@@ -4,26 +4,39 @@ The matrix is inverted exactly, block by block of its triangular form, by fracti
 (Bareiss 1968) over polynomials in opaque atoms. Atoms may be related (sin^2 + cos^2 = 1), so a
 determinant that is not the zero polynomial is also confirmed not to vanish at random points, to
 50 digits.
+
+The block triangular form of a square pattern: which unknowns must be solved for together.
+
+Whether a tree is the zero function, by its values at random points to 50 digits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import random
+from collections.abc import Collection, Mapping, Sequence
+
+from mpmath import mp, mpf
 
 from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate
 from inverse_service.expressions.tree import (
     MINUS_ONE,
+    PI,
     ZERO,
+    Acceleration,
+    Arbitrary,
     Expression,
     Number,
+    Power,
+    Product,
     Sum,
+    Symbol,
+    Velocity,
     add,
     multiply,
     walk,
 )
-from inverse_service.mechanics.blocks import blocks, matching
 from inverse_service.mechanics.linear_parts import LinearEquation
-from inverse_service.mechanics.nonvanishing import vanishes
 from inverse_service.mechanics.opaque_fractions import (
     OpaqueFraction,
     OpaqueRing,
@@ -32,6 +45,111 @@ from inverse_service.mechanics.opaque_fractions import (
     expanded_terms,
     times,
 )
+
+
+def matching(pattern: Sequence[Collection[int]]) -> list[int | None]:
+    """For each column a row of its own in which it occurs (augmenting paths), None where none is left."""
+    row_of: list[int | None] = [None] * len(pattern)
+
+    def assign(row: int, seen: set[int]) -> bool:
+        for column in pattern[row]:
+            if column in seen:
+                continue
+            seen.add(column)
+            other = row_of[column]
+            if other is None or assign(other, seen):
+                row_of[column] = row
+                return True
+        return False
+
+    for row in range(len(pattern)):
+        assign(row, set())
+    return row_of
+
+
+def blocks(pattern: Sequence[Collection[int]], row_of: Sequence[int]) -> list[list[int]]:
+    """Groups of columns in an order in which each depends only on itself and earlier ones.
+
+    `row_of[c]` is the row matched to column c. The groups are the strongly connected components of
+    "the row of c contains d" (Tarjan 1972), which gives them in this order.
+    """
+    index: dict[int, int] = {}
+    low: dict[int, int] = {}
+    stack: list[int] = []
+    result: list[list[int]] = []
+
+    def visit(column: int) -> None:
+        index[column] = low[column] = len(index)
+        stack.append(column)
+        for other in pattern[row_of[column]]:
+            if other not in index:
+                visit(other)
+                low[column] = min(low[column], low[other])
+            elif other in stack:
+                low[column] = min(low[column], index[other])
+        if low[column] == index[column]:
+            start = stack.index(column)
+            result.append(sorted(stack[start:]))
+            del stack[start:]
+
+    for column in range(len(pattern)):
+        if column not in index:
+            visit(column)
+    return result
+
+
+_DIGITS = 50
+_POINTS = 3
+_ATTEMPTS = 60
+_SEED = 20_040_229
+
+
+def vanishes(tree: Expression) -> bool:
+    """True where the tree is 0 at several random points, relative to the size of its terms.
+
+    InputError where no point is found at which it has a real value.
+    """
+    source = random.Random(_SEED)
+    values = []
+    with mp.workdps(_DIGITS):
+        for attempt in range(_ATTEMPTS):
+            try:
+                values.append(_is_small(tree, _point(tree, source, 1 + attempt % 5)))
+            except NoRealValue:
+                continue
+            if not values[-1] or len(values) == _POINTS:
+                return values[-1]
+    raise InputError(
+        "no point was found at which the coefficients of the accelerations are real: check roots and logarithms.",
+        "/equations",
+    )
+
+
+def _point(tree: Expression, source: random.Random, width: int) -> dict[Expression, Real]:
+    """Random values of all leaves; the first attempts are positive, later ones of both signs."""
+    table: dict[Expression, Real] = {}
+    for node in walk(tree):
+        if isinstance(node, Symbol | Velocity | Acceleration | Arbitrary) and node not in table and node != PI:
+            value = mpf(source.randrange(1, 10**18)) / 10**18
+            low = 0 if width <= 2 else -width
+            table[node] = low + (width - low) * value
+    return table
+
+
+def _is_small(tree: Expression, table: Mapping[Expression, Real]) -> bool:
+    """Whether a factor is 0 to the working precision; a sum is measured against the sizes of its terms."""
+    match tree:
+        case Power(base, _):
+            return _is_small(base, table)
+        case Product(factors):
+            return any(_is_small(factor, table) for factor in factors)
+        case Sum(terms):
+            values = [evaluate(term, table) for term in terms]
+        case _:
+            values = [evaluate(tree, table)]
+    size = mp.fsum(map(abs, values)) if len(values) > 1 else 1
+    return bool(abs(mp.fsum(values)) <= mpf(10) ** (10 - _DIGITS) * size)
+
 
 _EXPANDED_TERMS = 2_000
 

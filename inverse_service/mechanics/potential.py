@@ -19,8 +19,8 @@ from inverse_service.expressions.tree import (
     multiply,
     power,
 )
-from inverse_service.mechanics.constant_coefficients import common_multiple, solution
 from inverse_service.mechanics.nonholonomic.writing import readable
+from inverse_service.mechanics.quotient_matrices import common_multiple, solution
 
 Partial = Callable[[Quotient], Quotient]
 MOST_CANDIDATES = 200

@@ -16,8 +16,8 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
+from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
-from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature
 from inverse_service.simulation.initial import is_degenerate
 from inverse_service.simulation.regular_motion import DEGENERATE, regular_accelerations

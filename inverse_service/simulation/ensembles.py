@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from inverse_service.codegen.algebra import closure
 from inverse_service.codegen.compiled import Card, Compiled
-from inverse_service.codegen.constants import NO_START
 from inverse_service.codegen.kernel import CONTROL
-from inverse_service.codegen.layout import STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome, Trajectory
-from inverse_service.machine_code.processor import processor_features
+from inverse_service.machine_code.loading import processor_features
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
 from inverse_service.simulation.execution import stopped

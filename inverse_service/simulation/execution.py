@@ -11,19 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.codegen.compiled import Card, Compiled
-from inverse_service.codegen.constants import (
+from inverse_service.codegen.kernel import CONTROL
+from inverse_service.codegen.program import (
+    CLOCK,
     GUARDED,
     NO_CONVERGENCE,
     NO_START,
     NOT_FINITE,
     SINGULAR,
+    STATUS,
+    STOPPED_AT,
+    STOPPED_VALUE,
     TOO_SHORT,
+    TRIAL,
     UNOBSERVABLE,
     UNRESOLVED,
     WATCHED,
 )
-from inverse_service.codegen.kernel import CONTROL
-from inverse_service.codegen.layout import CLOCK, STATUS, STOPPED_AT, STOPPED_VALUE, TRIAL
 from inverse_service.simulation.scene import Grid
 
 FloatArray = NDArray[np.float64]

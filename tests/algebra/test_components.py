@@ -8,8 +8,7 @@ import mpmath
 import pytest
 
 from inverse_service.algebra.components import component
-from inverse_service.algebra.real_point import are_positive, find_real_point
-from inverse_service.algebra.requirements import requirements
+from inverse_service.algebra.real_point import are_positive, find_real_point, requirements
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse

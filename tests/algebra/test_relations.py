@@ -11,8 +11,14 @@ from inverse_service.algebra.point import evaluate
 from inverse_service.algebra.primes import is_positive, positive_power, safe_prime
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
-from inverse_service.algebra.rules import circle_power, circle_product, circle_twelfth
-from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
+from inverse_service.algebra.tower import (
+    Tower,
+    atoms_in_order,
+    circle_power,
+    circle_product,
+    circle_twelfth,
+    draw_point,
+)
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse

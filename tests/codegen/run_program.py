@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from inverse_service.codegen.algebra import Formula
-from inverse_service.codegen.compiled import Card, card_of, kernel_text
-from inverse_service.codegen.machine import load, object_code
+from inverse_service.codegen.compiled import Card, card_of, kernel_text, load, object_code
 from inverse_service.codegen.program import Program
 
 

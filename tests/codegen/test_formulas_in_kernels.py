@@ -60,8 +60,7 @@ def test_sine_and_cosine_are_good_to_two_units() -> None:
     points += [0.0] * (-len(points) % 8)
     x = symbol("x")
     worst = 0.0
-    from inverse_service.codegen.compiled import kernel_text
-    from inverse_service.codegen.machine import load, object_code
+    from inverse_service.codegen.compiled import kernel_text, load, object_code
 
     for lanes in (1, 8):
         program = program_for([symengine.sin(x), symengine.cos(x)], ["x"])

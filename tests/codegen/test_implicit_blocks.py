@@ -7,11 +7,18 @@ import pytest
 import symengine
 
 from inverse_service.codegen.algebra import Formula, symbol
-from inverse_service.codegen.compiled import card_of, kernel_text
-from inverse_service.codegen.constants import NO_CONVERGENCE, NOT_FINITE, SINGULAR, WATCHED
-from inverse_service.codegen.machine import load, object_code
+from inverse_service.codegen.compiled import card_of, kernel_text, load, object_code
 from inverse_service.codegen.planning import plan
-from inverse_service.codegen.program import Iterate, Program, Statement, Watch
+from inverse_service.codegen.program import (
+    NO_CONVERGENCE,
+    NOT_FINITE,
+    SINGULAR,
+    WATCHED,
+    Iterate,
+    Program,
+    Statement,
+    Watch,
+)
 from tests.codegen.run_program import call, memory_for
 
 x, y, z, s, a = (symbol(name) for name in ("x", "y", "z", "s", "a"))

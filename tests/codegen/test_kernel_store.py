@@ -85,11 +85,11 @@ def test_others_code_is_not_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_changed_code_makes_new_kernels(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from inverse_service.codegen import digests
+    from inverse_service.codegen import compiled
 
     assert result("one")[0] == 6.0
     forget_memory()
-    monkeypatch.setattr(digests, "code_digest", lambda: "another version")
+    monkeypatch.setattr(compiled, "code_digest", lambda: "another version")
     assert "compile" in result("one")[1]
 
 

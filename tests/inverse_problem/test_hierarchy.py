@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient
 from inverse_service.catalogue.reading import document, entry, names
 from inverse_service.errors import IrreducibleAtoms
@@ -25,8 +25,14 @@ from inverse_service.inverse_problem.explanation.hierarchy import (
     unknowns,
 )
 from inverse_service.inverse_problem.explanation.pointwise import local_motion
-from inverse_service.mechanics.conditions import ExactMotion, exact_motion
-from inverse_service.mechanics.curvature import connection, curvature, jacobi_endomorphism, nabla_of_curvature
+from inverse_service.mechanics.conditions import (
+    ExactMotion,
+    connection,
+    curvature,
+    exact_motion,
+    jacobi_endomorphism,
+    nabla_of_curvature,
+)
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

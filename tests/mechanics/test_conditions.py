@@ -32,8 +32,16 @@ from inverse_service.expressions.tree import (
     add,
     number,
 )
-from inverse_service.mechanics.conditions import Tensors, conditions, exact_motion
-from inverse_service.mechanics.curvature import Motion, connection, curvature, jacobi_endomorphism, nabla
+from inverse_service.mechanics.conditions import (
+    Motion,
+    Tensors,
+    conditions,
+    connection,
+    curvature,
+    exact_motion,
+    jacobi_endomorphism,
+    nabla,
+)
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

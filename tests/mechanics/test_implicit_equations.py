@@ -22,7 +22,7 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.mechanics.blocks import blocks, matching
+from inverse_service.mechanics.implicit_equations import blocks, matching
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -14,8 +14,12 @@ from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, multiply
 from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
-from inverse_service.mechanics.nonholonomic.integrability import Integrability, integrability
-from inverse_service.mechanics.nonholonomic.integrals import first_integrals, measure_density
+from inverse_service.mechanics.nonholonomic.integrals import (
+    Integrability,
+    first_integrals,
+    integrability,
+    measure_density,
+)
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion, ExactMotion, exact_motion, written
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from tests.mechanics.nonholonomic_examples import EXAMPLES

@@ -16,7 +16,7 @@ from fractions import Fraction
 from functools import reduce
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.errors import IrreducibleAtoms
@@ -52,7 +52,7 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _MOST_TERMS, _MOST_PRODUCTS, _TERMS = 6_000, 30_000, 2_000

@@ -23,8 +23,7 @@ from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamilton
 from inverse_service.inverse_problem.outcome import Lagrangian, Step, Verdict
 from inverse_service.linear_pde.deciding import Finding
 from inverse_service.mechanics.legendre.transform import legendre
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
-from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, EquationsOfMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # Of the time, what the decisions may take; the rest is for a closed form, H and the checks.

@@ -20,7 +20,7 @@ from inverse_service.linear_pde.deciding import Finding, Limits, settle
 from inverse_service.linear_pde.involution import Matrix
 from inverse_service.linear_pde.prolongation import LocalEquations
 from inverse_service.linear_pde.unknowns import Unknowns
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
 

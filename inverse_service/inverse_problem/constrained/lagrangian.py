@@ -6,14 +6,14 @@ import time
 from dataclasses import dataclass
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, negate, substitute
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.quotient_matrices import solve_square
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

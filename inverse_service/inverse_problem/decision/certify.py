@@ -10,8 +10,7 @@ import mpmath
 
 from inverse_service.algebra.components import component
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined
-from inverse_service.algebra.requirements import requirements
+from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined, requirements
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (

@@ -17,8 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from inverse_service.algebra.exact_derivations import sum_of
-from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.exact_ring import ExactRing, sum_of
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Point, evaluate
 from inverse_service.algebra.rational_functions import Quotient, TooLarge
@@ -28,8 +27,7 @@ from inverse_service.expressions.notation import Formula, partial_derivative, ro
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.elimination import Elimination
-from inverse_service.mechanics.conditions import ExactMotion
-from inverse_service.mechanics.curvature import Tensor11, connection
+from inverse_service.mechanics.conditions import ExactMotion, Tensor11, connection
 
 Matrix = tuple[tuple[Quotient, ...], ...]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from flint import nmod_mat
 
-from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.inverse_problem.explanation.hierarchy import EquationName, PointwiseConditions, unknowns
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from inverse_service.algebra.requirements import own_requirements
+from inverse_service.algebra.real_point import own_requirements
 from inverse_service.errors import InputError
 from inverse_service.expressions.inequalities import inequality
 from inverse_service.expressions.notation import Formula, listed, row

@@ -22,8 +22,7 @@ from flint import nmod_mat
 
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.pointwise import LocalMotion, local_motion
-from inverse_service.mechanics.conditions import power_name
-from inverse_service.mechanics.curvature import (
+from inverse_service.mechanics.conditions import (
     Motion,
     S,
     Tensor11,
@@ -33,6 +32,7 @@ from inverse_service.mechanics.curvature import (
     jacobi_endomorphism,
     nabla,
     nabla_of_curvature,
+    power_name,
 )
 
 # Larger sets than this are not searched for the smallest; all conditions of the depth are named.

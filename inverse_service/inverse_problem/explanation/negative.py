@@ -6,9 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from inverse_service.algebra.exact_derivations import sum_of
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
+from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.notation import matrix, row
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
@@ -52,8 +50,7 @@ from inverse_service.inverse_problem.explanation.wording import (
     tensor_steps,
 )
 from inverse_service.inverse_problem.outcome import Step
-from inverse_service.mechanics.conditions import ExactMotion, exact_motion
-from inverse_service.mechanics.curvature import Tensor11, Tensor12
+from inverse_service.mechanics.conditions import ExactMotion, Tensor11, Tensor12, exact_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Tensors = Mapping[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]

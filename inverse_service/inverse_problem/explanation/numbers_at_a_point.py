@@ -36,7 +36,7 @@ from inverse_service.inverse_problem.explanation.rational_points import (
     is_real,
     placed,
 )
-from inverse_service.mechanics.curvature import Tensor11
+from inverse_service.mechanics.conditions import Tensor11
 
 _ATTEMPTS = 400
 

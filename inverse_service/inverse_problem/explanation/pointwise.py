@@ -13,7 +13,7 @@ from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.mechanics.curvature import Motion
+from inverse_service.mechanics.conditions import Motion
 
 _POINTS = 8
 

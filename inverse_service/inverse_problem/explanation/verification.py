@@ -6,8 +6,7 @@ import itertools
 import time
 from collections.abc import Sequence
 
-from inverse_service.algebra.exact_derivations import sum_of
-from inverse_service.algebra.exact_trees import factor_trees, quotient_tree
+from inverse_service.algebra.exact_ring import factor_trees, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.notation import Formula, matrix, row, theory
 from inverse_service.expressions.tree import Expression
@@ -15,8 +14,7 @@ from inverse_service.inverse_problem.explanation.elimination import expanded_det
 from inverse_service.inverse_problem.explanation.steps import said
 from inverse_service.inverse_problem.explanation.wording import Explanation
 from inverse_service.inverse_problem.outcome import Step
-from inverse_service.mechanics.conditions import ExactMotion, exact_motion
-from inverse_service.mechanics.curvature import connection, jacobi_endomorphism
+from inverse_service.mechanics.conditions import ExactMotion, connection, exact_motion, jacobi_endomorphism
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 TERM_LIMIT = 2_000

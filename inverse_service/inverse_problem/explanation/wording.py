@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.notation import Formula, formula_of, matrix, row, theory
 from inverse_service.expressions.tree import Expression, Symbol
@@ -16,7 +15,7 @@ from inverse_service.inverse_problem.explanation.elimination import Unknown
 from inverse_service.inverse_problem.explanation.hierarchy import ConditionName, EquationName, SufficientSet
 from inverse_service.inverse_problem.explanation.steps import Piece, enumerated, said, separated
 from inverse_service.inverse_problem.outcome import Step
-from inverse_service.mechanics.curvature import Tensor11, Tensor12
+from inverse_service.mechanics.conditions import Tensor11, Tensor12
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"

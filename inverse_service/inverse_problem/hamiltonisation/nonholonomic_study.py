@@ -26,19 +26,24 @@ from inverse_service.mechanics.nonholonomic.associated_systems import (
     associated,
     with_multiples,
 )
-from inverse_service.mechanics.nonholonomic.constrained_motion import constrained_motion
-from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, frames, geometry, too_large
-from inverse_service.mechanics.nonholonomic.integrability import Integrability, integrability
+from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, NonholonomicSystem, frames, geometry, too_large
 from inverse_service.mechanics.nonholonomic.integrals import (
     FirstIntegral,
+    Integrability,
     MeasureDensity,
     first_integrals,
+    integrability,
     measure_density,
 )
-from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion, ExactMotion, exact_motion, written
+from inverse_service.mechanics.nonholonomic.motion import (
+    EquationsOfMotion,
+    ExactMotion,
+    constrained_motion,
+    exact_motion,
+    written,
+)
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised
 from inverse_service.mechanics.nonholonomic.paper_lagrangians import class_lagrangians
-from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 
 # Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
 _SHARE_OF_SOLVING = 0.85

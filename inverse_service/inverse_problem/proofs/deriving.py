@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from flint import fmpq_mpoly
 
-from inverse_service.algebra.exact_derivations import sum_of
-from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.exact_ring import ExactRing, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import Analysis

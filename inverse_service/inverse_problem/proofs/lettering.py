@@ -7,9 +7,7 @@ from collections.abc import Mapping
 
 from flint import fmpq_mpoly
 
-from inverse_service.algebra.exact_derivations import sum_of
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.exact_trees import polynomial_tree
+from inverse_service.algebra.exact_ring import ExactRing, polynomial_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, QuotientField
 from inverse_service.expressions.tree import Symbol
 from inverse_service.inverse_problem.explanation.elimination import Linear, Unknown

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.collecting import collect

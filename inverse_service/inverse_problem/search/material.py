@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable, real_sign

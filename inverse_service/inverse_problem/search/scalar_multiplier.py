@@ -19,9 +19,7 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 
-from inverse_service.algebra.exact_derivations import sum_of
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
@@ -45,11 +43,15 @@ from inverse_service.inverse_problem.search.terms import (
     multiply_terms,
     terms_of,
 )
-from inverse_service.mechanics.conditions import ExactMotion, exact_motion
-from inverse_service.mechanics.constant_coefficients import common_multiple, null_vectors
-from inverse_service.mechanics.curvature import Tensor11, jacobi_endomorphism, velocity_slopes
+from inverse_service.mechanics.conditions import (
+    ExactMotion,
+    Tensor11,
+    exact_motion,
+    jacobi_endomorphism,
+    velocity_slopes,
+)
 from inverse_service.mechanics.potential import potential
-from inverse_service.mechanics.quotient_matrices import determinant
+from inverse_service.mechanics.quotient_matrices import common_multiple, determinant, null_vectors
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _TERMS, _WORK = 2_000, 150_000

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 from flint import fmpq, fmpq_mpoly
 
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.exact_trees import polynomial_tree
+from inverse_service.algebra.exact_ring import ExactRing, polynomial_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient
 from inverse_service.expressions.tree import (
     Apply,

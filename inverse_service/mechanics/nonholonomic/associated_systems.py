@@ -12,12 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import Expression, Number, add
 from inverse_service.mechanics.nonholonomic.motion import ExactMotion
-from inverse_service.mechanics.nonholonomic.paper_class import PaperClass
-from inverse_service.mechanics.nonholonomic.rotation import rotation
+from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
 from inverse_service.mechanics.nonholonomic.writing import velocity_parts
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

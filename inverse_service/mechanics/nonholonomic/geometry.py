@@ -4,6 +4,8 @@
 
 with g, b, V, w, c functions of (t, q); u are the velocities of the free coordinates, the columns of
 B span the distribution of the constraints.
+
+A Lagrangian with constraints on the velocities, as data.
 """
 
 from __future__ import annotations
@@ -15,16 +17,31 @@ from fractions import Fraction
 from itertools import combinations
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_derivations import Derivation, sum_of
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import Derivation, ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
-from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.writing import readable
 from inverse_service.mechanics.quotient_matrices import determinant, reduced_rows, weight
+from inverse_service.mechanics.second_order_system import FunctionDeclaration
+
+
+@dataclass(frozen=True, slots=True)
+class NonholonomicSystem:
+    """L(t, q, v) with the constraints w(t, q, v) = 0, one tree each, linear in the velocities.
+
+    Parameters are generic constants; those with values were substituted. That L is quadratic and the
+    constraints are linear is seen where the equations of motion are made (`geometry`).
+    """
+
+    coordinates: tuple[str, ...]
+    lagrangian: Expression
+    constraints: tuple[Expression, ...]
+    parameters: tuple[str, ...] = ()
+    functions: tuple[FunctionDeclaration, ...] = ()
+    name: str = ""
+
 
 TERM_LIMIT = 20_000
 TIME_LIMIT = 20.0

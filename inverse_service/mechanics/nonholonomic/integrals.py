@@ -1,20 +1,183 @@
-"""What a nonholonomic motion keeps: an invariant measure with a density N(q), and evident first integrals."""
+"""What a nonholonomic motion keeps: an invariant measure with a density N(q), and evident first integrals.
+
+Distributions of vector fields on (t, q): brackets, Frobenius, and the equations X_k(phi) = h_k.
+
+A row is the components of a field in the variables (t or not, then q), followed by the value h that
+a function phi is to have along it; h = 0 where only the distribution matters.
+
+Whether constraints on velocities are constraints on positions in disguise (Frobenius).
+
+The distribution of the constraints is closed under brackets; k constraints of which j survive as the
+annihilator of the closure are j holonomic ones and k - j nonholonomic ones. Constraints with a
+velocity-free term or with t are looked at on (t, q), with the field d/dt + drift.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import combinations
 from typing import Literal
 
-from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import ONE, Expression, Velocity, multiply
-from inverse_service.mechanics.nonholonomic.integrability import fields, needs_time
+from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry
 from inverse_service.mechanics.nonholonomic.motion import ExactMotion
 from inverse_service.mechanics.potential import Potential, constant_null_vectors, factors_of, potential
-from inverse_service.mechanics.quotient_matrices import determinant, dot
-from inverse_service.mechanics.vector_fields import gradient, involutive_closure
+from inverse_service.mechanics.quotient_matrices import determinant, dot, reduced_rows
+
+Partial = Callable[[Quotient], Quotient]
+Field = tuple[Quotient, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Closure:
+    """The smallest involutive distribution that holds some fields.
+
+    `rows` are its fields with a leading 1 in the columns `pivots`, each with its value last; `growth`
+    are the ranks met; `consistent` is False where the brackets require a value of the zero field.
+    """
+
+    rows: tuple[Field, ...]
+    pivots: tuple[int, ...]
+    growth: tuple[int, ...]
+    consistent: bool
+
+    @property
+    def rank(self) -> int:
+        return len(self.rows)
+
+
+def involutive_closure(partials: Sequence[Partial], fields: Sequence[Field]) -> Closure:
+    """Brackets are added until nothing new appears, at most as many times as there are variables.
+
+    With X(phi) = h and Y(phi) = k the bracket has the value X(k) - Y(h); where a combination of fields
+    vanishes and its value does not, no phi exists (`consistent` False).
+    """
+    width = len(partials)
+    found = reduced_rows(fields, range(width))
+    growth = [len(found.rows)]
+    consistent = all(row[width].is_zero for _, row in found.dropped)
+    while True:
+        brackets = [_bracket(partials, left, right) for left, right in combinations(found.rows, 2)]
+        fresh = [row for row in brackets if not all(entry.is_zero for entry in row)]
+        if not fresh:
+            break
+        found = reduced_rows([*found.rows, *fresh], range(width))
+        consistent = consistent and all(row[width].is_zero for _, row in found.dropped)
+        if len(found.rows) == growth[-1]:
+            break
+        growth.append(len(found.rows))
+    return Closure(found.rows, found.pivots, tuple(growth), consistent)
+
+
+def _bracket(partials: Sequence[Partial], left: Field, right: Field) -> Field:
+    """[X, Y], and X(k) - Y(h) as the last entry."""
+    return tuple(_along(partials, left, b) - _along(partials, right, a) for a, b in zip(left, right, strict=True))
+
+
+def _along(partials: Sequence[Partial], field: Field, element: Quotient) -> Quotient:
+    components = zip(field[:-1], partials, strict=True)
+    terms = [component * partial(element) for component, partial in components if not component.is_zero]
+    return sum_of(element - element, terms)
+
+
+def gradient(partials: Sequence[Partial], closure: Closure) -> tuple[Quotient, ...] | None:
+    """The differential of one phi, a closed form, in all variables; None where none is seen.
+
+    phi is taken not to depend on the variables in whose direction no field of the closure leads.
+    """
+    if not closure.consistent:
+        return None
+    width = len(partials)
+    slopes = dict(zip(closure.pivots, (row[width] for row in closure.rows), strict=True))
+    zero = next((row[0] - row[0] for row in closure.rows), None)
+    if zero is None:
+        return None
+    form = tuple(slopes.get(place, zero) for place in range(width))
+    for i, j in combinations(range(width), 2):
+        if not (partials[i](form[j]) - partials[j](form[i])).is_zero:
+            return None
+    return form
+
+
+MOST_FACTORS = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Integrability:
+    """`integrable` of the `count` constraints are holonomic; `growth` are the ranks of the derived flag.
+
+    `integrals` are functions of (t, q) that the constraints keep constant, those that were found in
+    closed form; at most `integrable` of them.
+    """
+
+    count: int
+    integrable: int
+    growth: tuple[int, ...]
+    integrals: tuple[Expression, ...]
+
+    @property
+    def holonomic(self) -> bool:
+        return self.integrable == self.count
+
+
+def integrability(parts: Geometry, choice: Frame) -> Integrability:
+    """The holonomic part of the constraints; TooLarge where brackets grow beyond the budget."""
+    first = 0 if needs_time(parts, choice) else 1
+    variables = list(range(first, 1 + parts.size))
+    closure = involutive_closure([parts.ring.partial(k) for k in variables], fields(parts, choice, first == 0))
+    lost = [place for place in range(len(variables)) if place not in closure.pivots]
+    integrals = [_integral(parts, variables, closure, place) for place in lost]
+    found = tuple(tree for tree in integrals if tree is not None)
+    growth = tuple(rank - (1 - first) for rank in closure.growth)
+    return Integrability(len(parts.rows), len(lost), growth, found)
+
+
+def needs_time(parts: Geometry, choice: Frame) -> bool:
+    """Whether the constraints move: a velocity-free term, or t in a coefficient."""
+    entries = [*choice.drift, *(entry for row in choice.basis for entry in row)]
+    return any(not drift.is_zero for drift in choice.drift) or any(not parts.by_time(e).is_zero for e in entries)
+
+
+def fields(parts: Geometry, choice: Frame, with_time: bool, values: Sequence[Quotient] = ()) -> list[Field]:
+    """The columns of the frame as rows of components, each with its value (0 where none is given).
+
+    `with_time` puts the component of d/dt first and adds the field d/dt + drift at the end; its value
+    is the last one given.
+    """
+    zero, one = parts.zero, parts.ring.constant(1)
+    given = [*values, *[zero] * (len(choice.free) + 1 - len(values))]
+    columns = [tuple(row[j] for row in choice.basis) for j in range(len(choice.free))]
+    head: tuple[Quotient, ...] = (zero,) if with_time else ()
+    found = [(*head, *column, value) for column, value in zip(columns, given, strict=False)]
+    return [*found, (one, *choice.drift, given[-1])] if with_time else found
+
+
+def _integral(parts: Geometry, variables: Sequence[int], closure: Closure, lost: int) -> Expression | None:
+    """The function whose differential is dx_lost - sum of row[lost] dx_pivot, if it is closed and simple."""
+    slopes = {pivot: -row[lost] for pivot, row in zip(closure.pivots, closure.rows, strict=True)}
+    slopes[lost] = parts.ring.constant(1)
+    form = [slopes.get(place, parts.zero) for place in range(len(variables))]
+    for scale in _scales(parts, form):
+        found = potential(parts.ring, variables, [slope * scale for slope in form])
+        if found is not None:
+            return found.exponential(parts.ring) if found.rest.is_zero else found.tree(parts.ring)
+    return None
+
+
+def _scales(parts: Geometry, form: Sequence[Quotient]) -> list[Quotient]:
+    """Integrating factors tried: 1, and powers of the factors of numerators and denominators."""
+    ring = parts.ring
+    scales = [ring.constant(1)]
+    for slope in form:
+        if not slope.is_zero:
+            elements = [element for _, element in factors_of(ring, slope)]
+            scales += [other for element in elements for other in (element, element.inverse(), element * element)]
+    return scales[:MOST_FACTORS]
+
 
 Status = Literal["found", "does_not_exist", "not_found"]
 

@@ -4,21 +4,30 @@ d'Alembert's principle: d/dt(dL/dv) - dL/dq = lambda_a w^a with w^a(v) + c^a = 0
 the free accelerations follow from B^T (g a - F) = 0, a = B u' + (dB/dt) u + d(drift)/dt, so that g
 needs to be regular on the distribution of the constraints only.
 Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5.
+
+A motion on a manifold of constraints, however it was given.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import Expression
-from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry, frames, geometry, too_large
-from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+from inverse_service.expressions.tree import TIME, Expression, Velocity, substitute, walk
+from inverse_service.mechanics.nonholonomic.geometry import (
+    Frame,
+    Geometry,
+    NonholonomicSystem,
+    frames,
+    geometry,
+    too_large,
+)
 from inverse_service.mechanics.quotient_matrices import dot, solve_square
+from inverse_service.mechanics.second_order_system import FunctionDeclaration
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,3 +162,59 @@ def _multipliers(
     solved = solve_square(matrix, right)
     assert solved is not None, "the minor of the dependent coordinates does not vanish"
     return solved
+
+
+@dataclass(frozen=True, slots=True)
+class ConstrainedMotion:
+    """s' = w(t, q, u) for the `dependent` coordinates, u' = F(t, q, u) for the velocities u of the `free` ones."""
+
+    coordinates: tuple[str, ...]
+    free: tuple[str, ...]
+    dependent: tuple[str, ...]
+    dependent_velocities: tuple[Expression, ...]
+    free_accelerations: tuple[Expression, ...]
+    parameters: tuple[str, ...] = ()
+    functions: tuple[FunctionDeclaration, ...] = ()
+
+    @property
+    def depends_on_time(self) -> bool:
+        trees = (*self.dependent_velocities, *self.free_accelerations)
+        return any(node == TIME for tree in trees for node in walk(tree))
+
+    @property
+    def on_constraints(self) -> dict[Expression, Expression]:
+        """The dependent velocities by the free ones."""
+        return {Velocity(name): w for name, w in zip(self.dependent, self.dependent_velocities, strict=True)}
+
+
+def motion_on(system: NonholonomicSystem, accelerations: Mapping[str, Expression]) -> ConstrainedMotion:
+    """The motion with these accelerations of the free coordinates on the constraints of a system.
+
+    InputError where the constraints do not give the velocities of the others by theirs.
+    """
+    names = system.coordinates
+    parts = geometry(system)
+    dependent = tuple(place for place, name in enumerate(names) if name not in accelerations)
+    choice = next((found for found in frames(parts) if found.dependent == dependent), None)
+    if choice is None:
+        listed = ", ".join(names[place] for place in dependent)
+        raise InputError(f"the constraints do not fix the velocities of {listed} by the others.", "/motion")
+    speeds = [parts.velocity(place) for place in choice.free]
+    rates = [dot(parts.zero, choice.basis[place], speeds) + choice.drift[place] for place in dependent]
+    velocities = tuple(parts.tree(rate) for rate in rates)
+    on: dict[Expression, Expression] = {
+        Velocity(names[place]): rate for place, rate in zip(dependent, velocities, strict=True)
+    }
+    free = tuple(names[place] for place in choice.free)
+    forces = tuple(substitute(accelerations[name], on) for name in free)
+    bound = tuple(names[place] for place in dependent)
+    return ConstrainedMotion(names, free, bound, velocities, forces, system.parameters, system.functions)
+
+
+def constrained_motion(motion: EquationsOfMotion) -> ConstrainedMotion:
+    """The motion without the Lagrangian that it came from."""
+    system = motion.system
+    return ConstrainedMotion(
+        system.coordinates, motion.free, motion.dependent, motion.dependent_velocities, motion.free_accelerations,
+        system.parameters, system.functions,
+    )  # fmt: skip

@@ -4,17 +4,49 @@ With N = (I_2 + sum I_a A_a^2)^(-1/2) and K = sum I_a A_a A_a' its motion withou
 r2'' = -N^2 K r1' r2', and (r2', s_1', ..., s_k') = c u(r1) with u = N (1, -A_1, ..., -A_k) and c constant.
 Source: T. Mestdag, A. M. Bloch, O. E. Fernandez, Hamiltonization and geometric integration of
 nonholonomic mechanical systems, 2009.
+
+The third associated system: (r2', s')' = r1' M(r1) (r2', s') with M skew for the masses.
+
+On the constraints w = (r2', s_1', ..., s_k') = c u(r1), u = N (1, -A), u^T D u = 1, D = diag(I_2, I_a).
+Any symmetric regular S(r1) with S u = constant gives the system w' = r1' M w, M = -S^-1 S', that holds
+the motion, and it is variational:
+
+    L = I_1 r1'^2/2 + w^T S w/(2 r1'),  H = (p_r1 + p_w^T S^-1 p_w/2)^2/(2 I_1),  p_w ~ S u on the constraints.
+
+The second system has S = diag(1/u_i). The third has for S a reflection in the metric D, so that M is a
+rotation, and constraints with constant coefficients in the momenta. Entries of u that are constant are
+left alone; J are the others, rho = sum over J of I_i u_i^2 (a constant), e the first of J:
+    two in J     S = ((I_e u_e, I_j u_j), (I_j u_j, -I_j u_e)), rational in u
+    more in J    S_ee = I_e u_e, S_ej = I_j u_j sqrt(I_e)/..., see `_matrix`; regular where u_e sqrt(I_e) > -sqrt(rho)
+In both cases S u = (rho, 0, ..., 0) up to a constant. With one in J u would be constant too.
+Derived here; for one constraint in M. Mestdag's systems see docs/nonholonomic.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
-from inverse_service.expressions.tree import Expression, power
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    ZERO,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    divide,
+    multiply,
+    negate,
+    power,
+    square_root,
+    subtract,
+)
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry, frames
+from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.potential import potential
 
 
@@ -125,3 +157,136 @@ def _only(parts: Geometry, element: Quotient, place: int) -> bool:
     """Whether the element depends on this coordinate at most."""
     others = [parts.by_coordinate(k, element) for k in range(parts.size) if k != place]
     return all(slope.is_zero for slope in [*others, parts.by_time(element)])
+
+
+Matrix = list[list[Expression]]
+
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """M and S over the coordinates `names` = (r2, s_1, …); `turning` are the places J."""
+
+    driver: str
+    names: tuple[str, ...]
+    turning: tuple[int, ...]
+    generator: tuple[tuple[Expression, ...], ...]
+    form: tuple[tuple[Expression, ...], ...]
+    inverse: tuple[tuple[Expression, ...], ...]
+    explanation: str
+
+    def terms(self) -> list[Expression]:
+        """r1' M w, one tree for each name."""
+        rate = Velocity(self.driver)
+        return [
+            add(*(tidied(multiply(entry, rate, Velocity(name))) for entry, name in zip(row, self.names, strict=True)))
+            for row in self.generator
+        ]
+
+
+def rotation(member: PaperClass) -> Rotation:
+    """The rotation of a member of the class; the zero matrix where u is constant (integrable constraints)."""
+    names = member.geometry.system.coordinates
+    r1 = Symbol(names[member.r1])
+    masses = [member.geometry.tree(mass) for mass in member.masses]
+    constant = _constant_entries(member)
+    turning = tuple(place for place in range(len(masses)) if place not in constant)
+    size = len(masses)
+    generator: Matrix = [[ZERO] * size for _ in range(size)]
+    form: Matrix = [[ZERO] * size for _ in range(size)]
+    for place in constant:
+        form[place][place] = masses[place]
+    if turning:
+        if len(turning) == 2:
+            _fill_plane(generator, form, turning, masses, _unit(member), r1)
+        else:
+            _fill_space(generator, form, turning, masses, _unit(member), r1)
+    text = _explanation([names[member.moving[place]] for place in turning], names[member.r1])
+    return Rotation(
+        names[member.r1],
+        tuple(names[place] for place in member.moving),
+        turning,
+        tuple(map(tuple, generator)),
+        tuple(map(tuple, form)),
+        tuple(map(tuple, _inverse(form, turning, masses))),
+        text,
+    )
+
+
+def _constant_entries(member: PaperClass) -> list[int]:
+    """Places at which u = N (1, -A) is constant: (u_i^2)' = 0."""
+    square = member.inverse_square_density
+    return [place for place, entry in enumerate(member.directions) if member.by_r1(entry * entry / square).is_zero]
+
+
+def _unit(member: PaperClass) -> list[Expression]:
+    """u up to a constant factor: N (1, -A)."""
+    density = member.density
+    return [tidied(multiply(density, member.geometry.tree(entry))) for entry in member.directions]
+
+
+def _fill_space(
+    generator: Matrix, form: Matrix, turning: Sequence[int], masses: Sequence[Expression], u: Sequence[Expression],
+    r1: Symbol,
+) -> None:  # fmt: skip
+    """M and S on the places J: a reflection that takes u to a multiple of the first unit vector of J."""
+    first, others = turning[0], turning[1:]
+    rho = tidied(add(*(multiply(masses[k], power(u[k], 2)) for k in turning)))
+    norm, root = collect(square_root(rho)), collect(square_root(masses[first]))
+    height = multiply(root, u[first])
+    below = add(norm, height)
+    for k in others:
+        form[first][k] = form[k][first] = tidied(multiply(root, masses[k], u[k]))
+        for m in others:
+            square = divide(multiply(masses[k], masses[m], u[k], u[m]), below)
+            form[k][m] = tidied(subtract(square, multiply(norm, masses[k])) if k == m else square)
+    form[first][first] = tidied(multiply(root, masses[first], u[first]))
+    slopes = [differentiate(entry, r1) for entry in u]
+    lifted = {k: u[k] for k in others} | {first: add(u[first], divide(norm, root))}
+    scale = power(multiply(norm, below), -1)
+    for k in turning:
+        for m in turning:
+            wedge = subtract(multiply(slopes[k], lifted[m]), multiply(lifted[k], slopes[m]))
+            generator[k][m] = ZERO if k == m else tidied(multiply(masses[m], wedge, scale))
+
+
+def _fill_plane(
+    generator: Matrix, form: Matrix, turning: Sequence[int], masses: Sequence[Expression], u: Sequence[Expression],
+    r1: Symbol,
+) -> None:  # fmt: skip
+    i, j = turning
+    rho = add(multiply(masses[i], power(u[i], 2)), multiply(masses[j], power(u[j], 2)))
+    wedge = subtract(multiply(differentiate(u[i], r1), u[j]), multiply(differentiate(u[j], r1), u[i]))
+    speed = divide(wedge, rho)
+    generator[i][j] = tidied(multiply(masses[j], speed))
+    generator[j][i] = tidied(negate(multiply(masses[i], speed)))
+    form[i][i] = tidied(multiply(masses[i], u[i]))
+    form[i][j] = form[j][i] = tidied(multiply(masses[j], u[j]))
+    form[j][j] = tidied(negate(multiply(masses[j], u[i])))
+
+
+def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression]) -> Matrix:
+    """S^-1 = c D^-1 S D^-1 on the places J, as S is a multiple of a reflection; 0 elsewhere."""
+    size = len(masses)
+    found: Matrix = [[ZERO] * size for _ in range(size)]
+    if not turning:
+        return found
+    first = turning[0]
+    # (S D^-1 S)_ee = S_ee / c
+    square = add(*(divide(power(form[first][k], 2), masses[k]) for k in turning))
+    scale = tidied(divide(masses[first], square))
+    for i in turning:
+        for j in turning:
+            found[i][j] = tidied(divide(multiply(scale, form[i][j]), multiply(masses[i], masses[j])))
+    return found
+
+
+def _explanation(turning: Sequence[str], driver: str) -> str:
+    if not turning:
+        return "The direction of the velocities does not change: nothing turns, all accelerations but forces are zero."
+    text = (
+        f"The velocities of {', '.join(turning)} turn as a vector of constant length (in the masses) with "
+        f"angular velocity proportional to {driver}'."
+    )
+    if len(turning) > 2:
+        text += " The rotation is the one that takes the velocity to a fixed axis by a reflection."
+    return text

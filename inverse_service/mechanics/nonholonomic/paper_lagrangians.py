@@ -30,8 +30,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.transform import LegendreTransform, momentum_symbols
-from inverse_service.mechanics.nonholonomic.paper_class import PaperClass
-from inverse_service.mechanics.nonholonomic.rotation import rotation
+from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
 from inverse_service.mechanics.nonholonomic.writing import tidied
 
 Matrix = Sequence[Sequence[Expression]]

@@ -10,10 +10,9 @@ from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula, split_equations
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Velocity, subtract, walk
-from inverse_service.mechanics.document_names import Declared, Parameters, known_names
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion, motion_on
-from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
-from inverse_service.mechanics.parameter_values import parameter_values, with_values
+from inverse_service.mechanics.document_names import Declared, Parameters, known_names, parameter_values, with_values
+from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, motion_on
 from inverse_service.mechanics.second_order_system import FunctionDeclaration
 
 

@@ -8,8 +8,7 @@ from functools import lru_cache
 from flint import fmpq
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.tree import (
     Apply,

@@ -16,8 +16,7 @@ from inverse_service.inverse_problem.of_kind.clock import with_clock
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve
-from inverse_service.mechanics.document_names import Declared
-from inverse_service.mechanics.parameter_values import parameter_values, with_values
+from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.preparing import prepared

@@ -13,9 +13,9 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Symbol, Velocity, substitute, subtract
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.reading import read_motion
-from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.mechanics.reading import read_given
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.document_kinds import is_motion, is_nonholonomic

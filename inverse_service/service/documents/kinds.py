@@ -23,8 +23,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.branches import on_branch
-from inverse_service.mechanics.document_names import Declared
-from inverse_service.mechanics.parameter_values import parameter_values, with_values
+from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.translate import hamiltonian_part, lagrangian_part, plain
 

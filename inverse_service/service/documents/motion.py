@@ -15,7 +15,7 @@ from inverse_service.inverse_problem.constrained.ansatz import first_system
 from inverse_service.inverse_problem.constrained.answering import answer_motion
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.reading import read_motion
 from inverse_service.service.documents import solving, translate
 from inverse_service.service.documents.checking import compare_motion

@@ -33,8 +33,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration, Expression, walk
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution, Step
-from inverse_service.mechanics.document_names import Declared
-from inverse_service.mechanics.parameter_values import parameter_values, with_values
+from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.reading import read_given, read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.refusals import DocumentRefused, places_of
@@ -42,7 +41,7 @@ from inverse_service.service.documents.refusals import DocumentRefused, places_o
 if TYPE_CHECKING:
     from api_schemas.forward import LagrangianDocument
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
-    from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
+    from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 
     AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
     Asking = SystemDocument | NonholonomicDocument | MotionDocument

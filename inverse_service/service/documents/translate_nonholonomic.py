@@ -41,9 +41,9 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     Study,
 )
 from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison
+from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
-from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.checking import OPEN_MOTION
 from inverse_service.service.documents.refusals import DocumentRefused, places_of

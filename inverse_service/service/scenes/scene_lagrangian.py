@@ -21,10 +21,9 @@ from inverse_service.expressions.tree import Expression, Symbol, walk
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
-from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
+from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem, frames, geometry
 from inverse_service.mechanics.nonholonomic.motion import exact_motion
 from inverse_service.mechanics.nonholonomic.paper_class import recognised
-from inverse_service.mechanics.nonholonomic.system import NonholonomicSystem
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.documents.solving import solve_document
 from inverse_service.service.scenes.scene_methods import number_of

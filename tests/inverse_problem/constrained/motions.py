@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, analyse_motion
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion, constrained_motion
-from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, constrained_motion, equations_of_motion
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
 

@@ -16,7 +16,7 @@ from inverse_service.inverse_problem.constrained import certify
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
 from inverse_service.inverse_problem.constrained.deciding import analyse_motion
 from inverse_service.inverse_problem.constrained.lagrangian import jet_of, own_system
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from tests.inverse_problem.constrained.motions import BLADE, disk, heisenberg, knife_edge, motion_of, particle
 
 INCLINED = {

@@ -10,7 +10,7 @@ import pytest
 from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.linear_pde.deciding import Finding
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.reading import read_system
 from tests.inverse_problem.constrained.motions import (
     BLADE,

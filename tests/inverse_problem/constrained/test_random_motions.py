@@ -14,7 +14,7 @@ from inverse_service.inverse_problem.constrained import certify
 from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
 from inverse_service.inverse_problem.constrained.lagrangian import own_system
 from inverse_service.linear_pde.deciding import Finding
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from tests.inverse_problem.constrained.motions import given
 
 NAMES = ("x", "y", "z")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import mpmath
 
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.tree import Expression

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from flint import fmpq, fmpq_mpoly
 
-from inverse_service.algebra.exact_derivations import sum_of
-from inverse_service.algebra.exact_ring import ExactRing
+from inverse_service.algebra.exact_ring import ExactRing, sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix, characteristic_polynomial
 from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE

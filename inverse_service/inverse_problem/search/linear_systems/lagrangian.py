@@ -12,7 +12,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import ZERO, Expression, add, multiply, power
 from inverse_service.inverse_problem.explanation.elimination import common_factor

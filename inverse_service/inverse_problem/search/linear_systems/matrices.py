@@ -12,7 +12,7 @@ from fractions import Fraction
 
 from flint import fmpq, fmpq_mat
 
-from inverse_service.algebra.exact_derivations import sum_of
+from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient, QuotientField, as_fraction
 
 Vector = tuple[Quotient, ...]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import factorial
 
-from inverse_service.algebra.exact_trees import quotient_tree
+from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.tree import (
