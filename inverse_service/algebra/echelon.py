@@ -148,17 +148,15 @@ class Echelon:
         later, self.state[LATER] = np.empty(len(rows), np.int64), 0
         place = 0
         while True:
-            place = reduce_rows(
-                place, most, rows, later, row_starts, columns, values, *dense, *self._basis, self.origin, *self._uses,
-                self.state, *self._field,
-            )  # fmt: skip
+            arrays = (*dense, *self._basis, self.origin, *self._uses, self.state, *self._field)
+            place = reduce_rows(place, most, rows, later, row_starts, columns, values, *arrays)
             if place == len(rows):
                 break
             self._grow()
         first, self.count = self.count, int(self.state[ROWS])
         if self.count > first:
-            scratch = np.empty(self.count - first, np.uint64)
-            normalise_rows(first, self.count, scratch, *self._basis, *self._uses, *self._field)
+            given = (np.empty(self.count - first, np.uint64), *self._basis, *self._uses, *self._field)
+            normalise_rows(first, self.count, *given)
         return later[: self.state[LATER]]
 
     def _grow(self) -> None:
