@@ -13,6 +13,7 @@ import symengine
 
 from inverse_service.codegen.algebra import STEP, ZERO, Formula, contains, free_names, symbol
 from inverse_service.codegen.program import Assign, Solve, Statement
+from inverse_service.codegen.triangular_form import components, matching
 from inverse_service.errors import InputError
 
 _LARGEST_GUARDED = 4
@@ -100,57 +101,14 @@ def _blocks(equations: Sequence[Formula], unknowns: Sequence[str]) -> list[tuple
     if not unknowns:
         return []
     present = [free_names(equation) for equation in equations]
-    row_of = _matching(present, unknowns)
+    owners = matching([[row for row, names in enumerate(present) if name in names] for name in unknowns])
+    row_of = {unknowns[place]: row for row, place in owners.items()}
+    if len(row_of) < len(unknowns):
+        raise InputError("The equations of a step do not determine it: the Lagrangian is degenerate.")
     graph = {
         name: [other for other in unknowns if other != name and other in present[row_of[name]]] for name in unknowns
     }
     return [([row_of[name] for name in names], names) for names in components(graph)]
-
-
-def _matching(present: Sequence[frozenset[str]], unknowns: Sequence[str]) -> dict[str, int]:
-    """A row for each unknown that contains it (augmenting paths)."""
-    owner: dict[int, str] = {}
-
-    def assign(name: str, seen: set[int]) -> bool:
-        for row, names in enumerate(present):
-            if name in names and row not in seen:
-                seen.add(row)
-                if row not in owner or assign(owner[row], seen):
-                    owner[row] = name
-                    return True
-        return False
-
-    for name in unknowns:
-        if not assign(name, set()):
-            raise InputError("The equations of a step do not determine it: the Lagrangian is degenerate.")
-    return {name: row for row, name in owner.items()}
-
-
-def components(graph: Mapping[str, Sequence[str]]) -> list[list[str]]:
-    """Strongly connected components, each after all that it depends on (Tarjan)."""
-    index: dict[str, int] = {}
-    low: dict[str, int] = {}
-    stack: list[str] = []
-    found: list[list[str]] = []
-
-    def visit(node: str) -> None:
-        index[node] = low[node] = len(index)
-        stack.append(node)
-        for other in graph[node]:
-            if other not in index:
-                visit(other)
-                low[node] = min(low[node], low[other])
-            elif other in stack:
-                low[node] = min(low[node], index[other])
-        if low[node] == index[node]:
-            cut = stack.index(node)
-            found.append(sorted(stack[cut:], key=list(graph).index))
-            del stack[cut:]
-
-    for node in graph:
-        if node not in index:
-            visit(node)
-    return found
 
 
 def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str], guarded: bool) -> Solve:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from fractions import Fraction
 from functools import lru_cache
 
@@ -29,11 +29,15 @@ from inverse_service.expressions.tree import (
     negate,
     number,
     power,
+    rebuild,
+    substitute,
     subtract,
     walk,
 )
 
 Rule = Callable[[Expression], Expression]
+# For each arbitrary function the names of its arguments and its formula over them.
+Definitions = Mapping[str, tuple[tuple[str, ...], Expression]]
 
 
 def _square(expression: Expression) -> Expression:
@@ -177,3 +181,25 @@ def _of_arbitrary(function: Arbitrary, rate: Rule) -> Expression:
             orders = tuple(order + (place == k) for k, order in enumerate(function.orders))
             terms.append(multiply(Arbitrary(function.name, function.arguments, orders), inner))
     return add(*terms)
+
+
+def define_functions(tree: Expression, definitions: Definitions) -> Expression:
+    """The tree with the formulas of its arbitrary functions put in, derivatives taken."""
+    known: dict[Expression, Expression] = {}
+
+    def define(part: Expression) -> Expression:
+        if part not in known:
+            inner = rebuild(part, define)
+            if isinstance(inner, Arbitrary) and inner.name in definitions:
+                inner = _put_in(inner, *definitions[inner.name])
+            known[part] = inner
+        return known[part]
+
+    return define(tree) if definitions else tree
+
+
+def _put_in(function: Arbitrary, arguments: tuple[str, ...], formula: Expression) -> Expression:
+    for name, order in zip(arguments, function.orders, strict=True):
+        for _ in range(order):
+            formula = differentiate(formula, Symbol(name))
+    return substitute(formula, dict(zip(map(Symbol, arguments), function.arguments, strict=True)))

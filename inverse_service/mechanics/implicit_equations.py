@@ -5,18 +5,17 @@ The matrix is inverted exactly, block by block of its triangular form, by fracti
 determinant that is not the zero polynomial is also confirmed not to vanish at random points, to
 50 digits.
 
-The block triangular form of a square pattern: which unknowns must be solved for together.
-
 Whether a tree is the zero function, by its values at random points to 50 digits.
 """
 
 from __future__ import annotations
 
 import random
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from mpmath import mp, mpf
 
+from inverse_service.codegen.triangular_form import components, matching
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate
 from inverse_service.expressions.tree import (
@@ -45,58 +44,6 @@ from inverse_service.mechanics.opaque_fractions import (
     expanded_terms,
     times,
 )
-
-
-def matching(pattern: Sequence[Collection[int]]) -> list[int | None]:
-    """For each column a row of its own in which it occurs (augmenting paths), None where none is left."""
-    row_of: list[int | None] = [None] * len(pattern)
-
-    def assign(row: int, seen: set[int]) -> bool:
-        for column in pattern[row]:
-            if column in seen:
-                continue
-            seen.add(column)
-            other = row_of[column]
-            if other is None or assign(other, seen):
-                row_of[column] = row
-                return True
-        return False
-
-    for row in range(len(pattern)):
-        assign(row, set())
-    return row_of
-
-
-def blocks(pattern: Sequence[Collection[int]], row_of: Sequence[int]) -> list[list[int]]:
-    """Groups of columns in an order in which each depends only on itself and earlier ones.
-
-    `row_of[c]` is the row matched to column c. The groups are the strongly connected components of
-    "the row of c contains d" (Tarjan 1972), which gives them in this order.
-    """
-    index: dict[int, int] = {}
-    low: dict[int, int] = {}
-    stack: list[int] = []
-    result: list[list[int]] = []
-
-    def visit(column: int) -> None:
-        index[column] = low[column] = len(index)
-        stack.append(column)
-        for other in pattern[row_of[column]]:
-            if other not in index:
-                visit(other)
-                low[column] = min(low[column], low[other])
-            elif other in stack:
-                low[column] = min(low[column], index[other])
-        if low[column] == index[column]:
-            start = stack.index(column)
-            result.append(sorted(stack[start:]))
-            del stack[start:]
-
-    for column in range(len(pattern)):
-        if column not in index:
-            visit(column)
-    return result
-
 
 _DIGITS = 50
 _POINTS = 3
@@ -168,7 +115,7 @@ def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequen
     pattern = [[k for k, entry in enumerate(row) if not entry.numerator.is_zero()] for row in rows]
     row_of = _matched(pattern, equations, coordinates)
     solved: dict[int, Expression] = {}
-    for block in blocks(pattern, row_of):
+    for block in components({column: pattern[row_of[column]] for column in range(len(pattern))}):
         chosen = [row_of[column] for column in block]
         rests = [_with_known(equations[row], coordinates, solved) for row in chosen]
         inverse = _inverse(ring, [[rows[row][column] for column in block] for row in chosen])
@@ -186,7 +133,9 @@ def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str])
         raise InputError("an equation divides by zero: write it without that.", equation.pointer) from None
 
 
-def _matched(pattern: list[list[int]], equations: Sequence[LinearEquation], coordinates: Sequence[str]) -> list[int]:
+def _matched(
+    pattern: list[list[int]], equations: Sequence[LinearEquation], coordinates: Sequence[str]
+) -> dict[int, int]:
     for columns, equation in zip(pattern, equations, strict=True):
         if not columns:
             raise InputError(
@@ -195,10 +144,10 @@ def _matched(pattern: list[list[int]], equations: Sequence[LinearEquation], coor
                 equation.pointer,
             )
     found = matching(pattern)
-    lost = [coordinates[column] for column, row in enumerate(found) if row is None]
+    lost = [name for column, name in enumerate(coordinates) if column not in found]
     if lost:
         raise _singular(lost)
-    return [row for row in found if row is not None]
+    return found
 
 
 def _with_known(equation: LinearEquation, coordinates: Sequence[str], solved: dict[int, Expression]) -> Expression:

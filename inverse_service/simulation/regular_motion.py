@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from inverse_service.codegen.triangular_form import components
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
@@ -69,9 +70,9 @@ def inverse(matrix: Matrix) -> Matrix | None:
 
     InputError where it is singular everywhere.
     """
-    size = len(matrix)
-    found: list[list[Expression]] = [[ZERO] * size for _ in range(size)]
-    for block in blocks(matrix):
+    span = range(len(matrix))
+    found: list[list[Expression]] = [[ZERO for _ in span] for _ in span]
+    for block in components({i: [j for j in span if matrix[i][j] != ZERO] for i in span}):
         if len(block) > MOST_FULL_ROWS:
             return None
         inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
@@ -90,19 +91,6 @@ def determinant(matrix: Matrix) -> Expression:
         return ONE
     terms = [multiply(entry, _cofactor(matrix, 0, j)) for j, entry in enumerate(matrix[0]) if entry != ZERO]
     return collect(add(*terms))
-
-
-def blocks(matrix: Matrix) -> list[list[int]]:
-    """The places that entries couple, in groups."""
-    left, found = list(range(len(matrix))), []
-    while left:
-        group = [left.pop(0)]
-        for i in group:
-            joined = [j for j in left if matrix[i][j] != ZERO or matrix[j][i] != ZERO]
-            group += joined
-            left = [j for j in left if j not in joined]
-        found.append(sorted(group))
-    return found
 
 
 def _cofactor(matrix: Matrix, row: int, column: int) -> Expression:

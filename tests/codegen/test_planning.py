@@ -6,8 +6,9 @@ import pytest
 import symengine
 
 from inverse_service.codegen.algebra import symbol
-from inverse_service.codegen.planning import components, determinant, plan, used_only
+from inverse_service.codegen.planning import determinant, plan, used_only
 from inverse_service.codegen.program import Assign, Solve
+from inverse_service.codegen.triangular_form import components
 from inverse_service.errors import InputError
 
 h, u, v, w, a = (symbol(name) for name in "huvwa")

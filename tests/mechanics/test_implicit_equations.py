@@ -7,6 +7,7 @@ import random
 import pytest
 from mpmath import mp, mpf
 
+from inverse_service.codegen.triangular_form import components, matching
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
@@ -22,7 +23,6 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.mechanics.implicit_equations import blocks, matching
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -131,9 +131,9 @@ def test_dense_symbolic_matrix_is_refused_in_time() -> None:
 
 def test_blocks_come_in_the_order_of_their_dependence() -> None:
     pattern = [[0, 1], [0, 1], [1, 2], [3, 2]]
-    row_of = [row for row in matching(pattern) if row is not None]
-    assert blocks(pattern, row_of) == [[0, 1], [2], [3]]
+    row_of = matching(pattern)
+    assert components({column: pattern[row_of[column]] for column in range(4)}) == [[0, 1], [2], [3]]
 
 
 def test_matching_leaves_none_where_rows_run_out() -> None:
-    assert matching([[0], [0]]).count(None) == 1
+    assert matching([[0], [0]]) == {0: 0}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flint import nmod_mat
+
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Point, Variable, evaluate
 from inverse_service.algebra.real_point import find_real_point
@@ -62,21 +64,4 @@ def rank_at_point(matrix: Sequence[Sequence[Expression]], variables: Sequence[Va
     if found is None:
         return None
     ((point, values),) = found
-    width = len(matrix[0])
-    rows = [values[start : start + width] for start in range(0, len(values), width)]
-    return _rank(rows, point.prime)
-
-
-def _rank(rows: list[list[int]], prime: int) -> int:
-    rank = 0
-    for column in range(len(rows[0])):
-        pivot = next((k for k in range(rank, len(rows)) if rows[k][column]), None)
-        if pivot is None:
-            continue
-        rows[rank], rows[pivot] = rows[pivot], rows[rank]
-        inverse = pow(rows[rank][column], -1, prime)
-        for k in range(rank + 1, len(rows)):
-            factor = rows[k][column] * inverse % prime
-            rows[k] = [(a - factor * b) % prime for a, b in zip(rows[k], rows[rank], strict=True)]
-        rank += 1
-    return rank
+    return int(nmod_mat(len(matrix), len(matrix[0]), values, point.prime).rank())

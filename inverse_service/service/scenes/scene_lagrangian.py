@@ -15,6 +15,7 @@ from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.errors import InputError, InverseServiceError
+from inverse_service.expressions.derivative import define_functions
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, walk
@@ -29,7 +30,6 @@ from inverse_service.service.documents.solving import solve_document
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.service.scenes.scene_system import (
     MechanicalSystem,
-    defined,
     formula,
     lagrangian_of,
     refuse_open_functions,
@@ -90,7 +90,7 @@ def _given(
     names = system.names
     extra = tuple(name for name in constants if name not in names.parameters)
     given = formula(text, Names(names.coordinates, (*names.parameters, *extra), names.functions), pointer)
-    tree = defined(given, system.definitions)
+    tree = define_functions(given, system.definitions)
     refuse_open_functions([tree], names)
     used = {node.name for node in walk(tree) if isinstance(node, Symbol)}
     own = {name: value for name, value in constants.items() if name in used and name not in scene.values}

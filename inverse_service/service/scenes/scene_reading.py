@@ -8,16 +8,14 @@ from typing import Any
 from api_schemas.scene import SceneDocument, SceneInitial
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
 from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Velocity, add, negate, walk
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.scenes.scene_initial import read_initial, read_members
 from inverse_service.service.scenes.scene_methods import number_of, read_circle, read_grid, read_methods
 from inverse_service.service.scenes.scene_system import (
-    Definitions,
     MechanicalSystem,
-    defined,
     formula,
     mechanical_system,
     read_definitions,
@@ -32,7 +30,7 @@ NO_INITIAL = "The key 'initial' is missing; it must be an object with positions 
 
 
 def _read(text: str, system: MechanicalSystem, definitions: Definitions, pointer: str) -> Expression:
-    tree = defined(formula(text, system.names, pointer), definitions)
+    tree = define_functions(formula(text, system.names, pointer), definitions)
     refuse_open_functions([tree], system.names)
     return tree
 
@@ -127,7 +125,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
     values = _values(schema, system)
     definitions = read_definitions(schema.functions, names)
     lagrangian, constraints, effects, without = _with_effects(schema, system, definitions)
-    accelerations = system.accelerations and tuple(defined(tree, definitions) for tree in system.accelerations)
+    accelerations = system.accelerations and tuple(define_functions(tree, definitions) for tree in system.accelerations)
     formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
     refuse_open_functions(formulas, names)
     if any(node == TIME for tree in constraints for node in walk(tree)):
@@ -209,7 +207,7 @@ def _with_effects(
     each of them where the cost of parts is observed."""
     _refuse_dissipation(schema)
     texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
-    terms = {name: defined(tree, definitions) for name, tree in texts.items()}
+    terms = {name: define_functions(tree, definitions) for name, tree in texts.items()}
     further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
     known = (*BUILT_IN, *terms, *further)
     named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
@@ -223,9 +221,9 @@ def _with_effects(
             detail = "effects, terms and forces need a Lagrangian, and this system has equations: leave them out."
             raise InputError(detail, pointer)
         return None, (), (), {}
-    whole = defined(system.lagrangian, definitions)
+    whole = define_functions(system.lagrangian, definitions)
     parts = lagrangian_parts(whole, system.names.coordinates)
-    given = tuple(defined(w, definitions) for w in system.constraints)
+    given = tuple(define_functions(w, definitions) for w in system.constraints)
 
     def acting(names: tuple[str, ...]) -> tuple[Expression, Constraints]:
         return with_effects(parts, terms, names), given if CONSTRAINTS in names else ()

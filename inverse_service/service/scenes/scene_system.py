@@ -15,7 +15,7 @@ from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocumen
 from api_schemas.sizes import MAX_SIMULATED
 from inverse_service import catalogue
 from inverse_service.errors import InputError
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.derivative import Definitions
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import (
@@ -24,8 +24,6 @@ from inverse_service.expressions.tree import (
     Expression,
     Symbol,
     Velocity,
-    rebuild,
-    substitute,
     walk,
 )
 from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names
@@ -37,8 +35,6 @@ from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.outcome import Place
 from inverse_service.service.scenes.scene_refusals import SYSTEM
 from inverse_service.simulation.formulas import walls
-
-Definitions = Mapping[str, tuple[tuple[str, ...], Expression]]
 
 
 def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
@@ -64,20 +60,6 @@ def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
 
 def _is_other(node: Expression, arguments: tuple[str, ...], names: Names) -> bool:
     return isinstance(node, Symbol) and node.name in names.coordinates and node.name not in arguments
-
-
-def defined(tree: Expression, definitions: Definitions) -> Expression:
-    """The tree with the formulas of its functions put in, derivatives taken."""
-    if not definitions:
-        return tree
-    inner = rebuild(tree, lambda part: defined(part, definitions))
-    if not isinstance(inner, Arbitrary) or inner.name not in definitions:
-        return inner
-    arguments, found = definitions[inner.name]
-    for name, order in zip(arguments, inner.orders, strict=True):
-        for _ in range(order):
-            found = differentiate(found, Symbol(name))
-    return substitute(found, {Symbol(name): value for name, value in zip(arguments, inner.arguments, strict=True)})
 
 
 def refuse_open_functions(formulas: Sequence[Expression], names: Names) -> None:
