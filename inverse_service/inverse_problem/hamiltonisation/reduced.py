@@ -31,8 +31,8 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.legendre.transform import legendre
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

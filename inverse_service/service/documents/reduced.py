@@ -19,8 +19,8 @@ from inverse_service.inverse_problem.hamiltonisation.reduced import (
 )
 from inverse_service.inverse_problem.of_kind.clock import with_clock
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.mechanics.nonholonomic.constrained_motion import ConstrainedMotion, constrained_motion
 from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, constrained_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.clock import answered, compared_answer
 from inverse_service.service.documents.document_kinds import is_motion
