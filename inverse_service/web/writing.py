@@ -15,8 +15,8 @@ from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.documents.text_page import text_page
 from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.model import Job
+from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.service.jobs.stored_answers import stored_answer
 from inverse_service.service.jobs.tasks import guard
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
