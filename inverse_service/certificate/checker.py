@@ -12,7 +12,7 @@ import math
 import random
 import re
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate
@@ -32,24 +32,24 @@ from .formulas import (
     OLD,
     OLD_FORMAT,
     RESERVED,
-    RESULT,
     SYSTEM,
     TEXT,
-    VERDICTS,
     Ended,
     Reader,
     check_shape,
     is_irrational,
     read_tokens,
     require,
-)  # fmt: skip
-from .numbers import Arithmetic, Balls, Number, Place, Residues, Series, Undefined, Unsettled
+)
+from .numbers import Balls, Number, Place, Residues, Series, Undefined, Unsettled
 from .plan import SPARE, Plan
 from .series import Count, Elimination, Expansion, Row, Step, followed, symbol_of, symbol_rows
 
 PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
 MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
 MAX_ATOMS = 40  # between which all linear relations are looked for
+# Of each kind the order of the condition on g, that of the derivatives of f in it, and the places i, j of its rows.
+KindsOfRows = dict[str, tuple[int, int, list[tuple[int, ...]]]]
 Tools = tuple[random.Random, float]  # and the end of its processor time
 
 
@@ -75,35 +75,40 @@ class Question:
     `claim` gives the set of the claim: `near`, `conditions`, `roots`.
     """
 
-    jet = 2  # the derivatives of L that are needed
-    kind: Any = None  # of the Lagrangians asked about
+    jet, where = 2, ""  # the derivatives of L that are needed
 
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
         (self.generator, self.deadline), self.timed, claim = tools, timed, claim or {}
         self.read_system(document)
-        self.content = (self.coordinates, {*self.parameters}, self.functions, self.force_texts)
+        self.content = (self.coordinates, {*self.parameters}, self.functions, self.force_texts, self.bound)
         self.contains_time = any("t" in force for force in self.force_texts)
         require(timed or not self.contains_time, "f contains t: the question has to be time_dependent.")
         self.variables = ["t"] * timed + self.coordinates + [name + "'" for name in self.free]
         self.names = {"t", *self.variables, *self.parameters}
         self.set_of_claim(claim)
         self.integrals = dict[str, tuple[list[str], tuple[str, tuple[str, ...]]]]()
-        self.orders = {"H2": 1, "H3": 0}  # of the conditions
+        self.kinds_of_rows = self.listed_rows()
         self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
 
     def read_system(self, document: Any) -> None:
         check_shape(document, SYSTEM, "system")
         self.coordinates, self.parameters = document["coordinates"], document.get("parameters") or []
-        self.functions, equations = document.get("functions") or {}, document["equations"]
+        self.functions, forces, rates = (document.get(key) or {} for key in ("functions", "equations", "velocities"))
         check_shape(list(self.functions.items()), [(NAME, [NAME, 6]), MAX_NAMES], "system.functions")
         names = [*self.coordinates, *self.parameters, *self.functions]
-        good = self.coordinates and all(self.functions.values()) and {*equations} == {*self.coordinates}
-        good = good and len({*names} - RESERVED) == len(names)
+        self.free, self.bound = self.coordinates[: len(forces)], self.coordinates[len(forces) :]
+        good = self.free and all(self.functions.values()) and len({*names} - RESERVED) == len(names)
+        good = good and ({*forces}, {*rates}) == ({*self.free}, {*self.bound})
         require(good, "system has to declare names once, none with a meaning of its own, and an equation for each.")
-        self.free = self.coordinates
-        self.force_texts = [read_tokens(equations[name], f"system.equations.{name}") for name in self.coordinates]
+        self.force_texts = [read_tokens(forces[name], f"system.equations.{name}") for name in self.free]
+        self.force_texts += [read_tokens(rates[name], f"system.velocities.{name}") for name in self.bound]
 
-    def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
+    def listed_rows(self) -> KindsOfRows:
+        """The rows that a certificate may have."""
+        pairs: list[tuple[int, ...]] = [(i, j) for j in range(len(self.free)) for i in range(j + 1)]
+        return {"H2": (1, 1, pairs), "H3": (0, 2, [pair for pair in pairs if pair[0] < pair[1]])}
+
+    def expansion(self, arithmetic: Balls | Residues, degree: int) -> Expansion:
         """Series about a point, and the conditions in them."""
         return Expansion(arithmetic, degree)
 
@@ -138,13 +143,15 @@ class Question:
         degree, ring.degree = ring.degree, 0
         for more, less in self.conditions if hinted else ():
             ring.elementary("log", ring.add([Reader(ring, more).value, Reader(ring, less).value], [1, -1]))
-        for root, found in self.roots if hinted else ():
-            ring.elementary("log", value := Reader(ring, found).value)
+        for root, said in self.roots if hinted else ():
+            ring.elementary("log", value := Reader(ring, said).value)
             ring.ties.append(
                 ring.multiply(ring.add([Reader(ring, root).value, value], [1, -1]), ring.constant(Fraction(1)), 0)
             )
         ring.degree = degree
-        return [Reader(ring, force).value for force in self.force_texts]
+        found: list[Any] = [Reader(ring, force).value for force in self.force_texts]
+        ring.names |= {name + "'": rate for name, rate in zip(self.bound, found[len(self.free) :], strict=True)}
+        return found
 
     def prepare(
         self, read: Callable[[Any], object], formulas: Iterable[tuple[str, ...]] = (), rational: bool = True
@@ -281,35 +288,28 @@ class Question:
             self.proven_in_balls(degree, real, told)
 
     def lagrangian(self, document: dict[str, Any]) -> str:
-        """L_(v_i v_j) f^j + L_(v_i q_j) v^j + L_(v_i t) = L_(q_i), and the matrix L_(v_i v_j) is regular."""
+        """All conditions on L itself hold, and the matrix L_(v_i v_j) is regular."""
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
         tokens = formula + self.read_integrals(document.get("integrals") or {})
         require(self.timed or "t" not in tokens, "The Lagrangian contains t, but the question does not.")
 
         def claims(ring: Expansion) -> Claims:
-            lagrangian, zeros = Reader(ring, formula).value, list[tuple[Series, str]]()
-            drag = self.dissipation(ring)
-            rates = {unit: rate.get(0, 0) for unit, rate in zip(ring.units, ring.field, strict=True)}
-            for v, q, name in zip(ring.v, ring.q, self.coordinates, strict=True):
-                slope = ring.derivative(lagrangian, v)
-                terms = [value * rates[key] for key, value in slope.items() if key in rates]
-                terms += [-drag.get(ring.units[v], 0)]
-                residual = ring.arithmetic.settle({0: sum(terms, -lagrangian.get(ring.units[q], 0))})
-                zeros.append((residual, f"The Euler-Lagrange equation of {name} does not hold."))
-            zeros += self.further(ring, lagrangian, drag)
-            return Claims(zeros, [(ring.hessian(lagrangian), "The Hessian of the Lagrangian is singular.")])
+            lagrangian = Reader(ring, formula).value
+            zeros = [(ring.settle(value), sentence) for value, sentence in self.residuals(ring, lagrangian)]
+            return Claims(
+                zeros, [(ring.hessian(lagrangian), f"The Hessian of the Lagrangian is singular{self.where}.")]
+            )
 
         self.prepare(lambda ring: Reader(ring, formula).value, [tokens])
         self.settle(self.jet, claims, 3 if self.rational else 2)
-        return "The Euler-Lagrange equations of the Lagrangian hold and its Hessian is regular."
+        return f"The Euler-Lagrange equations of the Lagrangian hold{self.where}; its Hessian is regular{self.where}."
 
-    def dissipation(self, ring: Any) -> Series:
-        """What stands on the right of the Euler-Lagrange equations, by its v-derivatives; only a kind has it."""
-        return {}
-
-    def further(self, ring: Any, lagrangian: Series, drag: Series) -> list[tuple[Series, str]]:
-        """What else has to be zero for a Lagrangian of the kind."""
-        return []
+    def residuals(self, ring: Expansion, lagrangian: Series) -> Iterator[tuple[Series, str]]:
+        """What has to be zero at the point, and what is wrong otherwise."""
+        for kind, names in (("free", self.free), ("dependent", self.bound)):
+            for i, name in enumerate(names):
+                sentence = f"The Euler-Lagrange equation of {name} does not hold{self.where}."
+                yield ring.value(ring.terms(kind, i), lagrangian), sentence
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
         """The functions that are known by one derivative, which may hold those before them; the tokens of all."""
@@ -339,7 +339,8 @@ class Question:
 
     def multi_index(self, exponents: list[int], most: int) -> int:
         require(sum(exponents) <= most, f"A multi-index has to have a total of at most {most}.")
-        return sum(exponent << 8 * a for a, exponent in enumerate([*exponents, sum(exponents)]))
+        shift = 8 * (len(self.variables) + len(self.bound))
+        return sum(exponent << 8 * a for a, exponent in enumerate(exponents)) | sum(exponents) << shift
 
     def agreed(self, scripts: Iterable[list[Step]]) -> list[Step]:
         """The rows and pivots of eliminations at several points, which have to be the same."""
@@ -353,16 +354,18 @@ class Question:
     def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
         """The rows of a document in the order of their elimination, and the degree to which f is needed."""
         index, exponents, m = range(len(self.coordinates)), range(MAX_ORDER + 1), len(self.variables)
-        shape = {"order": exponents, "rows": [("|".join(self.orders), index, index, (exponents,) * m), MAX_ROWS]}
-        check_shape(document, shape, "certificate")
-        order, listed = document["order"], document["rows"]
-        good = all(i < j if kind == "H3" else i == j if kind[0] == "S" else i <= j for kind, i, j, _ in listed)
-        require(good, "A row of H2 or K needs i <= j, a row of H3 i < j, a row of S i = j.")
-        rows = [(kind, i, j, self.multi_index(alpha, order - self.orders[kind])) for kind, i, j, alpha in listed]
-        degree = {row: (row[3] >> 8 * m) + self.orders[row[0]] for row in rows}
-        rows.sort(key=lambda row: (degree[row], row[0], *(-index for index in row[1:])))  # this fills in least
-        spare = 2 * (self.kind == "rayleigh")  # for the even part of f
-        return rows, max((degree[row] + 2 * (row[0] != "H2") for row in rows), default=0) + spare
+        kinds, arity = "|".join(self.kinds_of_rows), len(next(iter(self.kinds_of_rows.values()))[2][0])
+        shape = (kinds, *[index] * arity, (exponents,) * m)
+        check_shape(document, {"order": exponents, "rows": [shape, MAX_ROWS]}, "certificate")
+        rows, depths, places = list[tuple[int, Row]](), [0], {key: {*one[2]} for key, one in self.kinds_of_rows.items()}
+        for kind, *place, alpha in document["rows"]:
+            order, depth, _ = self.kinds_of_rows[kind]
+            require((*place,) in places[kind], f"A row of {kind} does not stand at {place}: see FORMAT.md.")
+            key = self.multi_index(alpha, document["order"] - order)
+            rows.append((sum(alpha) + order, (kind, (*place,), key)))
+            depths.append(sum(alpha) + depth)
+        rows.sort(key=lambda row: (row[0], row[1][0], *(-i for i in row[1][1]), -row[1][2]))  # this fills in least
+        return [row for _, row in rows], max(depths)
 
     def nonexistence(self, document: dict[str, Any]) -> str:
         rows, most = self.listed(document)
@@ -403,7 +406,7 @@ class Question:
             for step in range(order + 2):
                 ring.extend(elimination, step, idle)
                 kept = [pivot >> ring.shift for pivot in elimination.pivots]
-                found.append([*accumulate(len(ring.unknowns(k)) - kept.count(k + 2) for k in degrees)])
+                found.append([*accumulate(len(ring.unknowns(k)) - kept.count(k + ring.offset) for k in degrees)])
             regular = ring.arithmetic.regular(ring.matrix(elimination))
             sizes, killed = symbol_of(elimination, ring, degree, directions)
             return elimination.script(), killed.script(), found[order:], regular, sizes
@@ -481,6 +484,8 @@ def check_certificate(certificate: object, time_limit: float = 60.0, seed: int |
 
 def check_result(result: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
     """The verdict on a result document, its certificates and their agreement with it; never raises."""
+    from .results import compared
+
     return judged(lambda tools: compared(result, tools), time_limit, seed)
 
 
@@ -514,76 +519,9 @@ def certified(document: Any, tools: Tools) -> str:
     from .constraints import Motion  # which is a Question
     from .kinds import OfKind
 
-    moving, among = isinstance(document["system"].get("velocities"), dict), document.get("among")
+    moving, among = document["system"].get("velocities") is not None, document.get("among")
     require(not moving or among is None, "A motion on constraints is asked about with all Lagrangians.")
-    kind_of = Motion if moving else Question if among is None else OfKind
-    asked = kind_of(tools, document["system"], document["question"] == "time_dependent", document)
+    about = Motion if moving else Question if among is None else OfKind
+    asked = about(tools, document["system"], document["question"] == "time_dependent", document)
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
     return checks[kind](document) + (f" Only Lagrangians of a kind are meant: {among}." if among is not None else "")
-
-
-def compared(result: Any, tools: Tools) -> list[str]:
-    """Check a result: first that its parts agree, then its certificates."""
-    check_shape(result, RESULT, "result")
-    system, asked = Question(tools, result["system"]), result.get("question")
-    timed = asked == "L(t, q, q')" or (asked is None and system.contains_time)
-    verdict, later, other = result["verdict"], result.get("verdict_with_time"), result.get("with_time")
-    require(not timed or later in (None, verdict), "verdict and verdict_with_time answer one question differently.")
-    require((verdict, later) != ("variational", "not_variational"), "An L(q, q') is an L(t, q, q') too.")
-    certificates = [agreed(result, verdict, "time_dependent" if timed else "autonomous", system, tools)]
-    if other is not None:
-        require(other.get("verdict") in (None, later), "with_time.verdict is not verdict_with_time.")
-        certificates.append(agreed(other, later, "time_dependent", system, tools))
-    others = list(motions(result.get("any_associated")))
-    if result.get("kinds") is not None or result.get("instead") is not None:
-        from .kinds import certificates_of
-
-        for among, one, always in certificates_of(result.get("kinds") or {}, result.get("instead")):
-            timed = not always or system.contains_time
-            asked = "time_dependent" if timed else "autonomous"
-            others.append(agreed(one, one["verdict"], asked, system, tools, among))
-    found = [certified(one, tools) for one in (*certificates, *others) if one]
-    proven = later is None or any(one and proves(one, "time_dependent", later) for one in certificates)
-    if not proven or None in certificates or "undetermined" in (verdict, later):
-        raise Ended("incomplete", "A verdict is undetermined, or no certificate proves it.")
-    return found if result["system"].get("given") is None else [*found, "The equations as given were not compared."]
-
-
-def motions(answer: Any) -> list[Any]:
-    """The certificates of what a result says about a motion on constraints, each for one of its verdicts."""
-    if answer is None:
-        return []
-    check_shape(answer, {"verdict": VERDICTS, "verdict_with_time": VERDICTS}, "any_associated")
-    verdicts = {answer["verdict"], answer["verdict_with_time"]}
-    found = [one for key in ("certificate", "certificate_with_time") if (one := answer.get(key)) is not None]
-    for one in found:
-        check_certificate_shape(one)
-        good = one["claim"] in verdicts and one.get("among") is None
-        require(good, "A certificate does not claim the verdict that it stands beside.")
-    require(
-        {one["claim"] for one in found} == verdicts - {"undetermined"}, "A verdict on the motion has no certificate."
-    )
-    return found
-
-
-def proves(certificate: dict[str, Any], question: str, verdict: str | None) -> bool:
-    """Whether the certificate's claim, if right, makes the verdict right."""
-    wider = "time_dependent" if verdict == "not_variational" else "autonomous"
-    return certificate["claim"] == verdict and certificate["question"] in (question, wider)
-
-
-def agreed(
-    answer: dict[str, Any], verdict: str | None, question: str, system: Question, tools: Tools, among: Any = None
-) -> Any:
-    """The certificate of an answer, if it has one, once it is seen to speak of the same things."""
-    certificate, shown = answer.get("certificate"), answer.get("lagrangian")
-    if certificate is None:
-        return None
-    check_certificate_shape(certificate)
-    good = proves(certificate, question, verdict) and certificate.get("among") == among
-    require(good, "A certificate does not claim the verdict that it stands beside.")
-    require(system.content == Question(tools, certificate["system"]).content, "A certificate is about another system.")
-    formula = None if shown is None else read_tokens(shown.get("text"), "lagrangian.text")
-    certain = read_tokens(certificate.get("lagrangian"), "lagrangian") if certificate["kind"] == "lagrangian" else None
-    require(formula == certain, "The Lagrangian of an answer is not the one that its certificate proves.")
-    return certificate

@@ -25,7 +25,8 @@ OPERAND = r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1
 TOKEN = re.compile(rf"[ \t\r\n]*({OPERAND}|{EXPONENT}|[-+*/^(),]|\Z|(.))", re.DOTALL)
 NAME, TEXT = r"[A-Za-z][A-Za-z0-9_]{0,99}", rf"(?s:.{{0,{MAX_TEXT}}})"
 NUMBER = r"-?[0-9]{1,400}((\.[0-9]{1,400})?(e[-+]?[0-9]{1,2})?|/0{0,9}[1-9][0-9]{0,399})"
-SYSTEM = {"coordinates": [NAME, MAX_COORDINATES], "parameters?": [NAME, MAX_NAMES], "functions?": {}, "equations": {}}
+SYSTEM = {"coordinates": [NAME, MAX_COORDINATES], "parameters?": [NAME, MAX_NAMES], "functions?": {}, "equations": {},
+          "velocities?": {}}  # fmt: skip
 VERDICTS = "variational|not_variational|undetermined"
 CERTIFICATE = {"format": FORMAT, "system": {}, "question": "autonomous|time_dependent", "near?": {},
                "claim": VERDICTS, "kind": "lagrangian|existence|nonexistence"}  # fmt: skip

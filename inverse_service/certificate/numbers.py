@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 Number = Any  # a residue (an int or a Vector) or a ball
 Series = dict[int, Number]  # coefficients of monomials: eight bits for each exponent, the total degree on top of them
-Table = dict[int, list[tuple[Number, int, int, int, int, int]]]  # of a condition: see Expansion.condition
 
 
 class Undefined(Exception):

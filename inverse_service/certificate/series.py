@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from .checker import Question
 
 MAX_MONOMIALS, MAX_DEGREE = 400_000, 1 << 20
-Table = dict[int, list[tuple[Number, int, int, int, int, int]]]  # of a condition: see Expansion.condition
-Term = tuple[Series, int, int, int, int, int]  # of a condition: see Expansion.terms
-Row = tuple[str, int, int, int]  # the name of a row: kind, i, j, alpha
+Term = tuple[int, Series, tuple[int, ...]]  # of a condition: weight times factor times the derivative of L by these
+Table = dict[int, list[tuple[Number, int, list[tuple[int, int]]]]]  # of a condition: see Expansion.condition
+Row = tuple[str, tuple[int, ...], int]  # the name of a row: kind, place among those of the kind, alpha
 Step = tuple[Any, int, frozenset[int]]  # of an elimination: the name of a row, its pivot, its other columns
 
 
@@ -93,25 +93,36 @@ class Count:
 
 
 class Expansion:
-    """Power series about a point in the displacements of t (if any), q_1 … q_n, v_1 … v_n, and conditions."""
+    """Power series about a point in the displacements of t (if any), q_1 … q_n, v_1 … v_k, and conditions on L.
+
+    Where velocities are dependent, s' = w(t, q, v), L has the variables mu = s' - w beside these.
+    """
+
+    offset = 2  # the total degree of the unknown coefficients of L that are of degree 0
 
     def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
         self.question, self.arithmetic, self.degree = arithmetic.question, arithmetic, degree
         self.settle: Callable[[Series], Series] = arithmetic.settle
-        self.n, m = len(self.question.coordinates), len(self.question.variables)
-        self.shift, self.units = 8 * m, [(1 << 8 * a) | (1 << 8 * m) for a in range(m)]
-        self.q, self.v = range(m - 2 * self.n, m - self.n), range(m - self.n, m)
+        question, n = self.question, len(self.question.coordinates)
+        m, free, transverse = len(question.variables), len(question.free), len(question.bound)
+        self.shift, self.one = 8 * (m + transverse), self.settle({0: arithmetic.number(Fraction(1))})
+        self.all_units = [(1 << 8 * a) | (1 << self.shift) for a in range(m + transverse)]
+        self.units, self.mu = self.all_units[:m], range(m, m + transverse)
+        self.q, self.v = range(m - free - n, m - free), range(m - free, m)
         self.phi, self.table, self.unknowns = cache(self.curvature), cache(self.condition), cache(self.coefficients)
-        if math.comb(m + degree, degree) > MAX_MONOMIALS:
+        if math.comb(m + transverse + degree, degree) > MAX_MONOMIALS:
             raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
         self.names = {name: {0: value} for name, value in arithmetic.values.items()}
-        for name, unit in zip(self.question.variables, self.units, strict=True) if degree else ():
+        for name, unit in zip(question.variables, self.units, strict=True) if degree else ():
             self.names[name][unit] = arithmetic.number(Fraction(1))
         self.ties = list[Series]()
-        self.forces = self.question.read_all(self)
+        read = question.read_all(self)
+        self.forces, self.rates = read[:free], read[free:]
+        self.field = [self.one] * question.timed + [self.names[name + "'"] for name in question.coordinates]
+        self.field += self.forces
+        for name, rate, a in zip(question.bound, self.rates, self.mu, strict=True) if degree else ():
+            self.names[name + "'"] = self.add([rate, {self.all_units[a]: self.one[0]}])
         self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
-        speeds = (self.names[name + "'"] for name in self.question.coordinates)
-        self.field = [*[self.constant(Fraction(1))] * self.question.timed, *speeds, *self.forces]
 
     def constant(self, value: Fraction) -> Series:
         return self.settle({0: self.arithmetic.number(value)})
@@ -225,44 +236,79 @@ class Expansion:
     def curvature(self, k: int, j: int) -> Series:
         """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
         pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
-        pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(self.n)]
+        pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(len(self.v))]
         terms = [self.derivative(self.forces[k], self.q[j]), *(self.multiply(*pair, self.degree) for pair in pairs)]
-        return self.add(terms, [-4] + [2] * len(self.field) + [-1] * self.n)
+        return self.add(terms, [-4] + [2] * len(self.field) + [-1] * len(self.v))
 
-    def terms(self, kind: str, i: int, j: int) -> list[Term]:
-        """A condition as a sum of terms: weight times factor times g_bk or its derivative by the unit."""
-        sign, nothing = -1 if kind == "H3" else 1, self.shift + 8  # no exponent stands there
-        terms = [(rate, i, j, 2, 8 * a, self.units[a]) for a, rate in enumerate(self.field) if kind == "H2"]
-        for k in range(self.n):
-            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in (j, i))
-            terms += [(left, i, k, 1, nothing, 0), (right, j, k, sign, nothing, 0)]
+    def terms(self, kind: str, *place: int) -> list[Term]:
+        """A condition, an expression that L has to make zero, as a sum of terms."""
+        if kind in ("free", "dependent"):
+            return self.euler_lagrange(kind, *place)
+        (i, j), sign = ((self.v[a] for a in place), -1 if kind == "H3" else 1)
+        terms: list[Term] = [(2, rate, (i, j, a)) for a, rate in enumerate(self.field) if kind == "H2"]
+        for k, v in enumerate(self.v):
+            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in reversed(place))
+            terms += [(1, left, (i, v)), (sign, right, (j, v))]
         return terms
 
-    def condition(self, kind: str, i: int, j: int) -> Table:
-        """The terms value x^part g_ab and value x^part d_c g_ab of a condition, by their parts; see row()."""
+    def euler_lagrange(self, kind: str, i: int) -> list[Term]:
+        """Gamma(d_v L) - d_q L, where velocities are dependent in v and mu: see FORMAT.md."""
+        s = self.q[len(self.v) :]
+        by, of = (self.v[i], self.q[i]) if kind == "free" else (self.mu[i], s[i])
+        terms: list[Term] = [(1, rate, (by, a)) for a, rate in enumerate(self.field)] + [(-1, self.one, (of,))]
+        for rate, a, b in zip(self.rates, self.mu, s, strict=True):
+            if kind == "free":  # (X(w^b) - Gamma(w^b_v)) d_mu L - w^b_v d_s L
+                slope = self.derivative(rate, by)
+                across = [self.derivative(rate, of), *(self.multiply(self.derivative(w, by), self.derivative(rate, c),
+                          self.degree) for w, c in zip(self.rates, s, strict=True))]  # fmt: skip
+                curving = [*across, self.along(dict(enumerate(self.field)), slope)]
+                terms += [(-1, slope, (b,)), (1, self.add(curving, [1] * len(across) + [-1]), (a,))]
+            else:
+                terms.append((1, self.derivative(rate, of), (a,)))
+        return terms
+
+    def along(self, parts: dict[int, Series], series: Series) -> Series:
+        """The derivation with these components, by their variables."""
+        return self.add([self.multiply(part, self.derivative(series, a), self.degree) for a, part in parts.items()])
+
+    def condition(self, kind: str, *place: int) -> Table:
+        """The terms value x^part d_a d_b … L of a condition, by their parts; see row()."""
         table = Table()
-        for factor, b, k, weight, along, unit in self.terms(kind, i, j):
-            first, second, lift = self.v[b], self.v[k], self.units[self.v[b]] + self.units[self.v[k]] + unit
+        for weight, factor, by in self.terms(kind, *place):
+            raised, falls = sum(self.all_units[a] for a in by), [(8 * a, by[:k].count(a)) for k, a in enumerate(by)]
             for part, value in factor.items():
-                table.setdefault(part, []).append((value * weight, lift, 8 * first, 8 * second, first == second, along))
+                table.setdefault(part, []).append((value * weight, raised, falls))
         return table
 
-    def row(self, kind: str, i: int, j: int, alpha: int) -> Series:
+    def row(self, kind: str, place: tuple[int, ...], alpha: int) -> Series:
         """The coefficient alpha of a condition, in the coefficients of L."""
-        table, row, exponents = self.table(kind, i, j), Series(), [alpha >> 8 * a & 255 for a in range(len(self.units))]
+        table, row, exponents = (
+            self.table(kind, *place),
+            Series(),
+            [self.exponent(alpha, a) for a in range(len(self.units))],
+        )
         powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
         for rest in (alpha - sum(choice) for choice in product(*powers)):
-            for value, lift, first, second, less, along in table.get(alpha - rest, ()):
-                key = rest + lift
-                times = (key >> first & 255) * ((key >> second & 255) - less) * ((rest >> along & 255) + 1)
+            for value, raised, falls in table.get(alpha - rest, ()):
+                key, times = rest + raised, 1
+                for at, less in falls:
+                    times *= (key >> at & 255) - less
                 row[key] = row.get(key, 0) + value * times
         return self.settle(row)
 
+    def value(self, terms: list[Term], series: Series) -> Series:
+        """What the terms of a condition make of a series, at the point."""
+        total = self.arithmetic.number(Fraction(0))
+        for weight, factor, by in terms:
+            times = weight * math.prod(by[:k].count(a) + 1 for k, a in enumerate(by))
+            total += factor.get(0, 0) * series.get(sum(self.all_units[a] for a in by), 0) * times
+        return {0: total}
+
     def rows(self, degree: int) -> Iterator[Row]:
         """All rows whose unknowns have just this highest degree, in an order that fills in little."""
-        for kind, (j, i) in product(("H2", "H3"), combinations_with_replacement(range(self.n)[::-1], 2)):
-            if kind == "H2" or i < j:
-                yield from ((kind, i, j, alpha) for alpha in reversed([*self.monomials(degree - (kind == "H2"))]))
+        for kind, (order, _, places) in self.question.kinds_of_rows.items():
+            for place in reversed(places):
+                yield from ((kind, place, alpha) for alpha in reversed([*self.monomials(degree - order)]))
 
     def extend(self, elimination: Elimination, degree: int, idle: set[Row]) -> None:
         """Insert all rows of a degree but those that vanish on a random solution of the others.
@@ -271,11 +317,11 @@ class Expansion:
         followed, only says which to try: they themselves at another point, and their derivatives.
         """
         likely = list[Row]()
-        for kind, i, j, alpha in self.rows(degree):
-            if not idle.isdisjoint((kind, i, j, alpha - unit) for unit in (0, *self.units)):
-                likely.append((kind, i, j, alpha))
-            elif not elimination.insert(self.row(kind, i, j, alpha), (kind, i, j, alpha)):
-                idle.add((kind, i, j, alpha))
+        for name in self.rows(degree):
+            if not idle.isdisjoint((*name[:2], name[2] - unit) for unit in (0, *self.units)):
+                likely.append(name)
+            elif not elimination.insert(self.row(*name), name):
+                idle.add(name)
         solution = elimination.solution([key for k in range(degree + 1) for key in self.unknowns(k)])
         for name in likely:
             self.question.check_time()
@@ -291,8 +337,14 @@ class Expansion:
         return self.hessian(elimination.solution(self.unknowns(0)))
 
     def hessian(self, series: Series) -> list[list[Number]]:
-        """The second v-derivatives at the point."""
-        return [[series.get(self.units[a] + self.units[b], 0) * (1 + (a == b)) for b in self.v] for a in self.v]
+        """d2L/dvdv at the point; with dependent velocities, in the basis (d_v + (dw/dv) d_s', d_s')."""
+
+        def second(of: Series, a: int, b: int) -> Number:
+            return of.get(self.all_units[a] + self.all_units[b], 0) * (1 + (a == b))
+
+        bends = [(series.get(self.all_units[a], 0), rate) for a, rate in zip(self.mu, self.rates, strict=True)]
+        along = (*self.v, *self.mu)
+        return [[second(series, a, b) - sum([x * second(w, a, b) for x, w in bends]) for b in along] for a in along]
 
 
 class Elimination:
@@ -377,7 +429,7 @@ def symbol_rows(
     system: Elimination, ring: Expansion, degree: int, directions: list[list[int]]
 ) -> Iterator[tuple[Any, Series]]:
     """The equations of the symbol, by their pivots, then those of the parts that derivatives along directions kill."""
-    one, top = ring.arithmetic.number(Fraction(1)), degree + 2
+    one, top = ring.arithmetic.number(Fraction(1)), degree + ring.offset
     for pivot, row in zip(system.pivots, system.rows, strict=True):
         if pivot >> ring.shift == top:
             yield pivot, {pivot: one} | {key: value for key, value in row.items() if key >> ring.shift == top}

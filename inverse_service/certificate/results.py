@@ -1,0 +1,119 @@
+"""Whether the parts of a result document agree with each other and with its certificates: see FORMAT.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from .checker import Question, Tools, certified, check_certificate_shape
+from .formulas import RESULT, VERDICTS, Ended, check_shape, read_tokens, require
+from .kinds import named
+
+DIFFERENT = "The {} of an answer is not the one that its certificate proves."
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """An answer that a result shows beside its certificate, which proves it; `kind` names the kind of Lagrangians."""
+
+    answer: dict[str, Any]
+    verdict: str | None
+    question: str
+    kind: str = ""
+
+
+def compared(result: Any, tools: Tools) -> list[str]:
+    """Check a result: first that its parts agree, then its certificates."""
+    check_shape(result, RESULT, "result")
+    system, asked = Question(tools, result["system"]), result.get("question")
+    require(not system.bound, "A result is about a system of second order.")
+    timed = asked == "L(t, q, q')" or (asked is None and system.contains_time)
+    verdict, later, other = result["verdict"], result.get("verdict_with_time"), result.get("with_time")
+    require(not timed or later in (None, verdict), "verdict and verdict_with_time answer one question differently.")
+    require((verdict, later) != ("variational", "not_variational"), "An L(q, q') is an L(t, q, q') too.")
+    main = [Shown(result, verdict, "time_dependent" if timed else "autonomous")]
+    if other is not None:
+        require(other.get("verdict") in (None, later), "with_time.verdict is not verdict_with_time.")
+        main.append(Shown(other, later, "time_dependent"))
+    for branch in result.get("branches") or []:
+        same = all(value == result.get(key) for key, value in branch.items())
+        require(same, "The first branch is not what the main fields say.")
+        break
+    certificates = [agreed(shown, system, tools) for shown in main]
+    others = [agreed(shown, system, tools) for shown in of_kinds(result, system)]
+    others += on_constraints(result, timed, tools)
+    found = [certified(one, tools) for one in (*certificates, *others) if one]
+    proven = later is None or any(one and proves(one, "time_dependent", later) for one in certificates)
+    if not proven or None in certificates or "undetermined" in (verdict, later):
+        raise Ended("incomplete", "A verdict is undetermined, or no certificate proves it.")
+    return found if result["system"].get("given") is None else [*found, "The equations as given were not compared."]
+
+
+def of_kinds(result: Any, system: Question) -> Iterator[Shown]:
+    """The answers about kinds of Lagrangians; what there is instead of L(q, q') is a yes about a kind."""
+    kinds, instead = result.get("kinds") or {}, result.get("instead")
+    check_shape(kinds, {kind: {"verdict": VERDICTS} for kind in kinds}, "kinds")
+    listed = [*kinds.items()]
+    if instead is not None:
+        check_shape(instead, {"kind": "time|rayleigh", "lagrangian": {}, "certificate": {}}, "instead")
+        listed.append((instead["kind"], instead | {"verdict": "variational"}))
+    for kind, answer in listed:
+        proof = answer.get("certificate") is not None or answer["verdict"] == "undetermined"
+        require(proof, "A kind has no proof.")
+        timed = system.contains_time or kind == "time"
+        yield Shown(answer, answer["verdict"], "time_dependent" if timed else "autonomous", kind)
+
+
+def on_constraints(result: Any, timed: bool, tools: Tools) -> list[Any]:
+    """The certificates of what a result says about a motion on constraints, which prove all of it."""
+    answer, given = result.get("any_associated"), result["system"].get("given")
+    if answer is None:
+        return []
+    check_shape(answer, {"verdict": VERDICTS, "verdict_with_time": VERDICTS}, "any_associated")
+    found = [one for key in ("certificate", "certificate_with_time") if (one := answer.get(key)) is not None]
+    for one in found:
+        check_certificate_shape(one)
+        good = one["system"].get("velocities") is not None and one.get("among") is None
+        require(good, "A certificate in any_associated is about another thing.")
+    timed = timed or (isinstance(given, dict) and given.get("time_dependent_lagrangian") is True)
+    timed = timed or any(Question(tools, one["system"]).contains_time for one in found)
+    asked = {"verdict": "time_dependent" if timed else "autonomous", "verdict_with_time": "time_dependent"}
+    for key, question in asked.items():
+        proven = answer[key] == "undetermined" or any(proves(one, question, answer[key]) for one in found)
+        require(proven, "A verdict on the motion has no certificate.")
+    used = all(any(proves(one, asked[key], answer[key]) for key in asked) for one in found)
+    require(used, "A certificate does not claim the verdict that it stands beside.")
+    proofs = [formula_of(one, "lagrangian") for one in found if one["kind"] == "lagrangian"]
+    require(formula_of(answer, "lagrangian") in (proofs or [None]), DIFFERENT.format("lagrangian"))
+    return found
+
+
+def proves(certificate: dict[str, Any], question: str, verdict: str | None) -> bool:
+    """Whether the certificate's claim, if right, makes the verdict right."""
+    wider = "time_dependent" if verdict == "not_variational" else "autonomous"
+    return certificate["claim"] == verdict and certificate["question"] in (question, wider)
+
+
+def agreed(shown: Shown, system: Question, tools: Tools) -> Any:
+    """The certificate of an answer, if it has one, once it is seen to speak of the same things."""
+    answer, certificate = shown.answer, shown.answer.get("certificate")
+    if certificate is None:
+        return None
+    check_certificate_shape(certificate)
+    among, no = certificate.get("among"), shown.verdict == "not_variational"
+    whole = shown.kind in ("", "time") or (no and shown.kind != "rayleigh")  # no Lagrangian is none of any kind
+    good = named(among) == shown.kind if among is not None else whole
+    good = good and proves(certificate, shown.question, shown.verdict)
+    require(good, "A certificate does not claim the verdict that it stands beside.")
+    require(system.content == Question(tools, certificate["system"]).content, "A certificate is about another system.")
+    for key in ("lagrangian", "dissipation"):
+        proven = formula_of(certificate, key) if certificate["kind"] == "lagrangian" else None
+        require(formula_of(answer, key) == proven, DIFFERENT.format(key))
+    return certificate
+
+
+def formula_of(holder: dict[str, Any], key: str) -> tuple[str, ...] | None:
+    """The tokens of a formula, which stands alone in a certificate and as `text` in an answer."""
+    part = holder.get(key)
+    return None if part is None else read_tokens(part.get("text") if isinstance(part, dict) else part, key)
