@@ -136,7 +136,9 @@ def solve(
 
 @application.command()
 def check(
-    file: Annotated[str, typer.Argument(help="A result or a certificate, as JSON; - is standard input.")],
+    file: Annotated[
+        str, typer.Argument(help="A result or a certificate, as JSON; - is standard input; an .ndjson of a batch.")
+    ],
     document: Annotated[
         str | None, typer.Option("--document", help="The system that was given; default the one in the result.")
     ] = None,
@@ -145,8 +147,10 @@ def check(
     ] = None,
 ) -> None:
     """The independent checker on a result, or on a Lagrangian. Exit 0 valid, 1 invalid or incomplete, 2 unreadable."""
-    from inverse_service.cli.checking import check_file, check_own
+    from inverse_service.cli.checking import check_batch, check_file, check_own, is_batch
 
+    if is_batch(file) and lagrangian is None and document is None:
+        sys.exit(check_batch(file))
     sys.exit(check_file(file, document) if lagrangian is None else check_own(file, lagrangian))
 
 
@@ -168,6 +172,16 @@ def batch(
     from inverse_service.cli.batching import batch_file
 
     sys.exit(batch_file(file, output, workers, time_limit, cluster, again))
+
+
+@application.command()
+def table(
+    file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON or .gz of it; - is standard input.")],
+) -> None:
+    """The results of a batch as CSV: one row a line, with verdicts, L, H, reason and seconds."""
+    from inverse_service.cli.listing import write_table
+
+    sys.exit(write_table(file))
 
 
 @application.command()

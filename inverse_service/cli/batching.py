@@ -43,7 +43,7 @@ def batch_file(
     total = count_lines(source)
     warm_alone(settings.memory_limit)
     try:
-        with _progress(summary, total) as report:
+        with progress(summary, total) as report:
             run_batch(plan, summary, report)
     except KeyboardInterrupt:
         print(f"{_how_far(summary, total)}; the same command goes on where it was.", file=sys.stderr)
@@ -105,7 +105,7 @@ def _how_far(summary: Summary, total: int | None) -> str:
 
 
 @contextmanager
-def _progress(summary: Summary, total: int | None) -> Iterator[Report]:
+def progress(summary: Summary, total: int | None) -> Iterator[Report]:
     """A progress bar on a terminal, a line every minute elsewhere."""
     if not sys.stderr.isatty():
         said = time.monotonic()

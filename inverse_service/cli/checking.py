@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import json
+import tempfile
+from collections import Counter
+from pathlib import Path
 from typing import Any
 
+from inverse_service.cli.batching import NAMES, progress
 from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.files import read_bytes, write
 from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import decode, read_document, read_json
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.alone import run_alone
+from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
+from inverse_service.service.jobs.batch_files import open_source, read_lines
 from inverse_service.service.jobs.identity import write_json
-from inverse_service.service.jobs.options import split_options
+from inverse_service.service.jobs.options import JobOptions, split_options
 from inverse_service.settings import read_settings
 
 MAX_RESULT_BYTES = 200_000_000
@@ -63,3 +70,49 @@ def _checked(text: str) -> dict[str, Any]:
 
 def _exit(found: dict[str, Any]) -> ExitCode:
     return ExitCode.DONE if found["verdict"] == "valid" else ExitCode.OPEN
+
+
+def is_batch(name: str) -> bool:
+    """Whether the file is the output of a batch, by its ending."""
+    return name.endswith((".ndjson", ".jsonl", ".gz"))
+
+
+def check_batch(name: str) -> ExitCode:
+    """Check every line of a batch's output; prints what is not valid and the totals. 0: every claim is valid."""
+    settings = read_settings()
+    options, summary, others = JobOptions(settings.time_limit, settings.memory_limit), Summary(), Counter[str]()
+    with tempfile.TemporaryDirectory() as folder:
+        claims, answers = Path(folder) / "claims.ndjson", Path(folder) / "answers.ndjson"
+        ids = _claims(name, claims, others)
+        if ids:
+            with progress(summary, len(ids)) as report:
+                run_batch(BatchPlan(claims, answers, options, settings.workers, kind="check"), summary, report)
+            for answer in map(json.loads, answers.open(encoding="utf-8")):
+                if answer.get("verdict") != "valid":
+                    number = answer["id"]
+                    reasons = answer.get("reasons") or [answer["error"]["detail"]]
+                    write(f"line {number}, id {ids[number]}: {answer.get('verdict', 'error')}: {' '.join(reasons)}\n")
+    named = {what: NAMES.get(what, (what, what)) for what in (*sorted(summary.labels), *others)}
+    counts = [
+        f"{count} {named[what][count != 1]}" for what, count in (*sorted(summary.labels.items()), *others.items())
+    ]
+    write(f"{', '.join(counts) or 'no lines'}.\n")
+    return ExitCode.OPEN if others["error"] or summary.labels.keys() - {"valid"} else ExitCode.DONE
+
+
+def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
+    """Write the results that claim something, by their line numbers; the ids as they are. Counts the others."""
+    ids = {}
+    with open_source(Path(name)) as source, target.open("w", encoding="utf-8") as stream:
+        for line in read_lines(source):
+            result = line.document
+            if not isinstance(result, dict) or not {"format", "error"} & result.keys():
+                raise InputError(f"Line {line.number} is not an answer of a batch.")
+            if "error" in result:
+                others["error"] += 1
+            elif "verdict" not in result:
+                others["without a verdict to check"] += 1
+            else:
+                ids[line.number] = json.dumps(line.identifier)
+                stream.write(write_json({**result, "id": line.number}) + "\n")
+    return ids

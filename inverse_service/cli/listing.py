@@ -1,13 +1,18 @@
-"""`inverse-service catalogue`."""
+"""`inverse-service catalogue` and `inverse-service table`."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+from pathlib import Path
 
 from inverse_service import catalogue
 from inverse_service.cli.exits import ExitCode
 from inverse_service.cli.files import write
 from inverse_service.errors import InputError
+from inverse_service.service.jobs.batch_files import open_source, read_lines
+from inverse_service.sympy.many import row_of
 
 
 def list_catalogue(name: str | None, form: str | None) -> ExitCode:
@@ -38,3 +43,18 @@ def _one(name: str, form: str) -> str:
         f"expected: {key} = {value}" for key, value in entry.get("expected", {}).items() if isinstance(value, str)
     ]
     return "\n".join([*lines, json.dumps(document, ensure_ascii=False, indent=2)])
+
+
+def write_table(path: Path) -> ExitCode:
+    """Print one row of CSV for each line of a batch's output; raises InputError for a line that is no JSON object."""
+    with open_source(path) as source:
+        for place, line in enumerate(read_lines(source)):
+            if line.document is None:
+                raise InputError(f"Line {line.number} is not an answer of a batch.")
+            row, text = row_of({**line.document, "id": line.identifier}), io.StringIO()
+            writer = csv.DictWriter(text, list(row))
+            if place == 0:
+                writer.writeheader()
+            writer.writerow(row)
+            write(text.getvalue())
+    return ExitCode.DONE

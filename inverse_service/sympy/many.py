@@ -68,6 +68,8 @@ def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(result, Mapping):
         raise InputError("A table is made of results.")
     row = {key: result.get(key) for key in COLUMNS}
+    if error := result.get("error"):
+        row |= {"verdict": "error", "reason": error["detail"]}
     for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")):
         row[letter] = (result.get(key) or {}).get("text")
     space, system = result.get("solution_space") or {}, result.get("system") or {}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import gzip
+import io
 import json
 import signal
 import subprocess
@@ -202,3 +204,47 @@ def test_a_full_output_is_exit_2(files: tuple[Path, Path]) -> None:
     with open("/dev/full", "wb") as full:
         run = subprocess.run([*COMMAND, source, "--output", "-"], stdout=full, stderr=subprocess.PIPE, text=True)
     assert (run.returncode, run.stderr) == (2, "The output cannot be written: no space left on device.\n")
+
+
+def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+    asked = [sys.executable, "-m", "inverse_service.cli", *arguments]
+    return subprocess.run(asked, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.mark.parametrize("ending", ["ndjson", "ndjson.gz"])
+def test_a_batch_is_checked_and_tabulated_line_by_line(tmp_path: Path, ending: str) -> None:
+    source, output = tmp_path / "in.ndjson", tmp_path / f"out.{ending}"
+    oscillator, forward = {"id": "a", **SYSTEM}, {"id": "b", "lagrangian": "x'^2/2"}
+    source.write_text(written(oscillator, forward))
+    assert batch(source, output).returncode == 0
+    checked = command("check", str(output))
+    assert (checked.returncode, checked.stdout) == (0, "1 valid, 1 without a verdict to check.\n")
+    rows = list(csv.DictReader(io.StringIO(command("table", str(output)).stdout)))
+    assert {row["id"]: (row["verdict"], row["L"]) for row in rows} == {
+        "a": ("variational", "x'^2/2 - x^2/2"),
+        "b": ("", "x'^2/2"),
+    }
+
+
+def test_the_check_of_a_batch_finds_a_forged_line_and_counts_error_lines(files: tuple[Path, Path]) -> None:
+    source, output = files
+    unknown = {"coordinates": ["x"], "equations": {"x": "-k*x"}}
+    source.write_text(written({"id": "true", **SYSTEM}, {"id": "forged", **SYSTEM}, {"id": "error", **unknown}))
+    assert batch(source, output).returncode == 1
+    forged = [
+        {**answer, "verdict": "not_variational"} if answer["id"] == "forged" else answer for answer in answers(output)
+    ]
+    output.write_text(written(*forged))
+    checked = command("check", str(output))
+    assert checked.returncode == 1
+    assert 'id "forged": invalid' in checked.stdout
+    assert checked.stdout.splitlines()[-1] == "1 invalid, 1 valid, 1 error line."
+    rows = list(csv.DictReader(io.StringIO(command("table", str(output)).stdout)))
+    assert ["k" in row["reason"] for row in rows if row["verdict"] == "error"] == [True]
+
+
+@pytest.mark.parametrize("content", ["{}\n", "[1]\n", "not JSON\n", json.dumps(SYSTEM) + "\n"])
+def test_what_is_no_output_of_a_batch_is_exit_2(files: tuple[Path, Path], content: str) -> None:
+    _, output = files
+    output.write_text(content)
+    assert command("check", str(output)).returncode == 2

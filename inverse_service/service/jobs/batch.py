@@ -38,7 +38,7 @@ AGAIN = {"errors": ("error", "fault"), "undetermined": ("undetermined",)}
 
 @dataclass(frozen=True, slots=True)
 class BatchPlan:
-    """What to do with each line of `source`, and where answers go; `cluster`: a Dask scheduler.
+    """What to do with each line of `source`, and where answers go; `cluster`: a Dask scheduler; `kind`: solve or check.
 
     `again`: which answers of an earlier run do not count, some of "errors" and "undetermined".
     """
@@ -49,6 +49,7 @@ class BatchPlan:
     workers: int
     cluster: str | None = None
     again: frozenset[str] = frozenset()
+    kind: str = "solve"
 
 
 @dataclass(slots=True)
@@ -140,8 +141,8 @@ def _refuse_other_layouts(line: Line) -> None:
 class BatchEngine:
     """Hands lines over to the supervisor, a bounded number at a time, and takes the answers."""
 
-    def __init__(self, store: SqliteStore, options: JobOptions, executor: Executor) -> None:
-        self._store, self._options, self._executor = store, options, executor
+    def __init__(self, store: SqliteStore, options: JobOptions, executor: Executor, kind: str = "solve") -> None:
+        self._store, self._options, self._executor, self._kind = store, options, executor, kind
         self._changed: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._open: dict[str, list[Line]] = {}
         self.duplicates = 0
@@ -162,7 +163,7 @@ class BatchEngine:
             if line.fault is not None:
                 raise line.fault
             document, given = split_options(line.document)
-            request = request_of("solve", document, read_options(given, self._options), priority=BULK)
+            request = request_of(self._kind, document, read_options(given, self._options), priority=BULK)
         except InputError as error:
             problem = of_input_error(error)
             identifier = json.dumps(line.identifier)
@@ -194,7 +195,7 @@ def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
         try:
             working.start()
             supervisor = Supervisor(store, working)
-            engine = BatchEngine(store, plan.options, working)
+            engine = BatchEngine(store, plan.options, working, plan.kind)
             supervisor.start()
             try:
                 yield engine

@@ -21,6 +21,7 @@ from typing import IO, Any
 
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch_files import STANDARD, Line
+from inverse_service.service.jobs.kinds import label_of
 
 MAX_ANSWER_BYTES = 200_000_000
 MEMBER_BYTES, MEMBER_SECONDS = 262_144, 5.0
@@ -178,7 +179,7 @@ def replaced_path(path: Path) -> Path:
 
 def _label(answer: dict[str, Any]) -> str:
     if "error" not in answer:
-        return str(answer.get("verdict"))
+        return label_of(answer)
     return "fault" if answer["error"]["status"] >= 500 else "error"
 
 
