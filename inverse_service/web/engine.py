@@ -57,7 +57,7 @@ READY_PATIENCE = 10.0
 READY_KEPT = 1.0
 LAG_EVERY = 0.25
 START_PATIENCE = 10.0
-PAGE_TASKS = ("inverse_service.web.pages.form_tasks", "inverse_service.web.pages.result_tasks")
+PAGE_TASKS = tuple(f"inverse_service.web.pages.{name}" for name in ("form_tasks", "preview", "result_tasks"))
 P = ParamSpec("P")
 T = TypeVar("T")
 

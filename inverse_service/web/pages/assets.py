@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
@@ -18,7 +19,8 @@ from inverse_service.web.problems import Refusal
 router = APIRouter()
 TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
 FONT = "stix-two-math.woff2"
-NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "plotly.css", "icon.svg", "plotly.js")
+NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "plotly.css", "icon.svg", "plotly.js")
+LOADED = {"style.css": (FONT,), "play.js": ("motion.js",)}
 # A changed file has another address, so an address never changes its content.
 FOREVER = "public, max-age=31536000, immutable"
 
@@ -45,8 +47,10 @@ def _source(name: str) -> bytes:
     if name == "plotly.js":
         return (resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes()
     data = (resources.files("inverse_service.web") / "static" / name).read_bytes()
-    # The style sheet names the font by its marked address, so that it is asked for once.
-    return data.replace(FONT.encode(), address(FONT).encode()) if name == "style.css" else data
+    # What they load themselves is named by its marked address, so that it is asked for once.
+    for named in LOADED.get(name, ()):
+        data = re.sub(rb'"[./]*%b"' % re.escape(named.encode()), b'"%b"' % address(named).encode(), data)
+    return data
 
 
 @lru_cache(maxsize=len(NAMES))

@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from inverse_service.web.pages.preview import angles_of_texts
+
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
 MOST_POINTS = 800
@@ -139,24 +141,18 @@ def _space(result: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
-    """A body that can be shown moving in the plane: heading, rolling angle, place. None for other systems."""
-    coordinates, pair = result["system"]["coordinates"], result["circle_coordinates"]
-    if not pair or list(coordinates[-2:]) != list(pair) or len(coordinates) not in (3, 4):
-        return None
+    """The motion of each method with the columns of all coordinates, thinned; None where nothing moved."""
+    coordinates = result["system"]["coordinates"]
+    tracks = []
     for method in result["methods"]:
         columns = columns_of(method)
-        if columns.get(pair[0]):
+        if len(columns.get("t", ())) > 1 and all(name in columns for name in coordinates):
             every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
-            path = {"t": columns["t"], "phi": columns[coordinates[0]], "x": columns[pair[0]], "y": columns[pair[1]]}
-            if len(coordinates) == 4:
-                path["theta"] = columns[coordinates[1]]
-            thinned = {name: [_short(value) for value in values[::every]] for name, values in path.items()}
-            return {
-                "kind": "disk" if len(coordinates) == 4 else "knife-edge",
-                "label": method["label"],
-                "path": thinned,
-            }
-    return None
+            t, *q = ([_short(value) for value in columns[name][::every]] for name in ("t", *coordinates))
+            tracks.append({"label": method["label"], "t": t, "q": q})
+    return (
+        {"coordinates": coordinates, "angles": angles_of_texts(result["system"]), "tracks": tracks} if tracks else None
+    )
 
 
 def _short(value: Any) -> Any:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
+from markupsafe import Markup
+
 from inverse_service.errors import InputError
+from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.forms import Form
 
 METHODS = (
@@ -63,6 +66,8 @@ class SceneForm:
     # Parts of L that may be left out, with what they are; `effects` are those that act. Empty without a Lagrangian.
     parts: tuple[tuple[str, str], ...] = ()
     effects: tuple[str, ...] = ()
+    # L and the constraints, or the equations, typeset.
+    formulas: tuple[Markup, ...] = ()
 
 
 def scene_form(document: Mapping[str, Any], title: str, system: str = "", job: str = "", scene: str = "") -> SceneForm:
@@ -92,7 +97,19 @@ def scene_form(document: Mapping[str, Any], title: str, system: str = "", job: s
         else ("trajectory", "energy"),
         parts=parts_of(document),
         effects=tuple(name for name, _ in parts_of(document)),
+        formulas=formulas_of(document),
     )
+
+
+def formulas_of(system: Mapping[str, Any]) -> tuple[Markup, ...]:
+    """What a system is given by: L and the constraints, or its equations where they are solved."""
+    named = {"parameters": tuple(system.get("parameters") or ()), "functions": system.get("functions") or {}}
+    names = typesetting.names_of({**system, **named})
+    found = [typesetting.equation("L", system["lagrangian"], names)] if system.get("lagrangian") else []
+    constraints, equations = system.get("constraints") or (), system.get("equations")
+    lines = [f"{text} = 0" for text in ([constraints] if isinstance(constraints, str) else constraints)]
+    lines += [f"{name}'' = {text}" for name, text in equations.items()] if isinstance(equations, dict) else []
+    return (*found, *(typesetting.formula(line, names) for line in lines))
 
 
 def parts_of(document: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
@@ -108,25 +125,19 @@ def with_sent(form: SceneForm, sent: Form) -> SceneForm:
     def texts(prefix: str, names: Mapping[str, Any]) -> dict[str, str]:
         return {name: sent.text(f"{prefix}.{name}") for name in names}
 
-    return SceneForm(
-        form.system,
-        form.job,
-        form.scene,
-        form.title,
-        form.coordinates,
-        texts("parameter", form.parameters),
-        {name: (label, sent.text(f"function.{name}")) for name, (label, _) in form.functions.items()},
-        texts("position", form.positions),
-        texts("velocity", form.velocities),
-        sent.text("step"),
-        sent.text("steps"),
-        tuple(name for name, *_ in METHODS if name in sent.every("method")),
-        {name: sent.text(f"alpha.{name}") for name, _, _, takes_alpha in METHODS if takes_alpha},
-        tuple(name for name, *_ in OBSERVABLES if name in sent.every("observe")),
-        form.further,
-        tuple(k for k in range(len(form.further)) if str(k) in sent.every("further")),
-        form.parts,
-        tuple(name for name, _ in form.parts if name in sent.every("effect")),
+    return replace(
+        form,
+        parameters=texts("parameter", form.parameters),
+        functions={name: (label, sent.text(f"function.{name}")) for name, (label, _) in form.functions.items()},
+        positions=texts("position", form.positions),
+        velocities=texts("velocity", form.velocities),
+        step=sent.text("step"),
+        steps=sent.text("steps"),
+        methods=tuple(name for name, *_ in METHODS if name in sent.every("method")),
+        alphas={name: sent.text(f"alpha.{name}") for name, _, _, takes_alpha in METHODS if takes_alpha},
+        observe=tuple(name for name, *_ in OBSERVABLES if name in sent.every("observe")),
+        kept=tuple(k for k in range(len(form.further)) if str(k) in sent.every("further")),
+        effects=tuple(name for name, _ in form.parts if name in sent.every("effect")),
     )
 
 
@@ -171,25 +182,22 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
     positions, velocities = initial.get("positions", {}), initial.get("velocities") or {}
     functions, values = scene.get("functions", {}), scene.get("parameters") or {}
     parts = (*form.parts, *((name, "a term of the scene") for name in scene.get("terms") or {})) if form.parts else ()
-    return SceneForm(
-        form.system,
-        form.job,
-        form.scene,
-        scene.get("name") or form.title,
-        form.coordinates,
-        {name: str(values.get(name, value)) for name, value in form.parameters.items()},
-        {name: (label, str(functions.get(name, text))) for name, (label, text) in form.functions.items()},
-        {name: str(positions.get(name, "")) for name in form.coordinates},
-        {name: str(velocities.get(name, "")) for name in form.coordinates},
-        str(scene.get("step", form.step)),
-        _steps(scene, form.steps),
-        tuple(fitting),
-        {name: str(entry["alpha"]) for name, entry in fitting.items() if entry.get("alpha") is not None},
-        tuple(scene.get("observe", form.observe)),
-        further,
-        tuple(range(len(further))),
-        parts,
-        tuple(name for name, _ in parts if name in scene.get("effects", dict(parts))),
+    return replace(
+        form,
+        title=scene.get("name") or form.title,
+        parameters={name: str(values.get(name, value)) for name, value in form.parameters.items()},
+        functions={name: (label, str(functions.get(name, text))) for name, (label, text) in form.functions.items()},
+        positions={name: str(positions.get(name, "")) for name in form.coordinates},
+        velocities={name: str(velocities.get(name, "")) for name in form.coordinates},
+        step=str(scene.get("step", form.step)),
+        steps=_steps(scene, form.steps),
+        methods=tuple(fitting),
+        alphas={name: str(entry["alpha"]) for name, entry in fitting.items() if entry.get("alpha") is not None},
+        observe=tuple(scene.get("observe", form.observe)),
+        further=further,
+        kept=tuple(range(len(further))),
+        parts=parts,
+        effects=tuple(name for name, _ in parts if name in scene.get("effects", dict(parts))),
     )
 
 

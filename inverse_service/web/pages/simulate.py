@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,12 +11,16 @@ from typing import Any
 
 from fastapi import APIRouter
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
+from inverse_service.web.clients import client_of
+from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
+from inverse_service.web.pages.forms import Form
+from inverse_service.web.pages.preview import preview_task
 from inverse_service.web.pages.receiving import read_form
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_tasks import part_task
@@ -55,12 +60,7 @@ async def form(request: Request) -> HTMLResponse:
 async def run(request: Request) -> Response:
     """The job of the scene; on to its page, or back with what to change."""
     sent = await read_form(request, request.app.state.engine.settings.max_body)
-    if sent.text("scene"):
-        empty, base = await _form_of_scene(request, sent.text("scene"))
-    else:
-        empty, base = await _empty_form(request, sent.text("system"), sent.text("job"))
-    # A button of the start page sends the form as it is filled.
-    filled = empty if sent.text("filled") else with_sent(empty, sent)
+    filled, base = await _sent_form(request, sent)
     try:
         scene = changed_scene(base, scene_document(filled, base["system"]))
     except InputError as error:
@@ -70,6 +70,31 @@ async def run(request: Request) -> Response:
     if answer.is_problem:
         return simulate_page(filled, reading_back.problem_of(answer.value, {}), answer.status)
     return RedirectResponse(result_address(answer), 303)
+
+
+@router.post("/simulate/preview")
+async def preview(request: Request) -> Response:
+    """The formulas and the start of the form as it stands, for the script that plays with them."""
+    sent = await read_form(request, request.app.state.engine.settings.max_body)
+    form, base = await _sent_form(request, sent)
+    engine: Engine = request.app.state.engine
+    try:
+        scene = changed_scene(base, scene_document(form, base["system"]))
+        outcome = await engine.run_quick(client_of(request), preview_task, scene, seconds=LONG_DEADLINE)
+        found = outcome.value if outcome.status == "done" else {"reason": " ".join(p.detail for p in outcome.places)}
+    except InputError as error:
+        found = {"reason": error.detail}
+    return JSONResponse(found)
+
+
+async def _sent_form(request: Request, sent: Form) -> tuple[SceneForm, dict[str, Any]]:
+    """The form as it was sent, and what its scenes begin with."""
+    if sent.text("scene"):
+        empty, base = await _form_of_scene(request, sent.text("scene"))
+    else:
+        empty, base = await _empty_form(request, sent.text("system"), sent.text("job"))
+    # A button of the start page sends the form as it is filled.
+    return empty if sent.text("filled") else with_sent(empty, sent), base
 
 
 def simulate_page(form: SceneForm, problem: reading_back.Problem | None = None, status: int = 200) -> HTMLResponse:
@@ -115,7 +140,12 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
         known = result.get("lagrangian") and not given.get("functions")
         found = {"free_lagrangian": result["lagrangian"]["text"]} if known else {}
         return form_of_system(system_of_it, job=job), {"system": system_of_it, **found}
-    return form_of_system({"result": result}, job=job), {"system": {"result": result}}
+    base = {"system": {"result": result}}
+    form = form_of_system(base["system"], job=job)
+    answer = result if result.get("lagrangian") else result.get("with_time") or {}
+    domain = (answer.get("lagrangian") or {}).get("domain", ())
+    starts = importlib.import_module("inverse_service.web.pages.starts")
+    return starts.with_good_start(form, base["system"], domain), base
 
 
 def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
@@ -125,8 +155,8 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
         return scene_form(example_document(name), catalogue.entry(name)["title"], system=name, **address)
     if "result" in system:
         shown = system["result"]["system"]
-        kept = ("coordinates", "parameters", "functions")
-        form = scene_form({key: shown[key] for key in kept}, shown["name"] or UNNAMED, **address)
+        kept = ("coordinates", "parameters", "functions", "equations")
+        form = scene_form({key: shown[key] for key in kept if key in shown}, shown["name"] or UNNAMED, **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretise but the equations.
         return form if any(a.get("lagrangian") for a in answers) else replace(form, methods=WITHOUT_LAGRANGIAN)

@@ -14,6 +14,7 @@ from starlette.responses import HTMLResponse
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import figures, typesetting
 from inverse_service.web.pages.rendering import duration, page, short_number
+from inverse_service.web.pages.scenes import formulas_of
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
 TABLES = {"csv": "text/csv", "npz": "application/zip"}
@@ -55,6 +56,8 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         job=job,
         result=result,
         headings=[heading for _, heading in columns],
+        formulas=formulas_of(result["system"]),
+        start={name: short_number(v) for name, v in start_of(result).items()},
         rows=[method_row(method, columns) for method in result["methods"]],
         free=free_lagrangians(result),
         costs=costs(result),
@@ -65,6 +68,13 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         scene=document,
         curl=f"curl -s {address}/v1/simulate -H 'Content-Type: application/json' -d @scene.json",
     )
+
+
+def start_of(result: Mapping[str, Any]) -> dict[str, float]:
+    """The values of the parameters, the coordinates and the velocities at the start."""
+    initial = result["initial"]
+    velocities = {f"{name}\u2032": v for name, v in initial["velocities"].items()}
+    return {**result["system"]["parameters"], **initial["positions"], **velocities}
 
 
 def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:

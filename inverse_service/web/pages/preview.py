@@ -1,0 +1,120 @@
+"""A scene for the script that plays with it: its formulas as plain lists, which it interprets and never evaluates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import (
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    children,
+    distinct_nodes,
+    walk,
+)
+from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.tasks import guard
+
+if TYPE_CHECKING:
+    from inverse_service.simulation.scene import Scene
+
+# Formulas of more nodes are left to the service.
+MOST_NODES = 4_000
+PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
+LONG = "These equations cannot be played with in the browser; Run computes them."
+
+
+def preview_task(scene: Mapping[str, Any]) -> Outcome:
+    """A Scene document to what the script needs, or {"reason": a sentence}."""
+    return guard(_preview, scene)
+
+
+def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[Expression, ...] | None]:
+    """A scene without its methods, and the accelerations of its motion where they can be solved for.
+
+    Called in workers only: the web process loads nothing of this.
+    """
+    from inverse_service.service.scenes.scene_reading import read_scene
+    from inverse_service.service.scenes.scene_refusals import scene_schema
+    from inverse_service.simulation.derivation import derive
+    from inverse_service.simulation.scene import Unavailable
+
+    scene, _ = read_scene(scene_schema({**document, "methods": ["runge-kutta"], "observe": []}))
+    found = derive(scene, lambda *_: Unavailable("")).accelerations
+    return scene, found if isinstance(found, tuple) else None
+
+
+def _preview(document: Mapping[str, Any]) -> dict[str, Any]:
+    scene, found = accelerations_of(document)
+    formulas = (*(found or ()), *scene.constraints)
+    if found is None or sum(1 for formula in formulas for _ in walk(formula)) > MOST_NODES:
+        return {"reason": LONG}
+    return {
+        "coordinates": list(scene.coordinates),
+        "values": dict(scene.values),
+        "equations": [listed(formula) for formula in found],
+        "constraints": [listed(formula) for formula in scene.constraints],
+        "angles": angles_of(scene.coordinates, formulas),
+    }
+
+
+def listed(tree: Expression) -> Any:
+    """A tree as JSON: a number, a name (x' is a velocity), or [operation, part, …]."""
+    match tree:
+        case Number(value):
+            return float(value)
+        case Symbol(name):
+            return name
+        case Velocity(coordinate):
+            return f"{coordinate}'"
+        case Sum(terms):
+            return ["+", *map(listed, terms)]
+        case Product(factors):
+            return ["*", *map(listed, factors)]
+        case Power(base, exponent):
+            return ["^", listed(base), listed(exponent)]
+        case Apply(function, argument):
+            return [function, listed(argument)]
+    raise InputError("A function of the equations was given no formula.")
+
+
+def angles_of(coordinates: Iterable[str], formulas: Iterable[Expression]) -> list[str]:
+    """The coordinates that stand in periodic functions only: they are drawn as angles."""
+    formulas = tuple(formulas)
+    inside = {
+        name.name
+        for node in distinct_nodes(formulas)
+        if isinstance(node, Apply) and node.function in PERIODIC
+        for name in walk(node.argument)
+        if isinstance(name, Symbol)
+    }
+    outside = {name.name for formula in formulas for name in _plainly(formula)}
+    return [name for name in coordinates if name in inside - outside]
+
+
+def angles_of_texts(system: Mapping[str, Any]) -> list[str]:
+    """The same of the formulas of a simulated system, which are written out."""
+    names = Names(tuple(system["coordinates"]), tuple(system["parameters"]))
+    texts = [system["lagrangian"] or "0", *system["constraints"], *(system["equations"] or {}).values()]
+    try:
+        return angles_of(system["coordinates"], [read_formula(text, names) for text in texts])
+    except InputError:
+        return []
+
+
+def _plainly(tree: Expression) -> Iterable[Symbol]:
+    """The names of a tree that stand in no periodic function."""
+    if isinstance(tree, Apply) and tree.function in PERIODIC:
+        return ()
+    if isinstance(tree, Symbol):
+        return (tree,)
+    return (name for part in children(tree) for name in _plainly(part))

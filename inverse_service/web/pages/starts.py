@@ -1,0 +1,90 @@
+"""A start from which a system can be run: the first of some that stays where its formulas have values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Expression
+from inverse_service.simulation.array_values import Array, array_value, table_of
+from inverse_service.web.pages.preview import accelerations_of
+from inverse_service.web.pages.scenes import SceneForm, scene_document
+
+# Positions and velocities in turn of the first coordinates, the last of each for all further ones.
+STARTS = (
+    ((0.1, 0.0), (1.0, 1.0, 0.0)),
+    ((1.0, 0.5, 0.2), (0.1, 1.0, 0.3)),
+    ((1.0, 0.3, 0.1), (0.2, 0.4, 0.1)),
+    ((0.5, 0.2, 0.1), (0.1, 0.2, 0.3)),
+    ((3.0, 1.0, 0.5), (0.1, 0.5, 0.2)),
+    ((-1.0, -0.5, -0.2), (-0.1, -0.3, 0.2)),
+    ((0.2, -0.3, 0.1), (-0.05, 0.1, 0.07)),
+)
+LARGEST = 50.0  # of accelerations and of places
+NEAR = 0.02  # a condition of the domain that comes closer to zero
+SHARE = 0.8
+
+
+def with_good_start(form: SceneForm, system: Mapping[str, Any], domain: Sequence[str]) -> SceneForm:
+    """The form with the start that lasts longest, and as many steps as it lasts; `domain`: conditions that hold."""
+    try:
+        scene, found = accelerations_of(scene_document(form, system))
+    except InputError:
+        return form
+    if found is None or scene.constraints:
+        return form
+    names = Names(scene.coordinates, tuple(scene.values))
+    watched = tuple(_left(condition, names) for condition in domain)
+    q, v = (np.array([[part[min(k, len(part) - 1)] for k in range(len(scene.coordinates))] for part in parts])
+            for parts in zip(*STARTS, strict=True))  # fmt: skip
+    with np.errstate(all="ignore"):
+        lasted = _lasted(scene, (*found, *watched), q, v, int(form.steps))
+    best = int(np.argmax(lasted))
+    if not lasted[best]:
+        return form
+    steps = int(form.steps) if lasted[best] == int(form.steps) else max(1, int(SHARE * lasted[best]))
+    return replace(form, positions=_texts(scene.coordinates, q[best]), velocities=_texts(scene.coordinates, v[best]),
+                   steps=str(steps))  # fmt: skip
+
+
+def _texts(names: Sequence[str], values: Array) -> dict[str, str]:
+    return {name: f"{value:g}" for name, value in zip(names, values, strict=True)}
+
+
+def _left(condition: str, names: Names) -> Expression:
+    """The difference of the two sides of a condition, which is not zero on the domain."""
+    for sign in (" != ", " > ", " < ", " >= ", " <= "):
+        left, found, right = condition.partition(sign)
+        if found:
+            return read_formula(f"({left}) - ({right})", names)
+    return read_formula(condition, names)
+
+
+def _lasted(scene: Any, formulas: Sequence[Expression], q: Array, v: Array, steps: int) -> Array:
+    """For how many steps the classical Runge-Kutta method stays within bounds from each start (m,)."""
+    n, h = len(scene.coordinates), float(scene.grid.step)
+
+    def values(q: Array, v: Array) -> Array:
+        table = table_of(scene.coordinates, q, v, scene.values)
+        return np.stack([np.broadcast_to(array_value(formula, table), len(q)) for formula in formulas], axis=1)
+
+    lasted, alive, first = np.zeros(len(q)), np.ones(len(q), dtype=bool), values(q, v)
+    for _ in range(steps):
+        a = values(q, v)
+        alive &= np.isfinite(a).all(1) & (np.abs(a[:, :n]) < LARGEST).all(1) & (np.abs(q) < LARGEST).all(1)
+        alive &= (np.abs(a[:, n:]) > NEAR).all(1) & (np.sign(a[:, n:]) == np.sign(first[:, n:])).all(1)
+        if not alive.any():
+            break
+        b = values(q + h / 2 * v, v + h / 2 * a[:, :n])
+        c = values(q + h / 2 * (v + h / 2 * a[:, :n]), v + h / 2 * b[:, :n])
+        d = values(q + h * (v + h / 2 * b[:, :n]), v + h * c[:, :n])
+        q = q + h * v + h * h / 6 * (a + b + c)[:, :n]
+        v = v + h / 6 * (a + 2 * b + 2 * c + d)[:, :n]
+        lasted += alive
+    return lasted

@@ -1,0 +1,86 @@
+"""What the script that plays with a scene is sent, and starts from which every system can be run."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from inverse_service import catalogue
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.documents import solve_document
+from inverse_service.service.jobs.kinds import KINDS
+from inverse_service.service.jobs.options import JobOptions
+from inverse_service.web.pages.preview import angles_of, listed, preview_task
+from inverse_service.web.pages.scenes import scene_document
+from inverse_service.web.pages.simulate import _form_of_result, changed_scene, form_of_system
+
+CONSTRAINED = catalogue.names("nonholonomic")
+# One of each fault that the first start has: a pole, a boundary of the domain, a blow-up, a fold of L.
+HARD = ("kepler-polar", "relativistic-charged-2d", "henon-heiles", "modified-emden", "sphere-geodesics")
+
+
+def scene_of(name: str) -> dict[str, Any]:
+    """The scene that the form of a system runs when nobody changes it."""
+    if name in CONSTRAINED:
+        form, base = form_of_system({"catalogue": name}), {"system": {"catalogue": name}}
+    else:
+        found = _form_of_result(solve_document(catalogue.document(name), SolveOptions(time_limit=20)), "job")
+        assert found is not None
+        form, base = found
+    return changed_scene(base, scene_document(form, base["system"]))
+
+
+def not_completed(name: str) -> list[Any]:
+    result = KINDS["simulate"].work(scene_of(name), JobOptions(60.0, 2000), lambda _: None)
+    # A method that a system has not got says so; one that begins must not fail.
+    return [(m["label"], m["outcome"], m.get("stopped")) for m in result["methods"] if m["outcome"] != "completed"]
+
+
+@pytest.mark.parametrize("name", ["knife-edge", *HARD])
+def test_the_start_that_the_form_offers_can_be_run(name: str) -> None:
+    assert not_completed(name) == []
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", catalogue.names())
+def test_every_system_of_the_catalogue_runs_from_the_start_that_the_form_offers(name: str) -> None:
+    assert [one for one in not_completed(name) if one[1] != "unavailable"] == []
+
+
+@pytest.mark.parametrize("name", CONSTRAINED)
+def test_every_constrained_system_can_be_played_with(name: str) -> None:
+    outcome = preview_task(scene_of(name))
+    assert outcome.status == "done"
+    found = outcome.value
+    assert set(found) == {"coordinates", "values", "equations", "constraints", "angles"}
+    assert len(found["equations"]) == len(found["coordinates"])
+    assert found["constraints"]
+
+
+def test_a_tree_is_sent_as_numbers_names_and_lists() -> None:
+    tree = read_formula("-k*x'^2/2 + sin(x)", Names(("x",), ("k",)))
+    assert listed(tree) == ["+", ["*", -0.5, "k", ["^", "x'", 2.0]], ["sin", "x"]]
+
+
+@pytest.mark.parametrize(
+    ("text", "angles"),
+    [("cos(x - y)*y'", ["x", "y"]), ("sin(x) + x", []), ("x^2*sin(y)", ["y"]), ("1/(1 + cos(x)^2)", ["x"]), ("x", [])],
+)
+def test_a_coordinate_in_periodic_functions_only_is_an_angle(text: str, angles: list[str]) -> None:
+    assert angles_of(("x", "y"), [read_formula(text, Names(("x", "y")))]) == angles
+
+
+def test_formulas_with_unknown_functions_or_of_great_length_are_left_to_the_service() -> None:
+    long = " + ".join(f"sin({k}*x)" for k in range(2, 1000))
+    scene = {"system": {"document": {"coordinates": ["x"], "equations": {"x": long}}},
+             "initial": {"positions": {"x": 0}, "velocities": {"x": 1}},
+             "step": 0.1, "steps": 2, "methods": ["reference"]}  # fmt: skip
+    found = preview_task(scene)
+    assert "cannot be played with" in found.value["reason"], found
+    bad = {**scene, "initial": {"positions": {"y": 0}}}
+    assert preview_task(bad).status == "refused"
+    assert math.isfinite(listed(read_formula("1/3", Names(()))))
