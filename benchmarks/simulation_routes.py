@@ -27,7 +27,7 @@ def ours(case: SpeedCase) -> Runner:
 
 def _kernel_runner(case: SpeedCase, kernel: Compiled) -> Runner:
     def go(steps: int) -> float:
-        memory = memory_of(kernel.card, [lane(case)])
+        memory = memory_of(kernel.card, *lane(case))
         found = execute(kernel, memory, (1.0,), Grid(0.01, steps, steps))
         assert found.done == steps
         return found.seconds

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +46,14 @@ class Trajectory:
     `maxima[name]` its greatest absolute value over all steps, recorded or not.
     """
 
-    times: FloatArray
-    positions: FloatArray
-    momenta: FloatArray | None
-    velocities: FloatArray | None
+    times: Array
+    positions: Array
+    momenta: Array | None
+    velocities: Array | None
     outcome: Outcome
     force_evaluations: int
     newton_iterations: int
     compile_seconds: float
     run_seconds: float
-    series: Mapping[str, FloatArray] = field(default_factory=dict)
+    series: Mapping[str, Array] = field(default_factory=dict)
     maxima: Mapping[str, float] = field(default_factory=dict)

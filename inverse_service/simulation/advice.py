@@ -23,7 +23,7 @@ from inverse_service.mechanics.euler_lagrange import hessian
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.derivation import USES_FREE, Derived, Find, derive, problem_of
 from inverse_service.simulation.formulas import Formulas
-from inverse_service.simulation.scene import Observation, Problem, Requested, Scene, Unavailable
+from inverse_service.simulation.scene import Observation, Problem, Requested, Scene, Stop, Unavailable
 from inverse_service.simulation.schemes import program_of
 
 STIFF = 1e3  # decay times that a run is long, beyond which an explicit method spends its steps on what has decayed
@@ -88,7 +88,6 @@ _OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 
 Run = Callable[[Scene, Problem], Trajectory | Unavailable]
 Observe = Callable[[Scene, Problem], tuple[Problem, Observation]]
-Stop = Callable[[], bool]
 
 
 @dataclass(frozen=True, slots=True)

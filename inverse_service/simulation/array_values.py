@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import (
@@ -21,8 +20,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
 )
-
-Array = NDArray[np.float64]
+from inverse_service.integrators.trajectory import Array
 
 _FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     **{name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},

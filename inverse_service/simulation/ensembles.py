@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -21,7 +21,7 @@ from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.errors import InputError
-from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.machine_code.loading import processor_features
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
@@ -42,11 +42,10 @@ from inverse_service.simulation.scene import (
     Problem,
     Requested,
     Scene,
+    Stop,
     Unavailable,
 )
 
-Array = NDArray[np.float64]
-Stop = Callable[[], bool]
 MOST_NUMBERS = 4_000_000  # of records and memory that one chunk of groups holds
 ALL_METHODS = "Ensembles are run by methods that step with kernels: variational, nonholonomic, runge-kutta, and so on."
 
@@ -78,7 +77,7 @@ class Many:
 
     def outcome(self, member: int) -> Outcome:
         """How one of them ended."""
-        halt = stopped(self.card, self.memory, member, self.names)
+        halt = stopped(self.card, self.memory[:, member], self.names)
         if halt is None:
             return Outcome("cancelled" if self.cancelled else "completed", self.grid.steps, float(self.times[-1]))
         when = self.grid.begin + halt.step * self.grid.step

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.observing import mean_velocities, point_velocities
@@ -29,7 +29,6 @@ from inverse_service.simulation.scene import (
     Unavailable,
 )
 
-Array = NDArray[np.float64]
 State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)
 CONTINUED = MethodChoice("adaptive", tolerance=1e-14)
 ITERATIONS = 60

@@ -17,7 +17,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
@@ -34,10 +33,9 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
+from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import Matrix, hessian
 from inverse_service.simulation.array_values import NoValue, array_value
-
-Array = NDArray[np.float64]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 MOST_PIECES = 4096

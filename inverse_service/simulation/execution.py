@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.program import (
-    CLOCK,
     GUARDED,
     NO_CONVERGENCE,
     NO_START,
@@ -28,9 +27,9 @@ from inverse_service.codegen.program import (
     UNRESOLVED,
     WATCHED,
 )
+from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.scene import Grid
 
-FloatArray = NDArray[np.float64]
 _FIRST_PIECE = 4096
 _FIRST_OWN = 8  # of a method that takes any number of steps between two points
 _SECONDS_PER_PIECE = 0.1
@@ -45,39 +44,38 @@ NEARLY_SINGULAR = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a kernel left: `rows` (recorded, columns, lanes), memory after the last good step, by name."""
+    """What a kernel left: `rows` (recorded, columns), `memory` (places,) after the last good step."""
 
-    rows: FloatArray
+    rows: Array
     steps_at: NDArray[np.int64]
-    memory: FloatArray
+    memory: Array
     iterations: int
     seconds: float
     cancelled: bool
     done: int
 
 
-def memory_of(card: Card, lanes: Sequence[tuple[Mapping[str, float], Mapping[str, float]]]) -> FloatArray:
-    """(places, lanes): state, rates and arguments of each lane; `lanes` holds (state and rates, arguments)."""
+def memory_of(card: Card, state: Mapping[str, float], arguments: Mapping[str, float]) -> Array:
+    """(places,): the state with the rates, and the arguments, where the kernel looks for them."""
     layout = card.layout
-    memory = np.zeros((layout.size, len(lanes)))
-    for lane, (state, arguments) in enumerate(lanes):
-        for name, value in state.items():
-            if name in layout.persistent:
-                memory[layout.place(name), lane] = value
-        for name in layout.arguments:
-            memory[layout.argument_place(name), lane] = arguments[name]
-        memory[layout.place(STOPPED_AT), lane] = -1.0
+    memory = np.zeros(layout.size)
+    for name, value in state.items():
+        if name in layout.persistent:
+            memory[layout.place(name)] = value
+    for name in layout.arguments:
+        memory[layout.argument_place(name)] = arguments[name]
+    memory[layout.place(STOPPED_AT)] = -1.0
     return memory
 
 
 def execute(
-    kernel: Compiled, memory: FloatArray, weights: Sequence[float], grid: Grid, stop: Callable[[], bool] | None = None
+    kernel: Compiled, memory: Array, weights: Sequence[float], grid: Grid, stop: Callable[[], bool] | None = None
 ) -> Run:
     """All steps of the grid; `memory` is changed."""
     columns = len(kernel.card.layout.columns)
     every = max(1, min(grid.record_every, grid.steps or 1))
     substeps = np.array(weights, dtype=np.float64)
-    pieces: list[FloatArray] = []
+    pieces: list[Array] = []
     steps_at: list[int] = []
     done = iterations = 0
     seconds, cancelled = 0.0, False
@@ -88,7 +86,7 @@ def execute(
         todo, until = _portion(piece, grid.steps - done, until)
         last = done + todo == grid.steps
         control = np.array([todo, len(substeps), every, until, 0, 0, 0], dtype=np.int64)
-        record = np.empty((todo // every + 2, columns, memory.shape[1]))
+        record = np.empty((todo // every + 2, columns))
         addresses = [array.ctypes.data for array in (memory, substeps, control, record)]
         begin = time.perf_counter()
         kernel.machine.call(*addresses)
@@ -102,7 +100,7 @@ def execute(
             break
         piece = max(least, min(4 * piece, int(piece * _SECONDS_PER_PIECE / max(passed, 1e-6))))
         cancelled = bool(stop and stop())
-    rows = np.concatenate(pieces) if pieces else np.empty((0, columns, memory.shape[1]))
+    rows = np.concatenate(pieces) if pieces else np.empty((0, columns))
     return Run(rows, np.array(steps_at, dtype=np.int64), memory, iterations, seconds, cancelled, done)
 
 
@@ -115,7 +113,7 @@ def _portion(piece: int, left: int, until: int) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """Why a lane stopped: kind, quantity, value, remedy; `step` counts from 0.
+    """Why a run stopped: kind, quantity, value, remedy; `step` counts from 0.
 
     `block` is the place of the implicit block whose determinant it was, None for other quantities.
     """
@@ -128,14 +126,14 @@ class Stopped:
     block: int | None = None
 
 
-def stopped(card: Card, memory: FloatArray, lane: int, unknown_names: Mapping[str, str]) -> Stopped | None:
-    """The meaning of a lane's status, None where it went to the end."""
+def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stopped | None:
+    """The meaning of the status in the memory (places,), None where the run went to the end."""
     layout = card.layout
-    code = int(memory[layout.place(STATUS), lane])
+    code = int(memory[layout.place(STATUS)])
     if code == 0:
         return None
-    step = int(memory[layout.place(STOPPED_AT), lane])
-    value = float(memory[layout.place(STOPPED_VALUE), lane])
+    step = int(memory[layout.place(STOPPED_AT)])
+    value = float(memory[layout.place(STOPPED_VALUE)])
     if code >= UNOBSERVABLE:
         quantity = f"{card.observed[code - UNOBSERVABLE]}, which has no finite value"
         return Stopped("off_domain", step, quantity, value, _UNDEFINED)
@@ -152,7 +150,7 @@ def stopped(card: Card, memory: FloatArray, lane: int, unknown_names: Mapping[st
         place = code - NO_CONVERGENCE
         quantity = _determinant(card, place, unknown_names)
         if place < len(card.solves):
-            first, last = (float(memory[layout.place(f"{which}_{place}"), lane]) for which in ("first", "last"))
+            first, last = (float(memory[layout.place(f"{which}_{place}")]) for which in ("first", "last"))
             if abs(last) < NEARLY_SINGULAR * abs(first):
                 return Stopped("singular", step, quantity, last, _REMEDY, place)
         return Stopped("no_convergence", step, quantity, value, _REMEDY)
@@ -173,10 +171,7 @@ def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> st
     return f"determinant of the discrete equations for {names}"
 
 
-def at_last(card: Card, memory: FloatArray, lane: int) -> dict[str, float]:
+def at_last(card: Card, memory: Array) -> dict[str, float]:
     """State variables and rates after the last good step."""
     layout = card.layout
-    return {name: float(memory[place, lane]) for place, name in enumerate(layout.persistent)}
-
-
-__all__ = ["CLOCK", "Run", "Stopped", "at_last", "execute", "memory_of", "stopped"]
+    return {name: float(memory[place]) for place, name in enumerate(layout.persistent)}

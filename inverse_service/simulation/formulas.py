@@ -12,12 +12,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.codegen.algebra import ZERO, Evaluator, Formula, closure, free_names, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Product, Symbol, Velocity, walk
+from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.scene import Problem
 
 _POLES = {"tan": "cos", "sec": "cos", "cot": "sin", "csc": "sin"}
@@ -199,7 +199,7 @@ class Formulas:
         names = [name, *sorted(free_names(slope) - {name})]
         return names, closure(names, [slope])
 
-    def slope_on_way(self, table: Mapping[str, float], way: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope_on_way(self, table: Mapping[str, float], way: Array) -> Array:
         """d2H/dq dp of the coordinate that moves alone, at places `way` of it."""
         names, function = self._slope_function
         columns = [way, *(np.full_like(way, table[name]) for name in names[1:])]

@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
@@ -44,6 +43,7 @@ from inverse_service.expressions.tree import (
     square_root,
     walk,
 )
+from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.exact_motion import ExactMotion
@@ -51,7 +51,6 @@ from inverse_service.simulation.initial import initial_velocities
 from inverse_service.simulation.regular_motion import determinant
 from inverse_service.simulation.scene import Scene
 
-Array = NDArray[np.float64]
 SAMPLES = 32
 CONSTANT = 1e-13
 
@@ -219,7 +218,7 @@ def keeps_motion(
     return None if len(finite) < ENOUGH else bool((finite < TOLERANCE).all())
 
 
-def _size(residual: Expression, table: dict[Expression, NDArray[np.float64] | float]) -> Array:
+def _size(residual: Expression, table: dict[Expression, Array | float]) -> Array:
     """The size of the largest term, which the residual is measured by."""
     terms = residual.terms if isinstance(residual, Sum) else (residual,)
     size = np.ones(len(array_value(residual, table)))

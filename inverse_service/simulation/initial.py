@@ -10,17 +10,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Velocity, walk
+from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.scene import Scene
 
-Array = NDArray[np.float64]
 TOLERANCE = 1e-9
 RANK = 1e-10
 NEARBY = 6

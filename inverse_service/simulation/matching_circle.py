@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from inverse_service.integrators.trajectory import Array
 
 # Below this sine of the largest angle three points are taken to lie on a line.
 COLLINEAR = 1e-10

@@ -5,7 +5,7 @@ Runs of a problem by a method: the one door to the integrators.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from inverse_service.integrators.compositions import ORDERS, composition
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.formulas import MOMENT, Formulas
-from inverse_service.simulation.outcomes import failed_start, trajectory_of
+from inverse_service.simulation.outcomes import Ended, failed_start, trajectory_of
 from inverse_service.simulation.peers import run_heyoka, run_scipy
 from inverse_service.simulation.scene import (
     OWN_STEPS,
@@ -27,6 +27,7 @@ from inverse_service.simulation.scene import (
     Observation,
     Problem,
     Start,
+    Stop,
 )
 from inverse_service.simulation.schemes import alpha_of, parts_of, program_of
 from inverse_service.simulation.starting import Initial, initial, refusal
@@ -100,7 +101,6 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
 MONOTONE = "The step is far beyond what the guard allows, but its equation is monotone: the root found is the only one."
 NO_GUARD = "The guard was off: that each step took the root that belongs to small steps was not checked."
 FEW, MANY, HALF = 4, 4096, 0.5
-Stop = Callable[[], bool]
 
 
 def available(problem: Problem) -> tuple[str, ...]:
@@ -157,9 +157,9 @@ def _run(
     observation: Observation, stop: Stop | None,
 ) -> Trajectory:  # fmt: skip
     kernel = kernel_of(formulas, choice, observation)
-    memory = memory_of(kernel.card, [lane_of(choice, begin, grid, parameters)])
+    memory = memory_of(kernel.card, *lane_of(choice, begin, grid, parameters))
     done = execute(kernel, memory, weights_of(choice), grid, stop)
-    return trajectory_of(formulas, choice, kernel, done, 0, begin, grid, observation)
+    return trajectory_of(Ended(formulas, choice, kernel, done, begin, grid), observation)
 
 
 def _first_steps(

@@ -25,7 +25,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
@@ -41,7 +40,7 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.matching_circle import (
@@ -56,7 +55,6 @@ from inverse_service.simulation.matching_circle import (
 from inverse_service.simulation.scene import Grid, Observable, Observation, Problem, Scene
 from inverse_service.simulation.truth import Truth
 
-Array = NDArray[np.float64]
 WITH_TIME = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
 FORCED = "Further forces do work, so the energy is no constant of the motion: see the balance of energy and work."
 MOVING_CONSTRAINTS = (

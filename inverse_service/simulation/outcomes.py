@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 import symengine
@@ -15,7 +17,7 @@ import symengine
 from inverse_service.codegen.algebra import STEP, Formula, real_value, symbol
 from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.codegen.planning import limit_at_zero_step
-from inverse_service.codegen.program import Program, Solve
+from inverse_service.codegen.program import CLOCK, Program, Solve
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -28,8 +30,8 @@ from inverse_service.expressions.tree import (
     number,
     power,
 )
-from inverse_service.integrators.trajectory import FloatArray, Outcome, Trajectory
-from inverse_service.simulation.execution import CLOCK, Run, Stopped, at_last, stopped
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.simulation.execution import Run, Stopped, at_last, stopped
 from inverse_service.simulation.formulas import Denominator, Formulas
 from inverse_service.simulation.scene import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.schemes import parts_of, program_of
@@ -143,36 +145,60 @@ def failed_start(start: Start, outcome: Outcome, time: float = 0.0) -> Trajector
     return Trajectory(np.array([time]), begin, None, None, outcome, 0, 0, 0.0, 0.0)
 
 
-def trajectory_of(
-    f: Formulas, choice: MethodChoice, kernel: Compiled, run: Run, lane: int, begin: Initial, grid: Grid,
-    observation: Observation,
-) -> Trajectory:  # fmt: skip
-    """The trajectory of one lane."""
-    card = kernel.card
-    halt = stopped(card, run.memory, lane, unknown_names(f))
+@dataclass(frozen=True)
+class Ended:
+    """A run of a kernel from `begin`, as far as it came."""
+
+    f: Formulas
+    choice: MethodChoice
+    kernel: Compiled
+    run: Run
+    begin: Initial
+    grid: Grid
+
+    @property
+    def card(self) -> Card:
+        return self.kernel.card
+
+    @cached_property
+    def halt(self) -> Stopped | None:
+        """Why it stopped; None where it went to the end."""
+        return stopped(self.card, self.run.memory, unknown_names(self.f))
+
+    @cached_property
+    def last(self) -> dict[str, float]:
+        """State variables and rates after the last good step."""
+        return at_last(self.card, self.run.memory)
+
+    @cached_property
+    def parameters(self) -> dict[str, float]:
+        """The arguments of the kernel but h."""
+        layout = self.card.layout
+        return {name: float(self.run.memory[layout.argument_place(name)]) for name in layout.arguments if name != "h"}
+
+
+def trajectory_of(ended: Ended, observation: Observation) -> Trajectory:
+    """The run as a trajectory."""
+    card, run, begin, grid, halt = ended.card, ended.run, ended.begin, ended.grid, ended.halt
     kept = run.steps_at <= (halt.step if halt else run.done)
-    steps = run.steps_at[kept]
-    columns = {name: run.rows[kept, place, lane] for place, name in enumerate(card.layout.columns)}
-    size = f.size
-    letter = "v" if choice.method in POINT_METHODS else "p"
-    positions = _with_start(columns, begin, [f"q{k}" for k in range(size)])
+    columns = {name: run.rows[kept, place] for place, name in enumerate(card.layout.columns)}
+    size = ended.f.size
+    letter = "v" if ended.choice.method in POINT_METHODS else "p"
     carried = _with_start(columns, begin, [f"{letter}{k}" for k in range(size)])
     velocities = carried if letter == "v" else _velocities(columns, begin, card, size)
-    series = {name: _headed(columns[f"observed_{k}"]) for k, name in enumerate(card.observed)}
-    maxima = {name: float(run.memory[card.layout.place(f"maximum_{k}"), lane]) for k, name in enumerate(card.observed)}
-    taken = int(run.memory[card.layout.place("clock"), lane]) if halt is None else halt.step
+    taken = int(run.memory[card.layout.place("clock")]) if halt is None else halt.step
     return Trajectory(
-        times=grid.begin + np.concatenate([[0.0], steps * grid.step]),
-        positions=positions,
+        times=grid.begin + np.concatenate([[0.0], run.steps_at[kept] * grid.step]),
+        positions=_with_start(columns, begin, [f"q{k}" for k in range(size)]),
         momenta=carried if letter == "p" and observation.momenta and not np.isnan(carried).any() else None,
         velocities=velocities if observation.velocities or letter == "v" else None,
-        outcome=_outcome(f, choice, card, run, lane, halt, grid, begin),
-        force_evaluations=_evaluations(choice, card, taken, run.iterations),
-        newton_iterations=0 if choice.method in OWN_STEPS else run.iterations,
-        compile_seconds=sum(kernel.seconds.values()),
+        outcome=_outcome(ended),
+        force_evaluations=_evaluations(ended.choice, card, taken, run.iterations),
+        newton_iterations=0 if ended.choice.method in OWN_STEPS else run.iterations,
+        compile_seconds=sum(ended.kernel.seconds.values()),
         run_seconds=run.seconds,
-        series=series,
-        maxima=maxima,
+        series={name: _headed(columns[f"observed_{k}"]) for k, name in enumerate(card.observed)},
+        maxima={name: float(run.memory[card.layout.place(f"maximum_{k}")]) for k, name in enumerate(card.observed)},
     )
 
 
@@ -183,7 +209,7 @@ def _evaluations(choice: MethodChoice, card: Card, taken: int, iterations: int) 
     return card.forces * taken + iterations * (6 if choice.method == "reference" else 1)
 
 
-def _with_start(columns: dict[str, FloatArray], begin: Initial, names: list[str]) -> FloatArray:
+def _with_start(columns: dict[str, Array], begin: Initial, names: list[str]) -> Array:
     """Recorded values with the start in front; what never changes is repeated, what is not carried is NaN."""
     rows = len(next(iter(columns.values()))) if columns else 0
     table = np.empty((rows + 1, len(names)))
@@ -193,7 +219,7 @@ def _with_start(columns: dict[str, FloatArray], begin: Initial, names: list[str]
     return table
 
 
-def _velocities(columns: dict[str, FloatArray], begin: Initial, card: Card, size: int) -> FloatArray | None:
+def _velocities(columns: dict[str, Array], begin: Initial, card: Card, size: int) -> Array | None:
     if not card.displacement:
         return None
     table = np.stack([_headed(columns[f"velocity_{k}"]) for k in range(size)], axis=1)
@@ -202,7 +228,7 @@ def _velocities(columns: dict[str, FloatArray], begin: Initial, card: Card, size
     return table
 
 
-def _headed(values: FloatArray) -> FloatArray:
+def _headed(values: Array) -> Array:
     """The first value repeated in front: the start has no step of its own."""
     return np.concatenate([values[:1] if len(values) else [math.nan], values])
 
@@ -218,24 +244,18 @@ def unknown_names(f: Formulas) -> dict[str, str]:
     return names | {f"m{k}": f"multiplier {k + 1}" for k in range(len(f.problem.constraints))}
 
 
-def _outcome(
-    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, halt: Stopped | None, grid: Grid,
-    begin: Initial,
-) -> Outcome:  # fmt: skip
+def _outcome(ended: Ended) -> Outcome:
+    f, choice, halt, grid = ended.f, ended.choice, ended.halt, ended.grid
     if halt is None:
-        if run.cancelled and run.done < grid.steps:
-            return Outcome("cancelled", run.done, grid.begin + run.done * grid.step)
-        return Outcome("completed", run.done, grid.begin + run.done * grid.step)
+        kind = "cancelled" if ended.run.cancelled and ended.run.done < grid.steps else "completed"
+        return Outcome(kind, ended.run.done, grid.begin + ended.run.done * grid.step)
     when = grid.begin + halt.step * grid.step
     if choice.method == "modified" and halt.kind == "singular" and len(parts_of(choice)) == 1:
         # Its own singular set: smooth through the zeros of A_alpha, whatever passes 0 nearby.
         return Outcome(halt.kind, halt.step, when, *_own_singular_set(f, choice, halt), _remedy(f, choice))
-    if halt.kind in ("no_convergence", "not_finite", "singular"):
-        cause = _vanished(f, choice, card, run, lane, grid, begin)
-        if cause:
-            return Outcome("singular", halt.step, when, *cause, _remedy(f, choice))
-    cause = _pole(f, choice, card, run, lane, grid, begin)
-    if cause:
+    if halt.kind in ("no_convergence", "not_finite", "singular") and (cause := _vanished(ended)):
+        return Outcome("singular", halt.step, when, *cause, _remedy(f, choice))
+    if cause := _pole(ended):
         return Outcome("singular", halt.step, when, *cause, OTHER_LAGRANGIAN)
     remedy = halt.remedy
     if halt.kind == "guard" and halt.value:
@@ -245,42 +265,35 @@ def _outcome(
     return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, remedy)
 
 
-def _pole(
-    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, grid: Grid, begin: Initial
-) -> tuple[str, float] | None:
+def _pole(ended: Ended) -> tuple[str, float] | None:
     """What L~ and H~ divide by, where it passes 0 just ahead: guard and Newton fail because of it."""
-    if choice.method != "variational" or f.problem.free_hamiltonian is None or f.problem.free_lagrangian is None:
+    f, last = ended.f, ended.last
+    if ended.choice.method != "variational" or not (f.problem.free_hamiltonian and f.problem.free_lagrangian):
         return None
-    last = at_last(card, run.memory, lane)
-    places = {name: card.layout.argument_place(name) for name in card.layout.arguments if name != "h"}
-    state = last | {name: float(run.memory[place, lane]) for name, place in places.items()}
-    state |= {name: begin.state[name] for name in begin.state if name not in state}
-    return pole_ahead(f, state, [last.get(f"d{k}_rate", 0.0) for k in range(f.size)], grid.step)
+    state = {**ended.begin.state, **last, **ended.parameters}
+    return pole_ahead(f, state, [last.get(f"d{k}_rate", 0.0) for k in range(f.size)], ended.grid.step)
 
 
 def _own_singular_set(f: Formulas, choice: MethodChoice, halt: Stopped) -> tuple[str, float]:
     """The determinant as the formula that it is for h -> 0, with its value; its plain name where that is too long."""
-    found = None
-    if halt.block is not None:
-        program = program_of(f, choice, Observation(momenta=False, velocities=False))
-        found = limit_text(f, program, halt.block)
+    program = program_of(f, choice, Observation(momenta=False, velocities=False))
+    found = None if halt.block is None else limit_text(f, program, halt.block)
     if found is None:
         return halt.quantity, halt.value
     text, sign = found
     return f"{text} (for h -> 0 the {halt.quantity})", sign * halt.value
 
 
-def _vanished(
-    f: Formulas, choice: MethodChoice, card: Card, run: Run, lane: int, grid: Grid, begin: Initial
-) -> tuple[str, float] | None:
+def _vanished(ended: Ended) -> tuple[str, float] | None:
     """The factor of L~'s denominators that passes 0 about the step that failed, with its value before it."""
+    choice = ended.choice
+    if choice.method not in ("variational", "modified"):
+        return None
     raw = (
         choice.method == "modified" or choice.form == "raw" or (choice.form != "verlet" and len(parts_of(choice)) == 2)
     )
-    if choice.method not in ("variational", "modified"):
-        return None
-    points = _way(f, card, run, lane, grid, begin)
-    for item in f.denominators:
+    points = _way(ended)
+    for item in ended.f.denominators:
         if not (raw or item.moves):
             continue
         values = [real_value(item.formula, point) for point in points]
@@ -289,18 +302,16 @@ def _vanished(
     return None
 
 
-def _way(f: Formulas, card: Card, run: Run, lane: int, grid: Grid, begin: Initial) -> list[dict[str, float]]:
+def _way(ended: Ended) -> list[dict[str, float]]:
     """(q, v) a step before the last good point, at it, and where its velocity leads in a step and a half."""
-    layout = card.layout
-    table = {name: float(run.memory[layout.argument_place(name), lane]) for name in layout.arguments if name != "h"}
-    last = at_last(card, run.memory, lane)
-    passed = last[CLOCK] * grid.step
-    means = [(last[f"q{k}"] - begin.state[f"q{k}"]) / passed if passed else 0.0 for k in range(f.size)]
+    last, start, step = ended.last, ended.begin.state, ended.grid.step
+    passed = last[CLOCK] * step
+    means = [(last[f"q{k}"] - start[f"q{k}"]) / passed if passed else 0.0 for k in range(ended.f.size)]
     # A rate of 0 is that of the step that failed; the mean one says where the way led.
-    rates = [last.get(f"d{k}_rate", 0.0) or means[k] for k in range(f.size)]
-    table |= {f"v{k}": rate for k, rate in enumerate(rates)}
+    rates = [last.get(f"d{k}_rate", 0.0) or mean for k, mean in enumerate(means)]
+    table = ended.parameters | {f"v{k}": rate for k, rate in enumerate(rates)}
     return [
-        table | {f"q{k}": last[f"q{k}"] + part * grid.step * rate for k, rate in enumerate(rates)}
+        table | {f"q{k}": last[f"q{k}"] + part * step * rate for k, rate in enumerate(rates)}
         for part in (-1.0, 0.0, 1.5)
     ]
 

@@ -14,12 +14,11 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.simulation.derivation import Derived
@@ -32,11 +31,8 @@ from inverse_service.simulation.observing import (
 )
 from inverse_service.simulation.quantities import velocities_at_points
 from inverse_service.simulation.running import MethodRun, run_method
-from inverse_service.simulation.scene import EXACT, OWN_STEPS, SCIPY, Grid, Requested, Scene, Unavailable
+from inverse_service.simulation.scene import EXACT, OWN_STEPS, SCIPY, Grid, Progress, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, true_motion
-
-Array = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 CHECKS = 8
 TOLERANCES = tuple(10.0**-k for k in range(3, 16))

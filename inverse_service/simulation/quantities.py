@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.observing import (
     circle_numbers,
@@ -30,8 +29,6 @@ from inverse_service.simulation.observing import (
 )
 from inverse_service.simulation.scene import Problem, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, places_of
-
-Array = NDArray[np.float64]
 
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
 _NO_ENERGY = "The system is given by its equations and not by a Lagrangian, so there is no energy."

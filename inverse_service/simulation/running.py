@@ -17,13 +17,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply
-from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.advice import COST, Means, part_costs
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.derivation import COMPARED, USES_EXACT, Derived, Find, problem_of, with_accelerations
@@ -40,16 +39,15 @@ from inverse_service.simulation.scene import (
     MethodChoice,
     Observation,
     Problem,
+    Progress,
     Requested,
     Scene,
     Start,
+    Stop,
     Unavailable,
 )
 from inverse_service.simulation.truth import Truth, exact_trajectory, true_motion
 
-Array = NDArray[np.float64]
-Progress = Callable[[str], None]
-Stop = Callable[[], bool]
 FAULT = "This method failed by a fault of the program ({}): please report the scene."
 
 

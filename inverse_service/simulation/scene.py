@@ -8,10 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from inverse_service.expressions.tree import TIME, Expression, walk
+from inverse_service.integrators.trajectory import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +116,8 @@ class Observation:
     observables: tuple[Observable, ...] = field(default=())
 
 
-Array = NDArray[np.float64]
+Stop = Callable[[], bool]
+Progress = Callable[[str], None]
 
 EXACT = "exact"
 # What each observed quantity is called in the scene, in the order in which a person reads them.

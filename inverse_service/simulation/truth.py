@@ -7,21 +7,19 @@ two that agree longest and best the first is taken; four times their distance bo
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.derivation import Derived, with_accelerations
 from inverse_service.simulation.exact_motion import ExactMotion, positions_of
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Scene, Start, Unavailable
+from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Scene, Start, Stop, Unavailable
 
-Array = NDArray[np.float64]
-Stop = Callable[[], bool]
 ENOUGH = 1e-12  # two references that are this near, over the size of the motion, need no third
 USELESS = 1e-3  # where references part by more than this share of the motion, there is no truth any more
 SAFETY = 4.0  # times the distance of the two references that agree best: a bound of the error of the better one

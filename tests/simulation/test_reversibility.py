@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.hard_cases import contact_start
 from benchmarks.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
-from inverse_service.integrators.trajectory import FloatArray
+from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem
@@ -26,7 +26,7 @@ def reversors(problem: Problem) -> list[tuple[int, int, int]]:
     q, v = random.normal(size=(2, 20, 3))
     v[:, 0] = -q[:, 1] * v[:, 2]
 
-    def accelerations(positions: FloatArray, velocities: FloatArray) -> FloatArray:
+    def accelerations(positions: Array, velocities: Array) -> Array:
         table = table_of(problem.coordinates, positions, velocities, K)
         return np.stack([array_value(tree, table) for tree in problem.accelerations or ()], axis=1)
 

@@ -9,14 +9,13 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures.paths import path_figure
 from inverse_service.service.figures.series import QUANTITIES, series_figure
 from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, look, new_figure, plain, save, shown, spread
 from inverse_service.simulation.matching_circle import turned
 
-Array = NDArray[np.float64]
 MOST_POINTS = 4000
 
 

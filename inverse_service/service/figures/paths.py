@@ -10,12 +10,11 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, joined, look, new_figure, plain, shown, spread
 from inverse_service.simulation.matching_circle import turned
 
-Array = NDArray[np.float64]
 Tables = Mapping[str, Mapping[str, Array]]
 MOST_POINTS = 6000
 MOST_MARKERS = 45

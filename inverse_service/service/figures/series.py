@@ -11,11 +11,10 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures.style import SETTINGS, look, new_figure, plain, shown, spread
 
-Array = NDArray[np.float64]
 Tables = Mapping[str, Mapping[str, Array]]
 BINS = 160
 FLOOR = 1e-17

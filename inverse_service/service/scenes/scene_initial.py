@@ -6,18 +6,16 @@ from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from api_schemas.scene import MemberColumns, SceneEnsemble, SceneInitial
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import Expression
+from inverse_service.integrators.trajectory import Array
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.simulation.initial import check_constraints, initial_velocities, velocities_from_momenta
 from inverse_service.simulation.scene import Members, Scene
-
-Array = NDArray[np.float64]
 
 
 def read_initial(

@@ -19,6 +19,7 @@ from inverse_service.expressions.derivative import define_functions
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, walk
+from inverse_service.integrators.trajectory import Array
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
@@ -34,7 +35,7 @@ from inverse_service.service.scenes.scene_system import (
     lagrangian_of,
     refuse_open_functions,
 )
-from inverse_service.simulation.array_values import Array, array_value, table_of
+from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.derivation import Find
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion
 from inverse_service.simulation.free_lagrangians import ClassLagrangian, class_lagrangian, keeps_motion, start_momenta

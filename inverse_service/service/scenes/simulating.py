@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from api_schemas.scene import SceneDocument
 from inverse_service import __version__
 from inverse_service.expressions.printing import to_text
-from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
@@ -26,10 +25,9 @@ from inverse_service.simulation.ensembles import EnsembleRun
 from inverse_service.simulation.events import Found
 from inverse_service.simulation.quantities import last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
-from inverse_service.simulation.scene import Requested, Scene, Unavailable
+from inverse_service.simulation.scene import Progress, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth
 
-Array = NDArray[np.float64]
 MOST_MEMBERS = 10_000  # whose numbers a result document lists; files hold all
 MOST_ENDS = 20
 
@@ -88,8 +86,6 @@ FORMAT = "inverse-service/simulation/1"
 MOST_POINTS = 2001
 MOST_EVENTS = 20_000
 SHARE_OF_RUN = 0.9
-
-Progress = Callable[[str], None]
 
 
 def simulate(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:

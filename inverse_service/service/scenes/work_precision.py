@@ -20,7 +20,7 @@ from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
-from inverse_service.service.scenes.simulating import Progress, as_plain, catalogue_name
+from inverse_service.service.scenes.simulating import as_plain, catalogue_name
 from inverse_service.simulation.advice import advice, told
 from inverse_service.simulation.derivation import derive
 from inverse_service.simulation.precision import (
@@ -34,7 +34,7 @@ from inverse_service.simulation.precision import (
     reached_at_once,
     times_to_errors,
 )
-from inverse_service.simulation.scene import SCIPY, MethodChoice, Requested, Scene, Unavailable
+from inverse_service.simulation.scene import SCIPY, MethodChoice, Progress, Requested, Scene, Unavailable
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
