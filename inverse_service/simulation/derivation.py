@@ -98,7 +98,7 @@ def derive(scene: Scene, find: Find) -> Derived:
     wanted = dict.fromkeys(requested.free for requested in scene.methods if requested.method in USES_FREE)
     exact: ExactMotion | NoExactMotion | None = None
     if EXACT in used or USES_EXACT & set(scene.observe) or wanted:
-        with _timed(seconds, "exact motion"):
+        with timed(seconds, "exact motion"):
             exact = _exact(scene)
     compares = bool(COMPARED & set(scene.observe)) and not isinstance(exact, ExactMotion)
     accelerations = None
@@ -108,11 +108,11 @@ def derive(scene: Scene, find: Find) -> Derived:
         or "lyapunov" in scene.observe
         or (scene.events and used & {EXACT, "modified"})
     ):
-        with _timed(seconds, "accelerations"):
+        with timed(seconds, "accelerations"):
             accelerations = _accelerations(scene)
     free: dict[str | None, FreeLagrangian | Unavailable] = {}
     for name in wanted:
-        with _timed(seconds, "free Lagrangian"):
+        with timed(seconds, "free Lagrangian"):
             free[name] = find(scene, name, exact or NoExactMotion("No exact motion is known."))
     return Derived(exact, accelerations, free, seconds)
 
@@ -182,7 +182,7 @@ def _accelerations(scene: Scene) -> tuple[Expression, ...] | Unavailable:
 
 
 @contextmanager
-def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
     begun = time.perf_counter()
     yield
     seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begun

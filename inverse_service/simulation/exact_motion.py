@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -191,12 +192,17 @@ def _composite(motion: ExactMotion, start: float, rate: float, edges: Array, pie
     return summed, steady
 
 
+def turning_table(motion: ExactMotion, turning: Array) -> dict[Expression, Any]:
+    """The values of the parameters, and these of the turning coordinate, for `array_value`."""
+    table: dict[Expression, Any] = {Symbol(name): value for name, value in motion.values.items()}
+    return table | {Symbol(motion.coordinates[motion.turning or 0]): turning}
+
+
 def _direction(motion: ExactMotion, turning: Array) -> Array:
     """e(r), (m, n - 1): the cross product of the rows of omega, with e M e = 1. It never jumps in sign."""
     k = motion.turning or 0
     others = [i for i in range(len(motion.coordinates)) if i != k]
-    table: dict[Expression, Array | float] = {Symbol(name): value for name, value in motion.values.items()}
-    table[Symbol(motion.coordinates[k])] = turning
+    table = turning_table(motion, turning)
     rows = np.empty((len(turning), len(motion.constraints), len(others)))
     for a, row in enumerate(motion.constraints):
         for j, i in enumerate(others):

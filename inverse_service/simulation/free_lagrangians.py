@@ -46,7 +46,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.exact_motion import ExactMotion
+from inverse_service.simulation.exact_motion import ExactMotion, turning_table
 from inverse_service.simulation.initial import initial_velocities
 from inverse_service.simulation.regular_motion import determinant
 from inverse_service.simulation.scene import Scene
@@ -131,8 +131,7 @@ def _square(motion: ExactMotion, directions: dict[int, Expression]) -> Expressio
 def _is_constant(expression: Expression, motion: ExactMotion) -> bool:
     """Whether a function of the turning coordinate has one value at random points, to round-off."""
     points = np.random.default_rng(1).uniform(-3, 3, SAMPLES)
-    table: dict[Expression, Array | float] = {Symbol(name): value for name, value in motion.values.items()}
-    table[Symbol(motion.coordinates[motion.turning or 0])] = points
+    table = turning_table(motion, points)
     values = array_value(expression, table)
     values = values[np.isfinite(values)]
     return len(values) > 1 and bool(np.ptp(values) <= CONSTANT * np.abs(values).max())
@@ -167,8 +166,7 @@ def start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array,
 def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array) -> Array:
     k, names = found.turning, motion.coordinates
     rate = np.float64(velocities[k])  # of numpy, so that what is not defined becomes nan
-    table: dict[Expression, Array | float] = {Symbol(name): value for name, value in motion.values.items()}
-    table[Symbol(names[k])] = positions[k : k + 1]
+    table = turning_table(motion, positions[k : k + 1])
     raw = _directions(motion)
     mass = motion.mass
     d = np.array([float(array_value(raw[i], table)[0]) if i in raw else 0.0 for i in range(len(names))])
@@ -191,8 +189,7 @@ def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array
 def _constant_ratio(raw: Expression, stripped: Expression, motion: ExactMotion) -> float:
     """raw/stripped, which does not depend on the turning coordinate."""
     points = np.random.default_rng(2).uniform(-3, 3, SAMPLES)
-    table: dict[Expression, Array | float] = {Symbol(name): value for name, value in motion.values.items()}
-    table[Symbol(motion.coordinates[motion.turning or 0])] = points
+    table = turning_table(motion, points)
     top, bottom = array_value(raw, table), array_value(stripped, table)
     best = int(np.nanargmax(np.where(np.isfinite(top) & np.isfinite(bottom), np.abs(bottom), np.nan)))
     return float(top[best] / bottom[best])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +10,7 @@ import numpy as np
 
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
+from inverse_service.simulation.derivation import timed
 from inverse_service.simulation.observing import (
     circle_numbers,
     conserved_momenta,
@@ -53,12 +52,12 @@ def observed_quantities(run: Observed, seconds: dict[str, float]) -> tuple[dict[
     scene, truth = run.scene, run.truth
     true = truth.positions[places_of(truth, run.trajectory.times)] if isinstance(truth, Truth) else None
     for name in scene.observe:
-        with _timed(seconds, name):
+        with timed(seconds, name):
             found, columns = _quantity(name, run, true)
             numbers |= found
             series |= columns
     if scene.own:
-        with _timed(seconds, "own observables"):
+        with timed(seconds, "own observables"):
             found, columns = _own(run)
             numbers |= found
             series |= columns
@@ -220,10 +219,3 @@ def last_point(run: Observed) -> tuple[float, Array, Array | None]:
 
 def _columns(prefix: str, scene: Scene, table: Array) -> dict[str, Array]:
     return {f"{prefix}{name}": table[:, k] for k, name in enumerate(scene.coordinates)}
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
-    begun = time.perf_counter()
-    yield
-    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begun

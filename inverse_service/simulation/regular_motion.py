@@ -27,9 +27,8 @@ from inverse_service.expressions.tree import (
     divide,
     multiply,
     negate,
-    subtract,
 )
-from inverse_service.mechanics.euler_lagrange import hessian, momenta
+from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
 
 Matrix = tuple[tuple[Expression, ...], ...]
 # Beyond this size the expansion of a full determinant would fill pages.
@@ -51,7 +50,7 @@ def regular_accelerations(
     inertia = inverse(hessian(lagrangian, names))
     if inertia is None:
         return None
-    own = _forces(names, lagrangian)
+    own = tuple(collect(negate(e)) for e in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names)))
     free = _applied(inertia, tuple(map(add, own, forces)) if forces else own)
     if not constraints:
         return free
@@ -99,13 +98,6 @@ def _cofactor(matrix: Matrix, row: int, column: int) -> Expression:
     )
     value = determinant(minor)
     return negate(value) if (row + column) % 2 else value
-
-
-def _forces(names: tuple[str, ...], lagrangian: Expression) -> tuple[Expression, ...]:
-    found = []
-    for name, momentum in zip(names, momenta(lagrangian, names), strict=True):
-        found.append(collect(subtract(differentiate(lagrangian, Symbol(name)), _rate(momentum, names))))
-    return tuple(found)
 
 
 def _rate(expression: Expression, names: tuple[str, ...]) -> Expression:

@@ -11,7 +11,6 @@ of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -25,7 +24,15 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, 
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.advice import COST, Means, part_costs
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.derivation import COMPARED, USES_EXACT, Derived, Find, problem_of, with_accelerations
+from inverse_service.simulation.derivation import (
+    COMPARED,
+    USES_EXACT,
+    Derived,
+    Find,
+    problem_of,
+    timed,
+    with_accelerations,
+)
 from inverse_service.simulation.ensembles import EnsembleRun, run_members
 from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
@@ -141,18 +148,16 @@ def run_method(
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
     events: tuple[Found, ...] = ()
     if scene.events and len(found.times) > 1:
-        begun = time.perf_counter()
-        values = values_of(scene, requested, known)
-        found, events = with_events(scene, requested, problem, found, with_accelerations(scene, derived), values)
-        seconds["events"] = time.perf_counter() - begun
+        motion, values = with_accelerations(scene, derived), values_of(scene, requested, known)
+        with timed(seconds, "events"):
+            found, events = with_events(scene, requested, problem, found, motion, values)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
     numbers, series = observed_quantities(observed, seconds)
     if COST in scene.observe and problem is not None:
-        begun = time.perf_counter()
-        numbers[COST] = _costs(scene, requested, derived, known, stop, find)
-        seconds[COST] = time.perf_counter() - begun
+        with timed(seconds, COST):
+            numbers[COST] = _costs(scene, requested, derived, known, stop, find)
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, observed)
 
 

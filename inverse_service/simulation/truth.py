@@ -71,20 +71,13 @@ def places_of(truth: Truth, times: Array) -> NDArray[np.int64]:
 
 def true_motion(scene: Scene, derived: Derived, stop: Stop | None = None) -> Truth | Unavailable:
     """The true motion at the recorded times of the scene, or why it is not known."""
-    begun = time.perf_counter()
-    times = recorded_times(scene.grid)
-    if isinstance(derived.exact, ExactMotion):
-        try:
-            positions, velocities = _exact(scene, derived.exact, times)
-        except ValueError as error:
-            return Unavailable(f"The exact solution ends: {error}.")
-        bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(positions).max(axis=1)))
-        return Truth(times, positions, velocities, "exact", bounds, time.perf_counter() - begun)
-    return _references(scene, derived, times, begun, stop)
-
-
-def _exact(scene: Scene, exact: ExactMotion, times: Array) -> tuple[Array, Array]:
-    return positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
+    if not isinstance(derived.exact, ExactMotion):
+        return _references(scene, derived, stop)
+    found = exact_trajectory(scene, derived)
+    if isinstance(found, Unavailable) or found.velocities is None:
+        return found if isinstance(found, Unavailable) else Unavailable(NONE_FOUND)
+    bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(found.positions).max(axis=1)))
+    return Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
 
 
 def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable:
@@ -95,24 +88,16 @@ def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable
     begun = time.perf_counter()
     times = recorded_times(scene.grid)
     try:
-        positions, velocities = _exact(scene, derived.exact, times)
+        rows = positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
     except ValueError as error:
         return Unavailable(f"The exact solution ends: {error}.")
-    return Trajectory(
-        times=times,
-        positions=positions,
-        momenta=None,
-        velocities=np.array(velocities),
-        outcome=Outcome("completed"),
-        force_evaluations=0,
-        newton_iterations=0,
-        compile_seconds=0.0,
-        run_seconds=time.perf_counter() - begun,
-    )
+    seconds = time.perf_counter() - begun
+    return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), 0, 0, 0.0, seconds)
 
 
-def _references(scene: Scene, derived: Derived, times: Array, begun: float, stop: Stop | None) -> Truth | Unavailable:
+def _references(scene: Scene, derived: Derived, stop: Stop | None) -> Truth | Unavailable:
     """heyoka where it is installed, DOP853 with steps of its own, and Gauss-Legendre where these do not agree."""
+    begun, times = time.perf_counter(), recorded_times(scene.grid)
     problem = with_accelerations(scene, derived)
     if isinstance(problem, Unavailable):
         return problem
