@@ -15,8 +15,7 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from inverse_service.machine_code.entry import entry_text
-from inverse_service.machine_code.loading import target_machine
+from inverse_service.machine_code.loading import ENTRY, target_machine
 from inverse_service.machine_code.signatures import Kinds, array_of
 from inverse_service.machine_code.sources import Unstorable, used
 
@@ -44,8 +43,8 @@ def made_intrinsic(definition: Callable[..., Any]) -> Any:
     return intrinsic(definition)
 
 
-def object_code(compiler: Any, kinds: Kinds) -> bytes:
-    """The kernel for these kinds and its entry; raises Unstorable where it needs more than itself."""
+def object_code(compiler: Any, kinds: Kinds) -> tuple[bytes, str]:
+    """The kernel for these kinds and what it answers; raises Unstorable where it needs more than itself."""
     signature = tuple(map(_type, kinds))
     compiler.compile(signature)  # refuses a kernel that writes what is to be read only
     answer = _ANSWERS.get(compiler.overloads[signature].signature.return_type)
@@ -53,10 +52,10 @@ def object_code(compiler: Any, kinds: Kinds) -> bytes:
         raise Unstorable("the kernel gives neither nothing nor one number")
     function = _flat(compiler, kinds, answer)
     module = llvm.parse_assembly(function.inspect_llvm())
-    module.link_in(llvm.parse_assembly(entry_text(function.native_name, kinds, answer)))
+    module.get_function(function.native_name).name = ENTRY
     machine = target_machine(level=3)
     _reduce(module, machine)
-    return bytes(machine.emit_object(module))
+    return bytes(machine.emit_object(module)), answer
 
 
 def _type(kind: str) -> Any:
@@ -96,12 +95,12 @@ def _types(kind: str) -> list[Any]:
 
 
 def _reduce(module: Any, machine: Any) -> None:
-    """Optimise with @entry as the only way in, so that numba's paths for exceptions go; raises Unstorable."""
+    """Optimize with @entry as the only way in, so that numba's paths for exceptions go; raises Unstorable."""
     for function in module.functions:
-        if not function.is_declaration and function.name != "entry":
+        if not function.is_declaration and function.name != ENTRY:
             function.linkage = "internal"
     for variable in module.global_variables:
-        if not variable.is_declaration and variable.name != "table":
+        if not variable.is_declaration:
             variable.linkage = "internal"
     builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
     builder.getModulePassManager().run(module, builder)

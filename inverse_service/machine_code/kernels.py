@@ -1,7 +1,7 @@
 """Kernels: plain functions of numbers and arrays, compiled for the kinds of arguments they are called with.
 
 The code is looked up in the store by a digest of all it is made from and loaded by LLVM; numba is imported only
-where the store has none. A call costs 0.1 us and as much again for each array.
+where the store has none. A call costs 1 us and as much again for each array.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 from inverse_service.machine_code import store
-from inverse_service.machine_code.signatures import Kinds, kinds_of, plain
+from inverse_service.machine_code.signatures import Kinds, kinds_of
 
 Work = TypeVar("Work", bound=Callable[..., Any])
 
@@ -25,18 +25,22 @@ _lock = threading.RLock()
 class Kernel:
     """A compiled function; `py_func` is its source."""
 
-    __slots__ = ("_call", "_entries", "_made", "_other", "py_func")
+    __slots__ = ("_entries", "_made", "py_func")
 
     def __init__(self, work: Callable[..., Any]) -> None:
         self.py_func = work
-        self._entries: dict[Kinds | None, Callable[..., Any]] = {}
+        self._entries: dict[Kinds, Callable[..., Any]] = {}
         self._made: Any = None
-        # One object for the life of the kernel: entries hold its address.
-        self._other: Callable[..., Any] = self._choose
-        self._call = self._other
 
     def __call__(self, *arguments: Any) -> Any:
-        return self._call(*arguments)
+        kinds = kinds_of(arguments) if POINTERS_OF_64_BITS else None
+        if kinds is None:
+            return self.made()(*arguments)
+        entry = self._entries.get(kinds)
+        if entry is None:
+            with _lock:
+                entry = self._entries[kinds] = self._entry(kinds)
+        return entry(*arguments)
 
     def __repr__(self) -> str:
         return f"<kernel {self.py_func.__module__}.{self.py_func.__qualname__}>"
@@ -50,17 +54,6 @@ class Kernel:
                 self._made = dispatcher(self.py_func)
             return self._made
 
-    def _choose(self, *arguments: Any) -> Any:
-        """The entry for the kinds of these arguments, called; later calls of its kinds go to it at once."""
-        kinds = kinds_of(arguments) if POINTERS_OF_64_BITS else None
-        if kinds is None:
-            return self.made()(*arguments)
-        if kinds not in self._entries:
-            with _lock:
-                self._entries[kinds] = self._entry(kinds)
-        self._call = self._entries[kinds]
-        return self._call(*map(plain, arguments, kinds))
-
     def _entry(self, kinds: Kinds) -> Callable[..., Any]:
         from inverse_service.machine_code.sources import Unstorable  # LLVM takes 0.03 s to import
 
@@ -70,27 +63,24 @@ class Kernel:
             return cast(Callable[..., Any], self.made())
 
     def _from_store(self, kinds: Kinds) -> Callable[..., Any] | None:
+        from inverse_service.machine_code.loading import load
         from inverse_service.machine_code.sources import kernel_digest
 
         found = store.read(kernel_digest(self.py_func, kinds), _KIND, with_program=True)
         try:
-            return None if found is None else self._loaded(found[1])
+            return None if found is None else load(found[1], kinds, found[0]["answer"])
         except (OSError, RuntimeError):
             return None
 
     def _built(self, kinds: Kinds) -> Callable[..., Any]:
         from inverse_service.machine_code.building import object_code
+        from inverse_service.machine_code.loading import load
         from inverse_service.machine_code.sources import kernel_digest
 
-        code = object_code(self.made(), kinds)
-        noted = {"kernel": repr(self), "kinds": kinds}
+        code, answer = object_code(self.made(), kinds)
+        noted = {"kernel": repr(self), "kinds": kinds, "answer": answer}
         store.write(kernel_digest(self.py_func, kinds), noted, code, _KIND, with_program=True)
-        return self._loaded(code)
-
-    def _loaded(self, code: bytes) -> Callable[..., Any]:
-        from inverse_service.machine_code.loading import load
-
-        return load(code, self.py_func.__name__, self._other)
+        return load(code, kinds, answer)
 
 
 class Intrinsic:

@@ -1,7 +1,4 @@
-"""An object file made a built-in function of this process, by LLVM alone.
-
-The processor that machine code is made for.
-"""
+"""An object file made a function of this process by LLVM and ctypes, and the processor that it is made for."""
 
 from __future__ import annotations
 
@@ -14,7 +11,12 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from inverse_service.machine_code.entry import TABLE
+from inverse_service.machine_code.signatures import Kinds, array_of
+
+ENTRY = "entry"
+_ANSWERS: dict[str, Callable[[int], Any]] = {"none": lambda answer: None, "int64": int, "uint64": int, "bool": bool}
+# Code lives as long as the process.
+_kept: list[Any] = []
 
 
 @lru_cache(maxsize=1)
@@ -44,44 +46,40 @@ def _initialize() -> None:
     llvm.initialize_native_asmprinter()
 
 
-_FASTCALL = 0x80
-_OBJECTS: dict[str, Any] = {
-    "int": int, "np.int64": np.int64, "np.uint64": np.uint64, "True": True, "False": False, "None": None,
-}  # fmt: skip
-# Code, method definitions and what the tables point to live as long as the process.
-_kept: list[Any] = []
-
-
-class _Method(ctypes.Structure):
-    """PyMethodDef."""
-
-    _fields_ = (
-        ("name", ctypes.c_char_p), ("function", ctypes.c_void_p), ("flags", ctypes.c_int), ("text", ctypes.c_char_p),
-    )  # fmt: skip
-
-
-def load(code: bytes, name: str, other: Callable[..., Any]) -> Callable[..., Any]:
-    """The entry in the object file; `other` gets the calls whose arguments are of other kinds."""
+def load(code: bytes, kinds: Kinds, answer: str) -> Callable[..., Any]:
+    """The kernel in the object file as a function of arguments of these kinds; OverflowError for a number too large."""
     # One engine for each, 1 ms: in an engine that has an object already, LLVM finds the data of the next one wrongly.
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    function, table = engine.get_function_address("entry"), engine.get_global_value_address("table")
-    if not function or not table:
+    address = engine.get_function_address(ENTRY)
+    if not address:
         raise OSError("the object file has no entry")
-    places = (ctypes.c_uint64 * len(TABLE)).from_address(table)
-    places[:] = [_address(word, other) for word in TABLE]
-    method = _Method(name.encode(), function, _FASTCALL, None)
-    make = ctypes.pythonapi.PyCFunction_NewEx
-    make.restype, make.argtypes = ctypes.py_object, [ctypes.POINTER(_Method), ctypes.py_object, ctypes.py_object]
-    _kept.append((engine, method, other))
-    return make(ctypes.byref(method), None, None)  # type: ignore[no-any-return]
+    _kept.append(engine)
+    result = ctypes.c_uint64 if answer == "uint64" else ctypes.c_int64
+    function = ctypes.PYFUNCTYPE(result, *(word for kind in kinds for word in _words(kind)))(address)
+    finished = _ANSWERS[answer]
+
+    def call(*arguments: Any) -> Any:
+        words: list[int] = []
+        for argument in arguments:
+            if isinstance(argument, np.ndarray):
+                words += (argument.ctypes.data, *argument.shape)
+            elif type(argument) is int and not -_LARGE <= argument < _LARGE:
+                raise OverflowError("a number does not fit 64 bits")
+            else:
+                words.append(int(argument))
+        return finished(function(*words))
+
+    return call
 
 
-def _address(word: str, other: Callable[..., Any]) -> int:
-    """Of an object, of a function of Python's C interface, or of `other`."""
-    if word == "OTHER":
-        return id(other)
-    if word in _OBJECTS:
-        return id(_OBJECTS[word])
-    return ctypes.cast(getattr(ctypes.pythonapi, word), ctypes.c_void_p).value or 0
+_LARGE = 1 << 63
+
+
+def _words(kind: str) -> list[Any]:
+    """The C types of address and lengths of an array, or of a number."""
+    dimensions = array_of(kind).dimensions
+    if dimensions:
+        return [ctypes.c_void_p, *[ctypes.c_int64] * dimensions]
+    return [ctypes.c_uint64 if kind == "uint64" else ctypes.c_int64]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -30,16 +30,6 @@ class ArrayKind:
     dimensions: int
     constant: bool
 
-    @property
-    def size(self) -> int:
-        """Bytes of an element."""
-        return np.dtype(self.element).itemsize
-
-    @property
-    def letter(self) -> str:
-        """The element type in the format of the buffer protocol (PEP 3118)."""
-        return memoryview(np.empty(1, np.dtype(self.element)).data).format
-
 
 @lru_cache(maxsize=256)
 def array_of(kind: str) -> ArrayKind:
@@ -50,23 +40,21 @@ def array_of(kind: str) -> ArrayKind:
 
 def kinds_of(arguments: Sequence[Any]) -> Kinds | None:
     """The kinds, or None where one argument is none that machine code of ours takes."""
-    kinds = [_kind(argument) for argument in arguments]
-    return None if None in kinds else tuple(kind for kind in kinds if kind is not None)
+    kinds = tuple(map(_kind, arguments))
+    return None if None in kinds else cast(Kinds, kinds)
 
 
 def _kind(argument: Any) -> str | None:
     if not isinstance(argument, np.ndarray):
         return _SCALARS.get(type(argument))
     flags = argument.flags
-    name = _TYPES.get(argument.dtype)
-    if name is None or not (flags.c_contiguous and flags.aligned) or not 0 < argument.ndim <= _MOST_DIMENSIONS:
+    if not (flags.c_contiguous and flags.aligned):
         return None
-    return f"{'' if flags.writeable else _CONSTANT}{name}[{argument.ndim}]"
+    return _array_kind(argument.dtype, argument.ndim, flags.writeable)
 
 
-def plain(argument: Any, kind: str) -> Any:
-    """The same argument as machine code knows it: an array without subclass and with NumPy's own element type."""
-    array = array_of(kind)
-    if array.dimensions:
-        return np.asarray(argument).view(np.dtype(array.element))
-    return {"int64": int, "uint64": np.uint64, "bool": bool}[kind](argument)
+@lru_cache(maxsize=256)
+def _array_kind(element: Any, dimensions: int, writable: bool) -> str | None:
+    name = _TYPES.get(element)
+    known = name is not None and 0 < dimensions <= _MOST_DIMENSIONS
+    return f"{'' if writable else _CONSTANT}{name}[{dimensions}]" if known else None
