@@ -12,7 +12,8 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
-from inverse_service.simulation.array_values import Array, array_value, table_of
+from inverse_service.integrators.trajectory import Array
+from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.web.pages.preview import accelerations_of
 from inverse_service.web.pages.scenes import SceneForm, scene_document
 
