@@ -101,7 +101,7 @@ class QuestionDocument(NamedDocument):
     special_cases: bool = False
 
 
-KindName = Literal["natural", "riemannian", "finsler", "rayleigh"]
+KindName = Literal["natural", "riemannian", "finsler", "positive_definite", "rayleigh"]
 
 
 VectorField = Annotated[
@@ -130,10 +130,12 @@ class SystemDocument(QuestionDocument):
     x' = h, p' = F, with h affine in p and solvable for it, are turned into second-order equations.
     `clock`: N(q) in dtau = N dt: is there a Lagrangian with this clock?
     `kinds`: which kinds of Lagrangians are asked about: "natural" (T + A v - V), "riemannian" (T alone), "finsler"
-    (homogeneous of degree 2 in the velocities), "rayleigh" (natural, with friction),
-    {"invariant": ["x", {"x": "-y", "y": "x"}]}.
+    (homogeneous of degree 2 in the velocities), "positive_definite" (a definite Hessian at a real point), "rayleigh"
+    (natural, with friction), {"invariant": ["x", {"x": "-y", "y": "x"}]}.
+    `near`: that point, {"x": "1", "x'": 0, "k": 2}; what it does not name is chosen.
     """
 
     equations: Equations
     clock: Text | None = None
     kinds: Annotated[list[Kind], Field(max_length=MAX_KINDS)] = Field(default_factory=list)
+    near: Annotated[dict[Name, Value], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)

@@ -517,11 +517,12 @@ def certified(document: Any, tools: Tools) -> str:
     kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
     from .constraints import Motion  # which is a Question
+    from .definite import Definite
     from .kinds import OfKind
 
     moving, among = document["system"].get("velocities") is not None, document.get("among")
     require(not moving or among is None, "A motion on constraints is asked about with all Lagrangians.")
-    about = Motion if moving else Question if among is None else OfKind
+    about = Motion if moving else Question if among is None else Definite if among == "positive_definite" else OfKind
     asked = about(tools, document["system"], document["question"] == "time_dependent", document)
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
     return checks[kind](document) + (f" Only Lagrangians of a kind are meant: {among}." if among is not None else "")

@@ -131,7 +131,7 @@ class OfKind(Question):
 def named(kind: Any) -> Any:
     """The name of a kind, which may have vector fields."""
     if not isinstance(kind, dict):
-        check_shape(kind, "natural|riemannian|finsler|rayleigh", "among")
+        check_shape(kind, "natural|riemannian|finsler|positive_definite|rayleigh", "among")
         return kind
     check_shape(kind, {"invariant": [{}, MAX_NAMES]}, "among")
     require(len(kind) == 1, "among has to name one kind.")

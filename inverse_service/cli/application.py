@@ -114,7 +114,8 @@ def solve(
         list[str] | None,
         typer.Option(
             "--kind",
-            help="Also: is there an L of this kind? natural, riemannian, finsler, rayleigh, invariant:x,y. Repeatable.",
+            help="Also: is there an L of this kind? natural, riemannian, finsler, positive_definite, rayleigh, "
+            "invariant:x,y. Repeatable.",
         ),
     ] = None,
     clock: Annotated[

@@ -6,10 +6,11 @@ remainder theorem and reconstructed as fractions (Wang 1981); a further prime co
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from math import isqrt
+from typing import TypeVar
 
 from inverse_service.algebra.point import Point
 from inverse_service.algebra.primes import reconstruct, safe_prime
@@ -33,6 +34,7 @@ _MOST_PRIMES = 12
 _POINTS = 4
 
 Index = tuple[int, ...]
+Key = TypeVar("Key")
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,16 +86,25 @@ def _reconstructed(
     analysis: Analysis, values: Mapping[Symbol | Velocity, int], with_time: bool, orders: tuple[int, int]
 ) -> dict[Index, Fraction] | None:
     """The coefficients as fractions, once those from some primes agree with one prime more."""
-    modulus, residues = 1, dict[Index, int]()
-    fractions: dict[Index, Fraction] | None = None
-    for k in range(_MOST_PRIMES):
+
+    def residues(k: int) -> tuple[int, dict[Index, int] | None]:
         here = _at(values, k)
-        prime, fresh = here.prime, regular_at(analysis, here, with_time, orders, _squares)
+        return here.prime, regular_at(analysis, here, with_time, orders, _squares)
+
+    return reconstructed(residues)
+
+
+def reconstructed(residues_of: Callable[[int], tuple[int, Mapping[Key, int] | None]]) -> dict[Key, Fraction] | None:
+    """Fractions from (prime, residues) for k = 0, 1, …, once those agree with one prime more."""
+    modulus, residues = 1, dict[Key, int]()
+    fractions: dict[Key, Fraction] | None = None
+    for k in range(_MOST_PRIMES):
+        prime, fresh = residues_of(k)
         if fresh is None:
             return None
-        if fractions is not None and all(_agrees(a, fresh[index], prime) for index, a in fractions.items()):
+        if fractions is not None and all(_agrees(a, fresh.get(key, 0), prime) for key, a in fractions.items()):
             return fractions
-        residues = {index: _joined(residues.get(index, 0), modulus, value, prime) for index, value in fresh.items()}
+        residues = {key: _joined(residues.get(key, 0), modulus, value, prime) for key, value in fresh.items()}
         modulus *= prime
         fractions = _fractions(residues, modulus)
     return None
@@ -109,9 +120,9 @@ def _joined(residue: int, modulus: int, other: int, prime: int) -> int:
     return residue + modulus * ((other - residue) * pow(modulus, -1, prime) % prime)
 
 
-def _fractions(residues: Mapping[Index, int], modulus: int) -> dict[Index, Fraction] | None:
+def _fractions(residues: Mapping[Key, int], modulus: int) -> dict[Key, Fraction] | None:
     bound = isqrt(modulus // 2)
-    found: dict[Index, Fraction] = {}
+    found: dict[Key, Fraction] = {}
     for index, residue in residues.items():
         value = reconstruct(residue, modulus, bound)
         if value is None:

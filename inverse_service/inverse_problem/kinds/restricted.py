@@ -62,6 +62,7 @@ BUILDERS: Mapping[str, Callable[[Sequence[str]], tuple[Derivation, ...]]] = {
     "natural": _natural,
     "riemannian": lambda names: (*_natural(names), *_homogeneous(names)),
     "finsler": _homogeneous,
+    "positive_definite": lambda names: (),
 }
 
 

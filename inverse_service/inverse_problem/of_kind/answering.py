@@ -55,14 +55,14 @@ def answer_kind(solution: Solution, kind: LagrangianKind, asked: SolveOptions, d
 def _of_known(analysis: Analysis, main: Answer | None, kind: LagrangianKind, deadline: float) -> KindAnswer | None:
     """The first Lagrangian of an answer that the checker finds to be of the kind."""
     with_time = analysis.system.depends_on_time
-    for lagrangian in _lagrangians(main):
+    for lagrangian in lagrangians_of(main):
         certificate = certify.of_lagrangian(analysis, lagrangian.expression, with_time, kind)
         if is_valid(certificate, deadline):
             return KindAnswer("variational", "", certificate, lagrangian)
     return None
 
 
-def _lagrangians(main: Answer | None) -> Sequence[Lagrangian]:
+def lagrangians_of(main: Answer | None) -> Sequence[Lagrangian]:
     return () if main is None or main.lagrangian is None else (main.lagrangian, *main.other_lagrangians)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from typing import Any
 
 from api_schemas.result import Formula, InsteadPart, KindPart, ResultDocument
@@ -13,11 +14,12 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, walk
+from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, invariant, kind_named
 from inverse_service.inverse_problem.of_kind.answering import KindAnswer, answer_kind
+from inverse_service.inverse_problem.of_kind.definite import answer_definite
 from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh, quick_rayleigh, with_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
@@ -35,6 +37,8 @@ _RATIONAL = (Number, Power, Product, Sum, Symbol)
 def to_kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
     """The kinds of a document; raises InputError with the place of what cannot be read."""
     found = []
+    if to_near(schema, system) and "positive_definite" not in schema.kinds:
+        raise InputError("'near' is the point of the kind positive_definite, which is not asked about.", "/near")
     for place, kind in enumerate(schema.kinds):
         pointer = f"/kinds/{place}"
         if isinstance(kind, InvariantKind):
@@ -79,15 +83,39 @@ def _is_rational(node: Expression) -> bool:
 
 
 def with_kinds(
-    result: ResultDocument, solution: Solution, kinds: Sequence[LagrangianKind], asked: SolveOptions, end: float
+    result: ResultDocument,
+    solution: Solution,
+    schema: SystemDocument,
+    kinds: Sequence[LagrangianKind],
+    asked: SolveOptions,
+    end: float,
 ) -> ResultDocument:
     """The result with an answer for each kind, which share the time that is left."""
     parts = {}
     for place, kind in enumerate(kinds):
         share = (end - time.monotonic()) / (len(kinds) - place)
-        answer = _rayleigh if kind.name == "rayleigh" else answer_kind
-        parts[kind.name] = kind_part(answer(solution, kind, asked, time.monotonic() + share))
+        deadline = time.monotonic() + share
+        if kind.name == "positive_definite":
+            found = answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, deadline)
+        else:
+            answer = _rayleigh if kind.name == "rayleigh" else answer_kind
+            found = answer(solution, kind, asked, deadline)
+        parts[kind.name] = kind_part(found)
     return result.model_copy(update={"kinds": parts})
+
+
+def to_near(schema: SystemDocument, system: SecondOrderSystem) -> dict[Symbol | Velocity, Fraction]:
+    """The point that a document names; InputError for a name that has no value there, or no number."""
+    names: dict[str, Symbol | Velocity] = {
+        name: Symbol(name) for name in (*system.coordinates, *system.parameters, "t")
+    }
+    names |= {f"{name}'": Velocity(name) for name in system.coordinates}
+    if not {*schema.near} <= {*names}:
+        raise InputError(f"a point has values of {', '.join(names)}.", "/near")
+    try:
+        return {names[name]: Fraction(text) for name, text in schema.near.items()}
+    except (ValueError, ZeroDivisionError):
+        raise InputError('the values at a point are rational numbers such as "1/2" or 0.3.', "/near") from None
 
 
 def _rayleigh(solution: Solution, kind: LagrangianKind, asked: SolveOptions, deadline: float) -> KindAnswer:

@@ -33,7 +33,9 @@ EXPECTED = {
     "series_order": f"a whole number from 1 to {MAX_SERIES_ORDER}",
     "special_cases": "true or false",
     "clock": 'a formula in the coordinates, such as "1 + x^2"',
-    "kinds": 'a list such as ["natural", "riemannian", "finsler", "rayleigh", {"invariant": ["x"]}]',
+    "kinds": """a list such as ["natural", "riemannian", "finsler", "positive_definite", "rayleigh", """
+    """{"invariant": ["x"]}]""",
+    "near": """an object of numbers such as {"x": "1", "x'": "0"}""",
     "where": """an object of formulas such as {"r": "sqrt(x^2 + y^2)"}""",
     "search": """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",
 }
@@ -98,7 +100,9 @@ def _expected(steps: list[Any]) -> str:
         return "a formula written as text"
     if steps[0] == "kinds":
         return (
-            "one of natural, riemannian, finsler, rayleigh" if len(steps) == 2 else 'a list such as ["x", {"y": "x"}]'
+            "one of natural, riemannian, finsler, positive_definite, rayleigh"
+            if len(steps) == 2
+            else 'a list such as ["x", {"y": "x"}]'
         )
     if steps[0] == "parameters":
         return 'a number written as text or as a number, such as "1/2"' if isinstance(steps[1], str) else "a name"

@@ -58,7 +58,7 @@ def solve_document(
         from inverse_service.service.documents.kinds import with_instead, with_kinds
 
         result = with_instead(result, solution, asked, min(limit, time.monotonic() + QUICKLY))
-        result = with_kinds(result, solution, kinds, asked, limit) if kinds else result
+        result = with_kinds(result, solution, schema, kinds, asked, limit) if kinds else result
     if factor is not None:
         from inverse_service.service.documents.clock import clock_part
 
@@ -70,7 +70,7 @@ def solve_document(
 
 
 def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
-    if not schema.kinds:
+    if not schema.kinds and not schema.near:
         return ()
     from inverse_service.service.documents.kinds import to_kinds
 

@@ -23,6 +23,7 @@ LAGRANGIANS = {
     "natural": "T + A q' - V with a metric",
     "riemannian": "geodesics of a metric",
     "finsler": "homogeneous of degree 2 in the velocities",
+    "positive_definite": "a definite Hessian at a real point",
     "rayleigh": "natural, with friction",
 }
 LONGEST_LINK = 6_000

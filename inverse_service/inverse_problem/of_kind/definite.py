@@ -1,0 +1,127 @@
+"""Is there a Lagrangian whose Hessian is definite at a real point?
+
+Among the Lagrangians found, a combination with a definite Hessian there is a yes. Else, for rational f, the values W
+that g = d2L/dv dv can take at the point follow from the prolonged Helmholtz conditions with this very point put in: a
+definite matrix in W is a yes where the system is involutive there, Y >= 0 with tr(Y w) = 0 on W a no.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+import mpmath
+import numpy as np
+
+from inverse_service.algebra.real_point import RealTable, is_defined
+from inverse_service.algebra.semidefinite import MOST, Matrix, definite_or_orthogonal
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.tree import PI, Symbol, Velocity, add, multiply, number
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse, variables_of
+from inverse_service.inverse_problem.decision.deciding import Decision, decide
+from inverse_service.inverse_problem.decision.power_series import is_rational, symbols_of
+from inverse_service.inverse_problem.decision.values_at import Near, values_at
+from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
+from inverse_service.inverse_problem.of_kind.answering import KindAnswer, is_valid, lagrangians_of
+from inverse_service.inverse_problem.outcome import Lagrangian, Solution, Verdict
+from inverse_service.inverse_problem.search.definite import MOST_PARTS, definite_weights
+from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.linear_pde.deciding import Limits
+from inverse_service.mechanics.euler_lagrange import hessian
+
+FAMILY = "a sum with a definite Hessian"
+IRRATIONAL = "f is not rational, and no Lagrangian that was found has a definite Hessian at this point"
+_OPEN = "no matrix was found that settles this"
+_SPECIAL = "the check could not confirm that the values of g at this point are those of a generic one"
+_DIGITS = 2
+
+
+def answer_definite(solution: Solution, kind: LagrangianKind, given: Near, seed: int, deadline: float) -> KindAnswer:
+    """Yes, with L where one was found, or no, at the point `given`, which is ours where it says nothing.
+
+    Definite is positive definite for L or for -L.
+    """
+    main = solution.with_time if solution.system.depends_on_time else solution.autonomous
+    if main is not None and main.verdict == "not_variational" and main.checked == "valid":
+        return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
+    try:
+        analysis = analyse(solution.system)
+    except IrreducibleAtoms as problem:
+        return KindAnswer("undetermined", problem.detail)
+    near, known = point_near(analysis, given), lagrangians_of(main)
+    found = _of_known(analysis, kind, known, near, deadline)
+    if found is not None:
+        return found
+    if len(analysis.system.coordinates) > MOST:
+        return KindAnswer("undetermined", f"this is decided for at most {MOST} coordinates")
+    if not is_rational(analysis) or PI in symbols_of(analysis):
+        return KindAnswer("undetermined", IRRATIONAL)
+    with_time = analysis.system.depends_on_time
+    decision = decide(analysis.system, with_time, seed, Limits(deadline=deadline), analysis=analysis)
+    member = None
+    for order in dict.fromkeys((1, max(decision.order, 1))) if time.monotonic() < deadline else ():
+        space, rows = values_at(analysis, near, with_time, order)
+        member, orthogonal = (
+            (None, None) if space is None else definite_or_orthogonal(space, len(analysis.system.coordinates))
+        )
+        if orthogonal is not None:
+            refuted = Decision("not_variational", with_time, order, rows=rows)
+            certificate = certify.of_decision(analysis, refuted, kind=kind) | _claim(near, "orthogonal", orthogonal)
+            return _confirmed(certificate, "not_variational", deadline)
+    if member is not None and decision.verdict == "variational":
+        certificate = certify.of_decision(analysis, decision, kind=kind) | _claim(near, "multiplier", member)
+        return _confirmed(certificate, "variational", deadline)
+    return KindAnswer("undetermined", decision.reason or _OPEN)
+
+
+def point_near(analysis: Analysis, given: Near) -> Near:
+    """The point that was given, the rest of it ours, with few digits where f is defined there."""
+    table = analysis.real_point or {}
+    found: dict[Symbol | Velocity, Fraction] = {}
+    for digits in (_DIGITS, 20):
+        ours = ((name, table.get(name, mpmath.mpf(1))) for name in variables_of(analysis.system))
+        found = {name: Fraction(mpmath.nstr(value, digits)) for name, value in ours} | dict(given)
+        if is_defined(analysis.accelerations, _real(analysis, found)):
+            break
+    return found
+
+
+def _real(analysis: Analysis, near: Near) -> RealTable:
+    """The point in floating numbers, with our values of arbitrary functions."""
+    return dict(analysis.real_point or {}) | {s: mpmath.mpf(x.numerator) / x.denominator for s, x in near.items()}
+
+
+def _claim(near: Near, key: str, matrix: Matrix | None = None) -> dict[str, Any]:
+    point = {s.name if isinstance(s, Symbol) else f"{s.coordinate}'": str(value) for s, value in near.items()}
+    return {"near": point} | ({key: [[str(x) for x in row] for row in matrix]} if matrix else {})
+
+
+def _confirmed(certificate: dict[str, Any], verdict: Verdict, deadline: float) -> KindAnswer:
+    valid = is_valid(certificate, deadline)
+    return KindAnswer(verdict, "", certificate) if valid else KindAnswer("undetermined", _SPECIAL)
+
+
+def _of_known(
+    analysis: Analysis, kind: LagrangianKind, known: Sequence[Lagrangian], near: Near, deadline: float
+) -> KindAnswer | None:
+    """The first Lagrangian with a definite Hessian at the point, or a sum of them."""
+    with_time, names, table = analysis.system.depends_on_time, analysis.system.coordinates, _real(analysis, near)
+    hessians = []
+    for lagrangian in known:
+        try:
+            rows = [[float(evaluate(g, table)) for g in row] for row in hessian(lagrangian.expression, names)]
+        except (NoRealValue, OverflowError):
+            return None
+        hessians.append(np.array(rows))
+    for weights in definite_weights(hessians[:MOST_PARTS]):
+        parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
+        whole = add(*(multiply(number(w), one.expression) for w, one in parts))
+        certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
+        if is_valid(certificate, deadline):
+            alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else describe(analysis, whole, FAMILY)
+            return KindAnswer("variational", "", certificate, alone)
+    return None

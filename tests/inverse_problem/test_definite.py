@@ -1,0 +1,96 @@
+"""Lagrangians with a definite Hessian at a point: each yes and no by the checker, and by hand where that is short."""
+
+from __future__ import annotations
+
+import copy
+import json
+from fractions import Fraction
+from typing import Any
+
+import pytest
+
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.errors import InputError
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.documents import check_document, solve_document
+
+YES, NO, OPEN = "variational", "not_variational", "undetermined"
+ROTATING = {"x": "-y", "y": "x"}  # K with eigenvalues i, -i
+SPIRAL = {"x": "-a*x - b*y", "y": "b*x - a*y"}
+# source, equations, parameters, near, verdict
+KNOWN: list[tuple[str, dict[str, str], list[str], dict[str, Any], str]] = [
+    ("oscillator", {"x": "-x", "y": "-y"}, [], {}, YES),
+    ("coupled so that T = x'y' is the first thing found", {"x": "-y", "y": "-x"}, [], {}, YES),
+    ("real distinct eigenvalues, K not symmetric", {"x": "-x + y", "y": "-2*y"}, [], {}, YES),
+    ("a Jordan block (flutter boundary: Ziegler 1952)", {"x": "-x + y", "y": "-y"}, [], {}, NO),
+    ("circulatory forces: eigenvalues i, -i (Merkin 1997, ch. 6)", ROTATING, [], {}, NO),
+    ("follower force beyond flutter, at numbers", SPIRAL, ["a", "b"], {"a": 2, "b": 1}, NO),
+    ("charge in a magnetic field", {"x": "y'", "y": "-x'"}, [], {}, YES),
+    ("Kepler, not rational", {"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"}, [], {}, YES),
+    ("van der Pol: no closed form, one coordinate", {"x": "(1-x^2)*x' - x"}, [], {"x": 1, "x'": 2}, YES),
+    ("complex harmonic: Re and Im of q'' = -i q in two planes", {"x": "-y", "y": "x", "z": "-w", "w": "z"}, [], {}, NO),
+    ("a rotation beside an oscillator", {"x": "-y", "y": "x", "z": "-z"}, [], {}, NO),
+    ("Cauchy-Riemann: q'' = q^2 in C", {"x": "x^2-y^2", "y": "2*x*y"}, [], {}, NO),
+    ("three different springs", {"x": "-x", "y": "-2*y", "z": "-3*z"}, [], {}, YES),
+    ("no Lagrangian at all (Douglas 1941)", {"x": "x^2+y^2", "y": "0"}, [], {}, NO),
+]
+
+
+def solved(equations: dict[str, str], parameters: list[str], near: dict[str, Any]) -> dict[str, Any]:
+    document = {"equations": equations, "parameters": parameters, "near": near, "kinds": ["positive_definite"]}
+    return solve_document(document, SolveOptions(time_limit=60))
+
+
+@pytest.mark.parametrize(("source", "equations", "parameters", "near", "verdict"), KNOWN)
+def test_known_answers(
+    source: str, equations: dict[str, str], parameters: list[str], near: dict[str, Any], verdict: str
+) -> None:
+    result = solved(equations, parameters, near)
+    found = result["kinds"]["positive_definite"]
+    assert (found["verdict"], found["checked"]) == (verdict, "valid"), source
+    assert check_document(json.dumps(result))["verdict"] == "valid"
+    named = {name: Fraction(text) for name, text in found["near"].items()}
+    assert all(named[name] == value for name, value in near.items())
+
+
+def test_what_is_forged_is_refused() -> None:
+    certificate = solved(ROTATING, [], {})["kinds"]["positive_definite"]["certificate"]
+    assert check_certificate(certificate).verdict == "valid"
+    forgeries: list[dict[str, Any]] = [
+        {"orthogonal": [["1", "0"], ["0", "-1"]]},
+        {"orthogonal": [["0", "0"], ["0", "0"]]},
+        {"orthogonal": [["1", "0"], ["0", "2"]]},
+        {"orthogonal": [["1", "1"], ["0", "1"]]},
+        {"orthogonal": [["1", "0"]]},
+        {"rows": []},
+        {"near": {}},
+    ]
+    for forged in forgeries:
+        assert check_certificate(certificate | forged).verdict == "invalid", forged
+
+
+def test_a_definite_matrix_has_to_be_one_that_is_left() -> None:
+    certificate = solved({"x": "(1-x^2)*x' - x", "y": "-2*y"}, [], {})["kinds"]["positive_definite"]["certificate"]
+    assert (certificate["kind"], check_certificate(certificate).verdict) == ("existence", "valid")
+    forged = copy.deepcopy(certificate)
+    forged["multiplier"] = [["1", "1/3"], ["1/3", "1"]]
+    assert check_certificate(forged).verdict == "invalid"
+    assert check_certificate(certificate | {"multiplier": [["1", "0"], ["0", "-1"]]}).verdict == "invalid"
+
+
+def test_an_indefinite_lagrangian_is_no_definite_one() -> None:
+    certificate = solved({"x": "-x", "y": "-y"}, [], {})["kinds"]["positive_definite"]["certificate"]
+    assert certificate["kind"] == "lagrangian"
+    assert check_certificate(certificate | {"lagrangian": "x'^2/2 - y'^2/2 - x^2/2 + y^2/2"}).verdict == "invalid"
+
+
+@pytest.mark.parametrize("near", [{"w": 1}, {"x": "sqrt(2)"}, {"x": "1/0"}])
+def test_a_point_that_is_none_is_refused(near: dict[str, Any]) -> None:
+    with pytest.raises(InputError) as refused:
+        solved({"x": "-x"}, [], near)
+    assert refused.value.pointer == "/near"
+
+
+def test_a_point_without_the_kind_is_refused() -> None:
+    with pytest.raises(InputError, match="positive_definite"):
+        solve_document({"equations": {"x": "-x"}, "near": {"x": 1}}, SolveOptions(time_limit=5))
