@@ -128,7 +128,7 @@ class SystemDocument(QuestionDocument):
 
     `equations`: an object with each acceleration, a list or a text of whole equations; first-order pairs
     x' = h, p' = F, with h affine in p and solvable for it, are turned into second-order equations.
-    `clock`: N(q) in dtau = N dt: is there a Lagrangian with this clock?
+    `clock`: N(q) in dtau = N dt: is there a Lagrangian with this clock? "search" tries factors of f.
     `kinds`: which kinds of Lagrangians are asked about: "natural" (T + A v - V), "riemannian" (T alone), "finsler"
     (homogeneous of degree 2 in the velocities), "positive_definite" (a definite Hessian at a real point), "rayleigh"
     (natural, with friction), {"invariant": ["x", {"x": "-y", "y": "x"}]}.

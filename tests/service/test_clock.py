@@ -43,6 +43,38 @@ def test_an_answer_for_another_clock_is_refused() -> None:
     assert check_document(json.dumps({**result, "with_clock": other}))["verdict"] == "invalid"
 
 
+# The nonholonomic particle in V = x^2/2 + y^2/2, and Suslov's problem, reduced; Kepler needs no other clock.
+FOUND = [
+    ("particle", {"x": "-(x + y*x'*y')/(1+y^2)", "y": "-y"}, "1/sqrt(y^2 + 1)"),
+    ("paper's class", REDUCED, "1/sqrt(a^2 + 1)"),
+    ("Kepler in a plane", {"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"}, "1"),
+]
+
+
+@pytest.mark.parametrize(("name", "equations", "factor"), FOUND, ids=[name for name, _, _ in FOUND])
+def test_a_clock_is_found(name: str, equations: dict[str, str], factor: str) -> None:
+    result = solved(equations, "search")
+    found = result["with_clock"]
+    assert (found["factor"], found["verdict"], found["checked"]) == (factor, "variational", "valid"), name
+    assert check_document(json.dumps(result))["verdict"] == "valid"
+
+
+def test_a_clock_of_the_factors_of_f_is_found() -> None:
+    """Two coupled springs with another clock put in, which the search takes out again."""
+    plain = {"x": "-x + y", "y": "x - 3*y"}
+    slow = {name: f"({f})/x^2 + x'*{name}'/x" for name, f in plain.items()}
+    result = solved(slow, "search")
+    assert result["verdict"] == "not_variational"
+    assert (result["with_clock"]["verdict"], result["with_clock"]["checked"]) == ("variational", "valid")
+    assert check_document(json.dumps(result))["verdict"] == "valid"
+
+
+def test_without_a_clock_the_answer_says_what_was_tried() -> None:
+    found = solved({"x": "x^2+y^2", "y": "0"}, "search")["with_clock"]
+    assert (found["verdict"], found["factor"], found["certificate"]) == ("undetermined", "", None)
+    assert "N = 1, " in found["reason"]
+
+
 @pytest.mark.parametrize("clock", ["x'", "t", "0", "y +", "w", 7.5, ["x"]])
 def test_what_is_no_clock_is_refused(clock: Any) -> None:
     with pytest.raises(InputError) as refused:

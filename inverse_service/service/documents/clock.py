@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 from api_schemas.result import ClockPart
@@ -12,7 +13,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import TIME, Acceleration, Expression, Velocity, number, walk
-from inverse_service.inverse_problem.of_kind.clock import with_clock
+from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve
@@ -21,29 +22,46 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.preparing import prepared
 
+SEARCH = "search"
 
-def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression:
-    """N(q); InputError where it is no function of the coordinates and parameters, or f contains t."""
+
+def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression | None:
+    """N(q), None where it is looked for; InputError where it is no function of coordinates, or f holds t."""
+    if system.depends_on_time:
+        raise InputError("the equations contain t, so no other clock can be put in its place.", "/clock")
+    return None if schema.clock == SEARCH else read_clock(schema, system, schema.clock or "")
+
+
+def read_clock(schema: SystemDocument, system: SecondOrderSystem, text: str) -> Expression:
+    """N(q) of a text; InputError as above."""
     functions = {function.name: function.arguments for function in system.functions}
     values = parameter_values(Declared(parameters=schema.parameters).named_parameters())
     names = Names(system.coordinates, system.parameters, functions)
     try:
-        factor = with_values(read_formula(schema.clock or "", names), values)
+        factor = with_values(read_formula(text, names), values)
     except InputError as error:
         raise type(error)(error.detail, "/clock", error.column) from None
     if any(node == TIME or isinstance(node, Velocity | Acceleration) for node in walk(factor)):
         raise InputError("a clock N in dtau = N dt holds coordinates and parameters only.", "/clock")
     if factor == number(0):
         raise InputError("a clock N in dtau = N dt is not zero.", "/clock")
-    if system.depends_on_time:
-        raise InputError("the equations contain t, so no other clock can be put in its place.", "/clock")
     return factor
 
 
-def clock_part(system: SecondOrderSystem, factor: Expression, asked: SolveOptions, time_limit: float) -> ClockPart:
-    """The answer for L(q, q') of the system with the other clock, on its first branch."""
+def clock_part(
+    system: SecondOrderSystem, factor: Expression | None, asked: SolveOptions, time_limit: float
+) -> ClockPart:
+    """The answer for L(q, q') of the system with the other clock, on its first branch; found where there is none."""
+    end = time.monotonic() + time_limit
+    if factor is None:
+        factor, tried = find_clock(system, asked.seed, time.monotonic() + time_limit / 2)
+        if factor is None:
+            listed = ", ".join(map(to_text, tried))
+            reason = f"No Lagrangian was found with dtau = N dt for N = {listed}; others were not tried."
+            return ClockPart(factor="", equations={}, verdict="undetermined", reason=reason)
     changed = with_clock(system, factor)
-    options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=max(0.1, time_limit), conditions=False)
+    limit = max(0.1, end - time.monotonic())
+    options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=limit, conditions=False)
     solution = solve(changed, options)
     assert solution.autonomous is not None
     return ClockPart(factor=to_text(factor), **answered(solution.system, solution.autonomous))
@@ -65,8 +83,13 @@ def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> Ch
     try:
         schema = translate.to_schema(prepared(document).document)
         system = translate.to_system(schema)
-        changed = with_clock(system, to_clock(schema, system))
+        if to_clock(schema, system) is None and part.get("verdict") == "undetermined":
+            return None
+        factor = to_clock(schema, system) or read_clock(schema, system, str(part.get("factor")))
+        changed = with_clock(system, factor)
     except InputError:
+        return wrong
+    if part.get("factor") != to_text(factor):
         return wrong
     return compared_answer(part, changed, wrong, time_limit)
 

@@ -59,7 +59,7 @@ def solve_document(
 
         result = with_instead(result, solution, asked, min(limit, time.monotonic() + QUICKLY))
         result = with_kinds(result, solution, schema, kinds, asked, limit) if kinds else result
-    if factor is not None:
+    if schema.clock is not None:
         from inverse_service.service.documents.clock import clock_part
 
         part = clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - time.monotonic()))
