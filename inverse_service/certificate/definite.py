@@ -10,7 +10,7 @@ from typing import Any
 from .checker import Question, Tools
 from .formulas import NUMBER, Ended, Reader, check_shape, is_irrational, read_tokens, require
 from .numbers import Arithmetic, Series, Unsettled
-from .series import Elimination, Expansion, Step, followed
+from .series import Elimination, Expansion
 
 Rationals = list[list[Fraction]]
 
@@ -25,9 +25,11 @@ class DefiniteExpansion(Expansion):
         return self.settle(found)
 
     def matrix(self, elimination: Elimination) -> list[list[Any]]:
-        given = self.question.member if self.question.pinned else []
-        if not given:
+        given, orthogonal = self.question.member, self.question.orthogonal
+        if not self.question.pinned:
             return super().matrix(elimination)
+        if orthogonal:  # 0 where tr(orthogonal g) follows from the rows
+            return [[self.arithmetic.number(Fraction(elimination.insert(self.entries(orthogonal))))]]
         halves = [[x / 2 if i == j else x for j, x in enumerate(row)] for i, row in enumerate(given)]
         values, one = self.entries(halves), self.arithmetic.number(Fraction(1))
         for pivot, row in zip(elimination.pivots, elimination.rows, strict=True):
@@ -51,20 +53,15 @@ class Definite(Question):
             arithmetic.values |= {name: arithmetic.number(value) for name, value in self.near.items()}
         return DefiniteExpansion(arithmetic, degree)
 
-    def is_generic(self) -> bool:
-        """Whether f is computed at random points only: it holds an arbitrary function, pi, a root or the like."""
-        texts = self.texts()
-        return bool(self.functions) or any("pi" in text or is_irrational(text) for text in texts)
-
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
-        """At the point itself, where that can be; for existence also at random points, which are to give the same."""
-        if not degree or not (self.member or self.orthogonal) or self.is_generic():
+        """At the point itself; for existence also at random points, which are to give the same."""
+        if not degree or not (self.member or self.orthogonal):
             return super().modulo(degree, work, count)
+        if self.functions or any("pi" in text or is_irrational(text) for text in self.texts()):
+            raise Ended("incomplete", "Where f is not rational only a Lagrangian itself proves anything.")
         found = super().modulo(degree, work, count) if self.member else []
         self.pinned = True
-        found += super().modulo(degree, work, count)
-        self.pinned = False
-        return found
+        return found + super().modulo(degree, work, count)
 
     def symmetric(self, document: dict[str, Any], key: str) -> Rationals:
         size = len(self.coordinates)
@@ -88,30 +85,13 @@ class Definite(Question):
     def existence(self, document: dict[str, Any]) -> str:
         self.member = self.symmetric(document, "multiplier")
         require(is_definite(self.member), "The multiplier is not positive definite.")
-        if self.is_generic():
-            raise Ended("incomplete", "Where f is not rational only a Lagrangian itself proves that there is one.")
         return super().existence(document)
 
     def nonexistence(self, document: dict[str, Any]) -> str:
         self.orthogonal = self.symmetric(document, "orthogonal")
         good = any(map(any, self.orthogonal)) and is_definite(self.orthogonal, semi=True)
         require(good, "orthogonal is zero, or not positive semidefinite.")
-        rows, most = self.listed(document)
-
-        def work(ring: Expansion) -> tuple[list[Step], bool]:
-            echelon = Elimination(ring.arithmetic, ring.shift)
-            for row in rows:
-                echelon.insert(ring.row(*row), row)
-            return echelon.script(), echelon.insert(ring.entries(self.orthogonal))  # type: ignore[attr-defined]
-
-        self.prepare(lambda ring: None)
-        scripts, left = zip(*self.modulo(most, work), strict=True)
-        require(not any(left), "The rows do not say that tr(orthogonal g) = 0.")
-        steps = self.agreed(scripts) if self.is_generic() else []
-        if steps:
-            told = "Balls at the real point do not show that the rows are independent."
-            self.proven_in_balls(most, lambda ring: followed(ring, steps), told)
-        return f"{len(rows)} rows leave no definite multiplier g(p) at the point."
+        return super().nonexistence(document).replace("regular", "definite")
 
 
 def is_definite(matrix: list[list[Any]], semi: bool = False) -> bool:
