@@ -36,7 +36,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.outcome import Lagrangian
-from inverse_service.inverse_problem.search.deadline import check, until
+from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until
 from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.factors import position_monomials, products
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
@@ -76,13 +76,13 @@ def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
 
 
 def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, deadline: float) -> list[Lagrangian]:
-    """Lagrangians on the whole tangent bundle, simplest first, of the first ansatz that has any."""
+    """Lagrangians on the whole tangent bundle, simplest first, of the first ansatz that has any within the time."""
     try:
         with until(deadline):
             constrained = {v: to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, Velocity)}
             analysis = replace(analyse(_plain(first_system(motion), deadline)), constrained=constrained)
             return _first_found(motion, gather(analysis, with_time), analysis, seed)
-    except (IrreducibleAtoms, TooManyTerms):
+    except (IrreducibleAtoms, TooManyTerms, OutOfTime):
         return []
 
 

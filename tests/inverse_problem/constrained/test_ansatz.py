@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import time
 from typing import Any
 
 import mpmath
@@ -93,3 +94,9 @@ def test_the_own_equations_of_a_lagrangian_have_the_motion_on_the_constraints() 
 
 def test_where_there_is_none_nothing_is_found() -> None:
     assert find_lagrangians(motion_of(particle("x^2")), False, 1, float("inf")) == []
+
+
+@pytest.mark.parametrize("seconds", [-1.0, 0.0, 0.02, 0.05, 0.1, 0.2])
+def test_a_deadline_at_any_moment_raises_nothing(seconds: float) -> None:
+    motion = motion_of(particle("x^2"))
+    assert find_lagrangians(motion, False, 1, time.monotonic() + seconds) == []
