@@ -38,11 +38,10 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.describe import describe
-from inverse_service.inverse_problem.search.divergence import is_free_of_divergence
-from inverse_service.inverse_problem.search.found import SearchOutcome
+from inverse_service.inverse_problem.search.integrating import is_free_of_divergence
 from inverse_service.inverse_problem.search.ladder import search
-from inverse_service.inverse_problem.search.long_numbers import with_letters
 from inverse_service.inverse_problem.search.members import reading_class
+from inverse_service.inverse_problem.search.protocol import SearchOutcome
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.branches import MOST_BRANCHES, MOST_COUNTED, branches_of, on_branch
@@ -316,24 +315,16 @@ def _searched(work: _Work, decision: Decision, highest: float) -> SearchOutcome:
     """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
     began, checked = time.monotonic(), work.seconds.get("check", 0.0)
 
-    def tried(analysis: Analysis, put_back: Callable[[Expression], Expression]) -> SearchOutcome:
-        return search(
-            analysis,
-            decision.with_time,
-            work.options.seed,
-            time.monotonic() + _SEARCH_SHARE * work.left(),
-            work.progress,
-            work.options.ansatz,
-            lambda tree: _is_confirmed(work, put_back(tree), decision.with_time),
-            highest,
-        )
-
-    lettered = with_letters(work.analysis)
-    outcome = None if lettered is None else tried(lettered.analysis, lettered.put_back)
-    if outcome is not None and lettered is not None and outcome.found is not None:
-        outcome = replace(outcome, found=lettered.restored(outcome.found))
-    else:
-        outcome = tried(work.analysis, lambda tree: tree)
+    outcome = search(
+        work.analysis,
+        decision.with_time,
+        work.options.seed,
+        time.monotonic() + _SEARCH_SHARE * work.left(),
+        work.progress,
+        work.options.ansatz,
+        lambda tree: _is_confirmed(work, tree, decision.with_time),
+        highest,
+    )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     return outcome
 

@@ -8,8 +8,8 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.inverse_problem.explanation.finding import not_found
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
-from inverse_service.inverse_problem.search.found import SearchOutcome
-from inverse_service.inverse_problem.search.specialists import REASONS, SPECIALISTS
+from inverse_service.inverse_problem.search.protocol import SearchOutcome
+from inverse_service.inverse_problem.search.rungs import LEAVES, REASONS, REDUCTIONS
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 
@@ -54,12 +54,12 @@ def test_a_method_does_not_claim_a_linear_ansatz() -> None:
 
 
 def test_every_method_says_where_its_lagrangians_come_from() -> None:
-    for specialist in SPECIALISTS:
-        assert specialist.reason.endswith("."), specialist.name
+    for rung in (*LEAVES, *REDUCTIONS):
+        assert rung.reason.endswith("."), rung.name
 
 
 def test_families_and_methods_tried_are_told_apart() -> None:
-    name = SPECIALISTS[0].name
+    name = LEAVES[0].name
     (step,) = not_found(SearchOutcome(None, (("one", 1), (name, 0), ("two", 5))))
     assert step.text == f"No closed form was found. Families tried: one (1 term); two (5 terms). Methods tried: {name}."
     (step,) = not_found(SearchOutcome(None, (("one", 1), ("two", 0), ("three", 0))))

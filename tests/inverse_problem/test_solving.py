@@ -12,7 +12,7 @@ from inverse_service.inverse_problem import solving
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
-from inverse_service.inverse_problem.search.found import SearchOutcome
+from inverse_service.inverse_problem.search.protocol import SearchOutcome
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 

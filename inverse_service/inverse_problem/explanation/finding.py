@@ -19,8 +19,8 @@ from inverse_service.inverse_problem.explanation.steps import Piece, said, separ
 from inverse_service.inverse_problem.explanation.verification import explain_positive
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
 from inverse_service.inverse_problem.search.describe import describe
-from inverse_service.inverse_problem.search.found import SearchOutcome
-from inverse_service.inverse_problem.search.specialists import REASONS
+from inverse_service.inverse_problem.search.protocol import SearchOutcome
+from inverse_service.inverse_problem.search.rungs import REASONS
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

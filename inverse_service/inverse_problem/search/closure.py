@@ -1,15 +1,35 @@
-"""Terms that an ansatz needs beside its seeds: what can cancel the residuals of the seeds."""
+"""Terms that an ansatz needs beside its kinetic ones: what can cancel the residuals of these.
+
+Of a single term the residuals T(q) w(v) are answered by B(q) w v_i / v_j with dB/dq_j = T. Those of a combination that
+has a multiplier as Hessian are the Euler-Lagrange expressions of some A_i(q) v_i - V(q), so they are linear in the
+velocities once everything is brought to one denominator: terms T(q) and T(q) v_j, answered by B(q) and B(q) v_k with
+dB/dq_j = T. Closures term by term cannot see this where polynomials in the velocities are letters, as their relations
+to the velocities are used only there.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
-from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, walk
-from inverse_service.inverse_problem.search.deadline import check
-from inverse_service.inverse_problem.search.material import Material, antiderivatives
+from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.exact_ring import quotient_tree
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Symbol, Velocity, walk
+from inverse_service.inverse_problem.search.deadline import check, end
+from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct, oriented
 from inverse_service.inverse_problem.search.motion import MotionTerms, euler_lagrange, split_velocities
-from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, rank, times
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    TooManyTerms,
+    monomial,
+    rank,
+    terms_of,
+    times,
+    tree_of,
+)
+from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 
 # In units of the search (see `deadline`).
 _WORK_OF_RESIDUALS = 50
@@ -110,3 +130,43 @@ def is_admissible(material: Material, key: Monomial) -> bool:
     if all(isinstance(letter, Number) for letter, _ in key):
         return False
     return material.motion.with_time or not any(node == TIME for letter, _ in key for node in walk(letter))
+
+
+_TERMS, _WORK = 4_000, 150_000
+_MOST = 200
+
+
+def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> list[Monomial]:
+    """B and B v_k for the residuals of a combination; none where they are too large to be written out."""
+    system = material.analysis.system
+    try:
+        trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
+        point = material.analysis.real_point
+        residuals = [oriented(terms_of(tree), point) for tree in _settled(material, trees)]
+    except (TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
+        return []
+    return _primitives(material, (key for terms in residuals for key in terms))[:_MOST]
+
+
+def _settled(material: Material, trees: Iterable[Expression]) -> list[Expression]:
+    """The trees over their common denominators."""
+    check()
+    given = list(trees)
+    symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
+    ring = exact_ring(given, symbols, 0, Budget(_TERMS, end(), _WORK), slopes=False)
+    return [quotient_tree(ring, ring.value(tree)) for tree in given]
+
+
+def _primitives(material: Material, keys: Iterable[Monomial]) -> list[Monomial]:
+    """B and B v_k for each term T and T v_j."""
+    motion = material.motion
+    found: dict[Monomial, None] = {}
+    for key in keys:
+        position, moving = split_velocities(key)
+        if moving and moving not in map(monomial, motion.velocities):
+            continue
+        for q in motion.coordinates:
+            raised = antiderivatives(position, q)
+            found.update(dict.fromkeys(raised))
+            found.update(dict.fromkeys(times(m, monomial(v)) for m in raised for v in motion.velocities))
+    return distinct(list(found))

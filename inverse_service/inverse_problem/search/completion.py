@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from fractions import Fraction
+from typing import Any
+
+from flint import fmpq, fmpq_mat
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, add, multiply, walk
 from inverse_service.inverse_problem.search.deadline import check, end
-from inverse_service.inverse_problem.search.exact_solution import solution
 from inverse_service.inverse_problem.search.material import antiderivatives
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.terms import (
@@ -30,6 +32,23 @@ from inverse_service.inverse_problem.search.terms import (
     tree_of,
 )
 from inverse_service.mechanics.quotient_matrices import reduced_rows
+
+
+def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Fraction]) -> list[Fraction] | None:
+    """x with sum_k x_k columns[k] = right, later columns where earlier ones do not suffice; None if there is none."""
+    sides = [*columns, right]
+    rows = list(dict.fromkeys(key for side in sides for key in side))
+    entries = (side.get(key, Fraction(0)) for key in rows for side in sides)
+    table = fmpq_mat(len(rows), len(sides), [fmpq(a.numerator, a.denominator) for a in entries])
+    reduced, order = table.rref()
+    found = [Fraction(0)] * len(columns)
+    for i in range(order):
+        pivot = next(k for k in range(len(sides)) if reduced[i, k])
+        if pivot == len(columns):
+            return None
+        found[pivot] = Fraction(int(reduced[i, len(columns)].p), int(reduced[i, len(columns)].q))
+    return found
+
 
 # Terms that are tried beside four for each term wanted, and how often what is left over is answered.
 _MOST_TERMS, _DEPTH = 60, 3

@@ -8,7 +8,8 @@ Groups with an abelian ideal of codimension 1 are of this kind with W = w.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.algebra.exact_atoms import exact_ring
@@ -30,30 +31,155 @@ from inverse_service.expressions.tree import (
     number,
     power,
     substitute,
+    walk,
 )
-from inverse_service.inverse_problem.search.carried_velocities import Block, carried
 from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
 from inverse_service.inverse_problem.search.linear_systems.choice import choose
 from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
 from inverse_service.inverse_problem.search.linear_systems.modes import Branch, Multipliers, all_branches, asymmetry
 from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE, LinearSystem
-from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.terms import tree_of
+from inverse_service.inverse_problem.search.material import Material, antiderivatives
+from inverse_service.inverse_problem.search.motion import MotionTerms
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    derivative,
+    monomial,
+    monomial_tree,
+    multiply_terms,
+    times,
+    tree_of,
+)
+
+Rows = dict[Velocity, dict[Velocity, Terms]]
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Velocities x' with x'' = w' W'(w) A_0 x': A_0 as terms, and W, a function of the carrier's coordinate."""
+
+    velocities: tuple[Velocity, ...]
+    matrix: tuple[tuple[Terms, ...], ...]
+    rate: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """w' and the blocks."""
+
+    carrier: Velocity
+    blocks: tuple[Block, ...]
+
+
+def carried(motion: MotionTerms) -> Carried | None:
+    """The parts of f where some A is not zero, or None where f is of another kind."""
+    for carrier, f in zip(motion.velocities, motion.forces, strict=True):
+        if not f:
+            found = _carried_by(carrier, motion)
+            if found is not None:
+                return found
+    return None
+
+
+def _carried_by(carrier: Velocity, motion: MotionTerms) -> Carried | None:
+    rows = _rows(carrier, motion)
+    if rows is None or not any(entry for row in rows.values() for entry in row.values()):
+        return None
+    w = Symbol(carrier.coordinate)
+    blocks = [_block(rows, group, w) for group in _groups(rows)]
+    found = tuple(block for block in blocks if block is not None)
+    return Carried(carrier, found) if len(found) == len(blocks) else None
+
+
+def _rows(carrier: Velocity, motion: MotionTerms) -> Rows | None:
+    """The entries of A(w); None where f holds other terms."""
+    others = [v for v in motion.velocities if v != carrier]
+    w = Symbol(carrier.coordinate)
+    moving = {*motion.coordinates, *motion.velocities, TIME} - {w}
+    rows: Rows = {v: {other: {} for other in others} for v in motion.velocities}
+    for v, f in zip(motion.velocities, motion.forces, strict=True):
+        for key, value in f.items():
+            letters = dict(key)
+            own = [other for other in others if letters.get(other) == 1]
+            rest = key - monomial(carrier, *own)
+            if letters.get(carrier) != 1 or len(own) != 1 or any(node in moving for p, _ in rest for node in walk(p)):
+                return None
+            rows[v][own[0]][rest] = value
+    return {v: row for v, row in rows.items() if v != carrier}
+
+
+def _groups(rows: Rows) -> list[tuple[Velocity, ...]]:
+    """Velocities that occur in each other's equations, directly or by others, in their order."""
+    groups: list[set[Velocity]] = [{v} for v in rows]
+    for v, row in rows.items():
+        used = {v} | {other for other, entry in row.items() if entry}
+        joined = set().union(*(group for group in groups if group & used))
+        groups = [*(group for group in groups if not group & used), joined]
+    return sorted((tuple(v for v in rows if v in group) for group in groups), key=lambda g: list(rows).index(g[0]))
+
+
+def _block(rows: Rows, group: Sequence[Velocity], w: Symbol) -> Block | None:
+    """None where the entries are no common function of w with an antiderivative that is a monomial."""
+    parts: dict[Monomial, dict[tuple[Velocity, Velocity], Terms]] = {}
+    for v in group:
+        for other in group:
+            for key, value in rows[v][other].items():
+                function: Monomial = frozenset(item for item in key if w in set(walk(item[0])))
+                parts.setdefault(function, {}).setdefault((v, other), {})[key - function] = value
+    if not parts:
+        return Block(tuple(group), tuple(tuple({} for _ in group) for _ in group), w)
+    reference = next(iter(parts.values()))
+    rates = [_rate(function, entries, reference, w) for function, entries in parts.items()]
+    if any(rate is None for rate in rates):
+        return None
+    matrix = tuple(tuple(reference.get((v, other), {}) for other in group) for v in group)
+    return Block(tuple(group), matrix, add(*(rate for rate in rates if rate is not None)))
+
+
+def _rate(
+    function: Monomial,
+    entries: Mapping[tuple[Velocity, Velocity], Terms],
+    reference: Mapping[tuple[Velocity, Velocity], Terms],
+    w: Symbol,
+) -> Expression | None:
+    """factor * int function dw, where the entries are a factor times those of the reference."""
+    place, first = next(iter(reference.items()))
+    (key, value), *_ = first.items()
+    factors: Iterable[Terms] = ({times(k, key, -1): a / value} for k, a in entries.get(place, {}).items())
+    primitive = _primitive(function, w)
+    for factor in factors if primitive is not None else ():
+        if {at: multiply_terms(factor, terms) for at, terms in reference.items()} == dict(entries):
+            return multiply(tree_of(factor), primitive) if primitive is not None else None
+    return None
+
+
+def _primitive(function: Monomial, w: Symbol) -> Expression | None:
+    """A monomial whose derivative by w is a number times the function, divided by that number."""
+    if function == EMPTY:
+        return w
+    for candidate in antiderivatives(function, w):
+        try:
+            slope = derivative(candidate, w)
+        except TooManyTerms:
+            continue
+        if list(slope) == [function]:
+            return divide(monomial_tree(candidate), number(slope[function]))
+    return None
+
 
 _TERMS, _WORK = 3_000, 400_000
 
 
 def applies(material: Material) -> bool:
-    """Whether f has this form with A constant."""
+    """Whether f has this form with A constant, or some A that couples velocities; other rungs have the rest."""
     parts = carried(material.motion)
-    return parts is not None and all(block.rate == Symbol(parts.carrier.coordinate) for block in parts.blocks)
-
-
-def applies_with_functions(material: Material) -> bool:
-    """Whether f has this form with some A that is not constant and couples velocities; other families have the rest."""
-    parts = carried(material.motion)
-    return parts is not None and not applies(material) and any(len(block.velocities) > 1 for block in parts.blocks)
+    if parts is None:
+        return False
+    constant = all(block.rate == Symbol(parts.carrier.coordinate) for block in parts.blocks)
+    return constant or any(len(block.velocities) > 1 for block in parts.blocks)
 
 
 def propose(material: Material, seed: int) -> Sequence[Expression]:

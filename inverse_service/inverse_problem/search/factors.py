@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
-from inverse_service.inverse_problem.search.divergence import divergence_factor
-from inverse_service.inverse_problem.search.integrating import integrating_factor
+from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
 from inverse_service.inverse_problem.search.material import Material, distinct, integrating_candidates
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, rank, times
 

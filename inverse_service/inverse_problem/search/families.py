@@ -1,24 +1,132 @@
 """The ansatz, deepened by weight: functions of the velocities times functions of position.
 
-Which functions of the velocities can occur is seen at one place (`velocity_shapes`); only these get factors, which are
-short products of what f is made of, more of them in a second round. Potentials and linear terms come later.
+Which functions of the velocities a multiplier can be made of is seen at one place: for g = sum_k c_k(t, q) Hessian(s_k)
+the coefficients and their derivatives are numbers at one place (t, q), and (H2), (H3) are linear in them for every v
+there. What has to vanish in all solutions is left out before coefficients are guessed; where no solution is regular, no
+ansatz in these shapes holds a Lagrangian. Only what is left gets factors: short products of what f is made of, more of
+them in a second round. Potentials and linear terms come later.
 """
 
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import combinations_with_replacement
+from typing import Any
 
-from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.search import shapes
+import numpy as np
+from flint import nmod_mat
+
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
+from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
+from inverse_service.inverse_problem.search.gradings import by_degree
+from inverse_service.inverse_problem.search.linear_ansatz import letters_of
 from inverse_service.inverse_problem.search.material import Material, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity
-from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, monomial
-from inverse_service.inverse_problem.search.velocity_shapes import possible_shapes
+from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
+from inverse_service.inverse_problem.search.sampling import LetterTable, make_sampler, monomial_values, table_at
+from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of
+
+_SPARE = 6
+# Shapes are left out until there are so few: the elimination is cubic in them.
+_MOST = 120
+Grid = list[list[int]]
+
+
+def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
+    """Those that can occur in a regular multiplier; all of them where the test cannot be made."""
+    groups = [group[:_MOST] for group in _groups(material, shapes)]
+    chosen = [shape for group in groups for shape in group]
+    if not chosen:
+        return []
+    unknowns = material.motion.size + 1 + material.motion.with_time
+    try:
+        sampler = make_sampler(material.analysis, dict.fromkeys(item for shape in chosen for item in shape))
+        points, letters = sampler.at_one_place(seed), letters_of(chosen)
+        count = (max(map(len, groups)) * unknowns + _SPARE) // material.motion.size**2 + 2
+        table = table_at(points, letters, count, with_third=True)
+        forms = _hessians(table, chosen)
+        inverse = pow(1 << 64, -1, table.prime)
+        plain = np.array(helmholtz_matrix(sampler, table, letters, chosen), dtype=object) * inverse % table.prime
+    except (IrreducibleAtoms, SingularPoint, ValueError):
+        return chosen
+    generator, weights = random.Random(f"velocity shapes {seed}"), list[int]()
+    for group in groups:
+        places = range(len(weights), len(weights) + len(group))
+        weights += _random_solution(
+            material, table, [[row[k] for k in places] for row in forms], plain[:, places], generator
+        )
+    return _used(chosen, weights, forms[0], table.prime)
+
+
+def _groups(material: Material, shapes: Sequence[Monomial]) -> list[list[Monomial]]:
+    return [list(shapes)] if material.motion.with_time else by_degree(material.analysis.system, shapes)
+
+
+def _random_solution(
+    material: Material, table: LetterTable, forms: Sequence[Sequence[Grid]], plain: Any, generator: random.Random
+) -> list[int]:
+    """The coefficients of the shapes of one group in a random solution of (H2), (H3) at one place."""
+    rows = [[*map(int, row), *_of_derivatives(material, table, forms, k)] for k, row in enumerate(plain.tolist())]
+    width = len(rows[0])
+    check(1 + len(rows) * width * min(len(rows), width) // 10_000)
+    basis, nullity = nmod_mat(len(rows), width, [x for row in rows for x in row], table.prime).nullspace()
+    weights = [generator.randrange(table.prime) for _ in range(nullity)]
+    found = basis.tolist()[: plain.shape[1]]
+    return [sum(w * int(x) for w, x in zip(weights, row, strict=False)) % table.prime for row in found]
+
+
+def _hessians(table: LetterTable, shapes: Sequence[Monomial]) -> list[list[Grid]]:
+    """d2s/dv dv of each shape at each sample."""
+    prime, letters = table.prime, letters_of(shapes)
+    index = {letter: k for k, letter in enumerate(letters)}
+    inverse = pow(1 << 64, -1, prime)
+    values = [[int(x) * inverse % prime for x in row] for row in monomial_values(table, letters, shapes)]
+    weights = [[(index[p], e.numerator * pow(e.denominator, -1, prime)) for p, e in shape] for shape in shapes]
+    slopes, seconds = table.by_velocity.tolist(), table.hessian.tolist()
+    span = range(table.by_velocity.shape[2])
+    found = []
+    for s, row in enumerate(values):
+        forms = []
+        for value, weight in zip(row, weights, strict=True):
+            slope = [sum(w * slopes[s][p][i] for p, w in weight) for i in span]
+            forms.append([
+                [value * (slope[i] * slope[j] + sum(w * seconds[s][p][i][j] for p, w in weight)) % prime for j in span]
+                for i in span
+            ])  # fmt: skip
+        found.append(forms)
+    return found
+
+
+def _of_derivatives(material: Material, table: LetterTable, forms: Sequence[Sequence[Grid]], row: int) -> list[int]:
+    """The entries of one row for d_t c (where L may hold t) and each d_k c: s_ij times 1 and v^k in (H2), 0 in (H3)."""
+    n, shapes = material.motion.size, len(forms[0])
+    sample, place = divmod(row, n * n)
+    pairs = [(i, j) for i in range(n) for j in range(i, n)]
+    point = table.points[sample]
+    rates = [1] * material.motion.with_time + [point.variable(v) for v in material.motion.velocities]
+    if place >= len(pairs):
+        return [0] * (len(rates) * shapes)
+    i, j = pairs[place]
+    return [rate * form[i][j] % table.prime for rate in rates for form in forms[sample]]
+
+
+def _used(shapes: Sequence[Monomial], weights: Sequence[int], forms: Sequence[Grid], prime: int) -> list[Monomial]:
+    """The shapes with a coefficient in a random solution; none where its g is singular, as then all are."""
+    n = len(forms[0])
+    places = [(i, j) for i in range(n) for j in range(n)]
+    g = [sum(c * form[i][j] for c, form in zip(weights, forms, strict=True)) % prime for i, j in places]
+    if nmod_mat(n, n, g, prime).rank() < n:
+        return []
+    return [shape for shape, c in zip(shapes, weights, strict=True) if c]
+
 
 # Plain functions of position that are offered as potentials beside what the residuals ask for.
 _MOST_FUNCTIONS = 60
@@ -28,37 +136,25 @@ _MOST_POTENTIALS, _MOST_CLOSED = 150, 300
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """An ansatz: functions of the velocities that a multiplier may be made of, and how many terms it may have.
+    """A row of the ansatz: functions of the velocities, and how many terms they make with functions of position.
 
-    `own` are terms of the caller in the place of these; those without a Hessian go with every choice of the others.
+    Where they are `given`, `shapes` are whole terms; those without a Hessian go with every choice of the others.
     """
 
     name: str
     cost: float
-    shapes: Callable[[Material], list[Monomial]]
+    shapes: Callable[[Material], Sequence[Monomial]]
     terms: int
-    own: tuple[Monomial, ...] = ()
-
-
-FAMILIES = (
-    Family("quadratic in the velocities, short factors", 2, shapes.quadratic, 240),
-    Family("ratios of velocities, short factors", 3.7, shapes.ratios, 240),
-    Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, 900),
-    Family("functions of velocities, short factors", 4, shapes.functions, 240),
-    Family("quadratic in the velocities", 5, shapes.quadratic, 900),
-    Family("ratios of velocities", 6, shapes.ratios, 900),
-    Family("functions of velocities", 7, shapes.functions, 900),
-    Family("products, roots and logarithms of velocities", 8, shapes.products_and_roots, 900),
-)
+    given: bool = False
 
 
 def kinetic_terms(material: Material, family: Family, factors: Factors, seed: int) -> list[Monomial]:
     """The terms of an ansatz that have a Hessian, simple ones first; none where these make no regular multiplier."""
-    if family.own:
-        return [key for key in family.own if is_admissible(material, key) and not is_linear(key)]
+    if family.given:
+        return [key for key in family.shapes(material) if is_admissible(material, key) and not is_linear(key)]
     chosen = possible_shapes(material, [s for s in family.shapes(material) if not is_linear(s)], seed)
-    if not chosen:
-        return []
+    if not chosen or not family.terms:
+        return chosen
     room = max(_FEWEST, family.terms // (len(chosen) * len(factors.in_time)))
     found = products(factors.in_time, products(_functions(material, factors, room), chosen))
     found += [m for shape in chosen for m in products(_fitted(material, factors, shape), [shape])]
@@ -77,7 +173,15 @@ def _functions(material: Material, factors: Factors, room: int) -> list[Monomial
     degree = next((d for d in (4, 3) if len(position_monomials(material, d)) <= 2 * room), 2)
     fitted = list(dict.fromkeys([EMPTY, *factors.plain[: room // 3]]))
     others = distinct([*material.parameter_monomials[: room // 3], *position_monomials(material, degree)])
-    return list(dict.fromkeys([*fitted, *others]))[: max(room, len(fitted))]
+    # A coordinate that does not occur in f can occur in L all the same.
+    plain = [monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)]
+    return list(dict.fromkeys([*fitted, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
+
+
+def with_parameters(material: Material, terms: Sequence[Monomial], most: int) -> list[Monomial]:
+    """The terms times products of what the parameters of f stand in, for coefficients that hold parameters."""
+    constants = distinct(products(material.parameter_monomials, material.parameter_monomials))
+    return distinct(products(terms, constants[: max(1, most // len(terms))])) if terms else []
 
 
 def _fitted(material: Material, factors: Factors, shape: Monomial) -> Iterator[Monomial]:
@@ -92,7 +196,8 @@ def _fitted(material: Material, factors: Factors, shape: Monomial) -> Iterator[M
 def all_terms(material: Material, family: Family, chosen: Sequence[Monomial]) -> list[Monomial]:
     """Chosen kinetic terms with the potentials and linear terms that can go with them."""
     depth = 3 if is_polynomial(material) else 1
-    every = [*closed(material, chosen, depth, _MOST_CLOSED), *(key for key in family.own if is_linear(key))]
+    own = family.shapes(material) if family.given else ()
+    every = [*closed(material, chosen, depth, _MOST_CLOSED), *(key for key in own if is_linear(key))]
     every += _fitting(material, _MOST_FUNCTIONS)[1:_MOST_FUNCTIONS]
     every += potentials(material, chosen, _MOST_POTENTIALS)
     return [key for key in distinct(every) if is_admissible(material, key)]
@@ -123,11 +228,37 @@ def is_linear(key: Monomial) -> bool:
 def label(family: Family, terms: Sequence[Monomial]) -> str:
     """What a reader calls the ansatz in which these kinetic terms were found."""
     moving = [[(p, e) for p, e in key if has_velocity(p)] for key in terms if not is_linear(key)]
-    if family.own or not all(isinstance(p, Velocity) for part in moving for p, _ in part):
-        return family.name if family.own else "functions of the velocities"
+    if family.name == NAME:
+        return NAME
+    if not all(isinstance(p, Velocity) for part in moving for p, _ in part):
+        return "functions of the velocities"
     if all(e.denominator == 1 for part in moving for _, e in part):
         if all(e > 0 for part in moving for _, e in part):
             degrees = {sum((e for _, e in part), Fraction(0)) for part in moving}
             return "quadratic in the velocities" if degrees == {2} else "polynomial in the velocities"
         return "Laurent monomials in the velocities"
     return "powers of the velocities"
+
+
+NAME = "the given terms"
+_MOST_TERMS = 1_000
+
+
+def own_family(given: Sequence[Expression]) -> Family | None:
+    """The ansatz of the monomials of the given terms, each with a coefficient of its own; None without terms.
+
+    Potentials and linear terms are added as to any family, so that kinetic terms are enough; those
+    that are given go with every choice.
+    """
+    monomials = list(dict.fromkeys(key for term in given for key in monomials_of(term)))[:_MOST_TERMS]
+    if not monomials:
+        return None
+    return Family(NAME, 0, lambda material: monomials, 0, given=True)
+
+
+def monomials_of(term: Expression) -> list[Monomial]:
+    """The monomials of a term multiplied out; the term as one letter where that would be long."""
+    try:
+        return list(terms_of(term))
+    except TooManyTerms:
+        return [monomial(term)]

@@ -142,6 +142,24 @@ def factors(
     return list(zip(_scaled(equations, candidates), _reflected(equations, candidates), strict=True))
 
 
+def by_degree(system: SecondOrderSystem, shapes: Sequence[Monomial]) -> list[list[Monomial]]:
+    """Functions of the velocities by their degree in these, where f is homogeneous of degree 2; else all together.
+
+    Slower motion on the same path is a motion then, so multipliers of different degrees do not mix.
+    """
+    measure = _Measure(reflections=False)
+    _keep_motion(
+        measure, [(Symbol(name), 2, f) for name, f in zip(system.coordinates, system.accelerations, strict=True)]
+    )
+    forms = [measure.monomial(shape) for shape in shapes]
+    if system.depends_on_time or any(form.get(TIME) for form in measure.zero):
+        return [list(shapes)]
+    groups: dict[Fraction, list[Monomial]] = {}
+    for shape, form in zip(shapes, forms, strict=True):
+        groups.setdefault(form.get(TIME, Fraction(0)), []).append(shape)
+    return list(groups.values())
+
+
 def _scaled(equations: Sequence[Rate], candidates: Sequence[Monomial]) -> list[int]:
     """The exponents with which the candidates scale, for a random scaling, modulo a prime."""
     forms, names, basis = _kept(equations, candidates, reflections=False)

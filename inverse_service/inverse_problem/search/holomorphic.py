@@ -2,8 +2,7 @@
 
 If L(x, x') is a Lagrangian of x'' = F(x, x'), the real part of L(z, z') is one of the system in (x, y): by
 the Cauchy-Riemann equations its Euler-Lagrange expressions are the real parts, and minus the imaginary
-parts, of those of L. It is regular where L is. The other method here takes the parts of z' log z', for which
-z'' = -(U_y + i U_x) z' comes from L = Im(z' log z') - U(x, y), whether the force is analytic or not.
+parts, of those of L. It is regular where L is.
 """
 
 from __future__ import annotations
@@ -11,60 +10,41 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import mpmath
 
 from inverse_service.algebra.point import Expansion
-from inverse_service.algebra.real_point import RealTable, find_real_point
+from inverse_service.algebra.real_point import RealTable
 from inverse_service.algebra.series import derivative, value_at_point
 from inverse_service.algebra.tower import draw_point
-from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     ZERO,
-    Apply,
     Expression,
     Symbol,
     Velocity,
-    add,
-    divide,
     multiply,
     number,
-    power,
     substitute,
 )
-from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
-from inverse_service.inverse_problem.search.choice import as_tree, regular_members
-from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.complex_trees import (
     ComplexTree,
     NotAnalytic,
     continued,
 )
-from inverse_service.inverse_problem.search.found import Ladder
-from inverse_service.inverse_problem.search.linear_ansatz import Combination, solve_ansatz
-from inverse_service.inverse_problem.search.material import Material, distinct
-from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
-from inverse_service.inverse_problem.search.sampling import make_sampler
-from inverse_service.inverse_problem.search.shapes import pairs
-from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial
+from inverse_service.inverse_problem.search.material import Material
+from inverse_service.inverse_problem.search.protocol import Smaller
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_WORK = 700_000
 _LARGEST = 6
 _DIGITS = 40
 _TINY = mpmath.mpf(10) ** -25
-_MOST_TERMS = 150
 
 # (x, y, s) for each z = x + i s y.
 Structure = tuple[tuple[str, str, int], ...]
-
-
-def is_plural(material: Material) -> bool:
-    """Whether there are two coordinates to pair."""
-    return material.motion.size > 1
 
 
 def is_even(material: Material) -> bool:
@@ -72,23 +52,20 @@ def is_even(material: Material) -> bool:
     return material.motion.size in range(2, _LARGEST + 1, 2)
 
 
-def holomorphic_lagrangians(material: Material, seed: int, ladder: Ladder) -> Sequence[Expression]:
-    """Re L(z, z') and Im L(z, z') for the Lagrangians of the real system, verified to 40 digits."""
+def real_systems(material: Material, seed: int) -> Iterator[Smaller]:
+    """x'' = F(x, x') for each way to pair the coordinates; Re L(z, z') and Im L(z, z') are Lagrangians of the given."""
     system, table = material.analysis.system, material.analysis.real_point
     jacobian, prime = _jacobian(material, seed)
     for structure in _structures(system.coordinates) if table is not None else ():
-        if not _fulfils_cauchy_riemann(jacobian, prime, system.coordinates, structure):
+        if not _satisfies_cauchy_riemann(jacobian, prime, system.coordinates, structure):
             continue
         reduced = _real_system(system, structure)
-        if reduced is None or table is None or not _is_continuation(system, reduced, structure, table):
-            continue
-        real = ladder(analyse(reduced), material.motion.with_time, seed, _WORK)
-        trees = real.lagrangians if real is not None else ()
-        parts = [part for tree in trees for part in _parts(tree, structure)]
-        found = tuple(tree for tree in parts if _is_lagrangian(system, tree, seed))
-        if found:
-            return found
-    return ()
+        if reduced is not None and table is not None and _is_continuation(system, reduced, structure, table):
+            yield Smaller((reduced,), material.motion.with_time, partial(_lifted, structure))
+
+
+def _lifted(structure: Structure, found: Sequence[Sequence[Expression]]) -> list[Expression]:
+    return [part for tree in found[0] for part in _parts(tree, structure)]
 
 
 def _structures(names: Sequence[str]) -> Iterator[Structure]:
@@ -142,7 +119,7 @@ def _jacobian(material: Material, seed: int) -> tuple[list[list[int]], int]:
     return slopes, point.prime
 
 
-def _fulfils_cauchy_riemann(
+def _satisfies_cauchy_riemann(
     jacobian: Sequence[Sequence[int]], prime: int, names: Sequence[str], structure: Structure
 ) -> bool:
     """d(f_x + i s f_y)/d(conjugate of X + i S Y) = 0 at the point for all pairs, of coordinates and of velocities."""
@@ -184,37 +161,3 @@ def _parts(tree: Expression, structure: Structure) -> tuple[Expression, ...]:
     except NotAnalytic:
         return ()
     return tuple(min((part, collect(part)), key=lambda one: len(to_text(one))) for part in (z.real, z.imaginary))
-
-
-def _is_lagrangian(system: SecondOrderSystem, tree: Expression, seed: int) -> bool:
-    point = find_real_point([*system.accelerations, tree], variables_of(system), seed)
-    return point is not None and holds_numerically(system, tree, point, seed)
-
-
-def complex_logarithm_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
-    """Combinations of the parts of z' log z', z = x_j + i x_k, with quadratic terms and potentials."""
-    terms = _candidates(material)
-    try:
-        sampler = make_sampler(material.analysis, dict.fromkeys(item for key in terms for item in key))
-        space = solve_ansatz(sampler, terms, seed)
-    except IrreducibleAtoms:
-        return ()
-    found = []
-    for members in regular_members(space, seed):
-        total: Combination = {}
-        for k in members:
-            total = add_terms(total, space.combinations[k])
-        found.append(as_tree(total))
-    return tuple(tree for tree in found if _is_lagrangian(material.analysis.system, tree, seed))
-
-
-def _candidates(material: Material) -> list[Monomial]:
-    velocities = material.motion.velocities
-    seeds: list[Monomial] = []
-    for v, w in itertools.combinations(velocities, 2):
-        modulus = Apply("log", add(power(v, 2), power(w, 2)))
-        angle = Apply("atan", divide(w, v))
-        seeds += [monomial(letter, part) for letter in (v, w) for part in (modulus, angle)]
-    every = [*seeds, *pairs(material), *potentials(material, seeds, _MOST_TERMS)]
-    every += closed(material, seeds, 1, _MOST_TERMS)
-    return [key for key in distinct(every) if is_admissible(material, key)]

@@ -1,7 +1,14 @@
-"""Integrating factors exp(-int c dx) as products of powers of letters and one exponential.
+"""Factors of multipliers that f itself asks for, from linear equations in exponents at random points modulo a prime.
 
-c = sum_j e_j d(log p_j)/dx + sum_k r_k d(m_k)/dx is solved for rational e, r at random points modulo a
-prime, over the letters p_j and the antiderivatives m_k of the terms of c.
+Integrating factors exp(-int c dx) are products of powers of letters and one exponential:
+c = sum_j e_j d(log p_j)/dx + sum_k r_k d(m_k)/dx is solved for rational e, r, over the letters p_j and the
+antiderivatives m_k of the terms of c.
+
+The factor e^(ct) follows from the divergence of f. (H2) gives Gamma(log det g) = 2 tr N = -div_v f. For g = e^(ct) g_0
+with det g_0 a product of letters,
+    -div_v f = n c + sum_j e_j Gamma(log p_j),
+which is solved for the rational e_j, and for c as a rational multiple of a parameter monomial; the constants come last,
+so that they are used only where they are needed.
 """
 
 from __future__ import annotations
@@ -9,17 +16,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
-from flint import nmod_mat
-
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Expansion, Variable, evaluate
-from inverse_service.algebra.primes import reconstruct
 from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import Apply, Expression, Sum
+from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
+from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, companions
-from inverse_service.inverse_problem.search.sampling import make_sampler
+from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism, tensors_of
+from inverse_service.inverse_problem.search.null_vectors import small_solution
+from inverse_service.inverse_problem.search.sampling import Sampler, letter_table, make_sampler
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
@@ -30,7 +38,6 @@ from inverse_service.inverse_problem.search.terms import (
 )
 
 _MOST_COLUMNS = 40
-_BOUND = 1_000
 
 
 def integrating_factor(material: Material, c: Terms, variable: Variable, seed: int) -> Monomial | None:
@@ -79,7 +86,7 @@ def _solve(
         rows = [_row(Expansion(point, [variable], 1), letters, primitives, given) for point in points]
     except (IrreducibleAtoms, SingularPoint, ValueError):
         return None
-    return _solution(rows, points[0].prime)
+    return small_solution(rows, points[0].prime)
 
 
 def _row(
@@ -101,16 +108,50 @@ def _slope(series: ps.Series) -> int:
     return ps.value_at_point(ps.derivative(series, 0))
 
 
-def _solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] | None:
-    width = len(rows[0]) - 1
-    reduced, rank = nmod_mat(len(rows), width + 1, [x % prime for row in rows for x in row], prime).rref()
-    solution = [Fraction(0)] * width
-    for i in range(rank):
-        pivot = next(k for k in range(width + 1) if int(reduced[i, k]))
-        if pivot == width:
-            return None
-        value = reconstruct(int(reduced[i, width]), prime, _BOUND)
-        if value is None:
-            return None
-        solution[pivot] = value
-    return solution
+_MOST_CONSTANTS = 8
+
+
+def divergence_factor(material: Material, seed: int) -> Monomial | None:
+    """exp(ct) with c not 0, or None where the divergence asks for none or is no such combination."""
+    letters: list[Expression] = [
+        *material.motion.velocities,
+        *material.position_letters,
+        *material.velocity_letters,
+    ]
+    constants = [monomial_tree(key) for key in material.parameter_monomials[:_MOST_CONSTANTS]]
+    try:
+        solution = _constants_of_divergence(material, letters, constants, seed)
+    except (IrreducibleAtoms, SingularPoint, ValueError):
+        return None
+    if solution is None:
+        return None
+    found = [(k, c / material.motion.size) for k, c in enumerate(solution[len(letters) :]) if c]
+    if len(found) != 1:
+        return None
+    k, c = found[0]
+    rate = times(material.parameter_monomials[k], frozenset([(TIME, Fraction(1))]))
+    return frozenset([(Apply("exp", monomial_tree(rate)), c)])
+
+
+def is_free_of_divergence(analysis: Analysis, seed: int) -> bool:
+    """Whether div_v f vanishes at a random point."""
+    try:
+        point = draw_point(analysis.tower, seed)
+        connection, _ = connection_and_endomorphism(Sampler(analysis, analysis.tower, analysis.real_point), point)
+    except (IrreducibleAtoms, SingularPoint, ValueError):
+        return False
+    return sum(row[i] for i, row in enumerate(connection)) % point.prime == 0
+
+
+def _constants_of_divergence(
+    material: Material, letters: list[Expression], constants: list[Expression], seed: int
+) -> list[Fraction] | None:
+    sampler = make_sampler(material.analysis, [(p, Fraction(1)) for p in (*letters, *constants)])
+    width = len(letters) + len(constants)
+    table = letter_table(sampler, letters, width + 6, seed)
+    rows = []
+    places = zip(table.points, table.along.tolist(), tensors_of(sampler, table), strict=True)
+    for point, along, (connection, _) in places:
+        trace = 2 * sum(connection[i][i] for i in range(material.motion.size))
+        rows.append([*along, *(evaluate(to_kernels(c), point) for c in constants), trace % table.prime])
+    return small_solution(rows, table.prime)

@@ -1,33 +1,61 @@
-"""Families tried one after another until a regular Lagrangian is found."""
+"""The search: leaves, reductions and rows of the ansatz, tried by cost until a regular Lagrangian is found."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Apply, Expression
-from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.search import rungs
 from inverse_service.inverse_problem.search.choice import as_tree
+from inverse_service.inverse_problem.search.closure import answers
 from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until, within
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
-from inverse_service.inverse_problem.search.families import FAMILIES, Family, all_terms, kinetic_terms, label
-from inverse_service.inverse_problem.search.found import Found, SearchOutcome
+from inverse_service.inverse_problem.search.families import (
+    Family,
+    all_terms,
+    kinetic_terms,
+    label,
+    own_family,
+    with_parameters,
+)
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
+from inverse_service.inverse_problem.search.long_numbers import Lettered, views
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.members import best_members, needed_combinations
-from inverse_service.inverse_problem.search.multiplier_ansatz import solve_multiplier
-from inverse_service.inverse_problem.search.own_terms import own_family
-from inverse_service.inverse_problem.search.residuals import answers
+from inverse_service.inverse_problem.search.multiplier_ansatz import occurring_terms, solve_multiplier
+from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
+from inverse_service.inverse_problem.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
-from inverse_service.inverse_problem.search.specialists import SPECIALISTS, Specialist
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms
 from inverse_service.inverse_problem.search.tidy import tidied
 
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
+# For each smaller system that a reduction makes (see `deadline`).
+_WORK = 1_000_000
+# Their elimination takes a second; a larger ansatz has rational coefficients only.
+_MOST_AT_FIXED_PARAMETERS = 600
+# Lagrangians of one rung that are shown.
+_MOST = 4
+
+
+@dataclass(slots=True)
+class _Search:
+    """One search of one system: what it is made of, what it has tried, and the terms that had no Lagrangian."""
+
+    material: Material
+    seed: int
+    progress: Callable[[str], None]
+    tried: list[tuple[str, int]]
+    known: set[Monomial] = field(default_factory=set)
+    factors: Factors | None = None
 
 
 def search(
@@ -40,20 +68,21 @@ def search(
     holds: Callable[[Expression], bool] = lambda _: True,
     highest: float = math.inf,
 ) -> SearchOutcome:
-    """The first family that holds a regular Lagrangian, or what was tried; the caller's own terms come first.
+    """The first rung that gives a regular Lagrangian, or what was tried; the caller's own terms come first.
 
-    Families and methods of more than the `highest` cost are left out.
-
-    A family counts only if one of its Lagrangians `holds`; those before that one are left out.
+    Rungs of more than the `highest` cost are left out. A rung counts only if one of its Lagrangians `holds`; those
+    before that one are left out. Long numbers are letters first, and are put back before a Lagrangian is shown.
     """
     tried: list[tuple[str, int]] = []
-    try:
-        with until(deadline):
-            rungs = _climb(analysis, with_time, seed, progress, own_terms, tried, highest)
-            candidates = (_kept(one, analysis, holds) for one in rungs)
-            found = next((kept for kept in candidates if kept), None)
-    except OutOfTime:
-        found = None
+
+    def first(view: Lettered) -> Found | None:
+        candidates = _climb(view.analysis, with_time, seed, progress, own_terms, tried, highest)
+        kept = (_kept(found, view.analysis, lambda tree: holds(view.put_back(tree))) for found in candidates)
+        return view.restored(next((found for found in kept if found is not None), None))
+
+    found = None
+    with suppress(OutOfTime), until(deadline):
+        found = next((one for view in views(analysis) if (one := first(view)) is not None), None)
     return SearchOutcome(found, tuple(tried))
 
 
@@ -78,49 +107,74 @@ def _climb(
     highest: float,
 ) -> Iterator[Found]:
     """What each rung finds, those that find nothing left out."""
-    known: set[Monomial] = set()
     try:
-        material = gather(analysis, with_time)
+        state = _Search(gather(analysis, with_time), seed, progress, tried)
     except TooManyTerms:
         return
-    factors: Factors | None = None
     own = own_family(own_terms)
-    rungs: list[Family | Specialist] = [*([own] if own else []), *FAMILIES, *SPECIALISTS]
-    for rung in sorted((rung for rung in rungs if rung.cost <= highest), key=lambda rung: rung.cost):
+    chosen = [*([own] if own else []), *(rung for rung in rungs.RUNGS if rung.cost <= highest)]
+    for rung in sorted(chosen, key=lambda rung: rung.cost):
         check()
-        if isinstance(rung, Specialist):
-            found = _proposed(material, rung, seed, tried, progress)
-        else:
-            progress(f"ansatz: {rung.name}")
-            factors = find_factors(material, seed) if factors is None and rung.cost > 1 else factors
-            terms = kinetic_terms(material, rung, factors or NO_FACTORS, seed)
-            if terms and set(terms) <= known:
-                continue
-            known.update(terms)
-            tried.append((rung.name, len(terms)))
-            found = _solve(material, rung, terms, seed)
+        found = attempt(state, rung)
         if found is not None:
             yield found
 
 
-def search_smaller(analysis: Analysis, with_time: bool, seed: int, work: int) -> Found | None:
-    """The ladder for a system that a method makes out of the given one, with so much work (see `deadline`)."""
-    with within(work):
-        return search(analysis, with_time, seed, math.inf, lambda _: None).found
-
-
-def _proposed(
-    material: Material, specialist: Specialist, seed: int, tried: list[tuple[str, int]], progress: Callable[[str], None]
-) -> Found | None:
-    if not specialist.applies(material):
+def attempt(state: _Search, rung: rungs.Rung) -> Found | None:
+    """What one rung finds."""
+    if isinstance(rung, Family):
+        return _by_ansatz(state, rung)
+    if not rung.accepts(state.material):
         return None
-    progress(f"method: {specialist.name}")
+    state.progress(f"method: {rung.name}")
     try:
-        proposed = tuple(specialist.propose(material, seed, search_smaller))
-    except (*_NO_POINTS, TooManyTerms):
+        trees = rung.propose(state.material, state.seed) if isinstance(rung, Leaf) else _lifted(state, rung)
+        proposed = tuple(trees if rung.exact else _verified(state, trees))
+    except (*_NO_POINTS, TooManyTerms, ArithmeticError):
         proposed = ()
-    tried.append((specialist.name, len(proposed)))
-    return Found(proposed, specialist.name, proposed[:1]) if proposed else None
+    state.tried.append((rung.name, len(proposed)))
+    return Found(proposed, rung.name, proposed[:1]) if proposed else None
+
+
+def _verified(state: _Search, trees: Sequence[Expression]) -> list[Expression]:
+    """The first few that hold."""
+    analysis = state.material.analysis
+    held = (tree for tree in dict.fromkeys(trees) if holds_numerically(analysis, tree, state.seed))
+    return list(itertools.islice(held, _MOST))
+
+
+def _lifted(state: _Search, reduction: Reduction) -> Sequence[Expression]:
+    """The Lagrangians made of those of the smaller systems."""
+    for smaller in reduction.apply(state.material, state.seed):
+        found = _of_smaller(smaller, state.seed)
+        lifted = smaller.lift(found) if found else ()
+        if lifted:
+            return lifted
+    return ()
+
+
+def _of_smaller(smaller: Smaller, seed: int) -> list[tuple[Expression, ...]]:
+    """The Lagrangians of each of the systems; none where one has none."""
+    found = []
+    for system in smaller.systems:
+        with within(_WORK):
+            one = search(analyse(system), smaller.with_time, seed, math.inf, lambda _: None).found
+        if one is None:
+            return []
+        found.append(one.lagrangians)
+    return found
+
+
+def _by_ansatz(state: _Search, family: Family) -> Found | None:
+    state.progress(f"ansatz: {family.name}")
+    if state.factors is None and family.cost > 1:
+        state.factors = find_factors(state.material, state.seed)
+    terms = kinetic_terms(state.material, family, state.factors or NO_FACTORS, state.seed)
+    if terms and set(terms) <= state.known:
+        return None
+    state.known.update(terms)
+    state.tried.append((family.name, len(terms)))
+    return _solve(state.material, family, terms, state.seed)
 
 
 def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: int) -> Found | None:
@@ -128,7 +182,10 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
     if not terms:
         return None
     try:
-        space = solve_multiplier(_sampler(material, terms), terms, seed)
+        sampler = _sampler(material, terms)
+        if material.analysis.system.parameters and not family.given and len(terms) <= _MOST_AT_FIXED_PARAMETERS:
+            terms = with_parameters(material, occurring_terms(sampler, terms, seed), family.terms)
+        space = solve_multiplier(sampler, terms, seed)
         members = needed_combinations(space, seed)
         chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
         residuals = [answers(material, space.combinations[k]) for k in members]

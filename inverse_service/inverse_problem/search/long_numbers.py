@@ -6,7 +6,7 @@ one prime of 61 bits. A system with a letter instead has coefficients as short a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from inverse_service.errors import IrreducibleAtoms
@@ -22,7 +22,7 @@ from inverse_service.expressions.tree import (
     substitute,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
-from inverse_service.inverse_problem.search.found import Found
+from inverse_service.inverse_problem.search.protocol import Found
 
 _LONGEST = 10**6
 _MOST_LETTERS = 6
@@ -37,7 +37,7 @@ class Lettered:
 
     def put_back(self, tree: Expression) -> Expression:
         """A formula with the numbers again."""
-        return substitute(tree, self.numbers)
+        return substitute(tree, self.numbers) if self.numbers else tree
 
     def restored(self, found: Found | None) -> Found | None:
         """What a search found for the letters, with the numbers."""
@@ -45,6 +45,14 @@ class Lettered:
             return None
         trees, parts = (tuple(map(self.put_back, each)) for each in (found.lagrangians, found.parts))
         return replace(found, lagrangians=trees, parts=parts)
+
+
+def views(analysis: Analysis) -> Iterator[Lettered]:
+    """The system with letters for its long numbers, if there are such, and as it is."""
+    lettered = with_letters(analysis)
+    if lettered is not None:
+        yield lettered
+    yield Lettered(analysis, {})
 
 
 def with_letters(analysis: Analysis) -> Lettered | None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
+from typing import Any
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
@@ -53,7 +54,7 @@ _TERMS, _WORK = 2_000, 150_000
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """f as terms with its letters sorted by what they depend on."""
+    """f as terms with its letters sorted by what they depend on; `shared` is what rungs compute for each other."""
 
     analysis: Analysis
     motion: MotionTerms
@@ -61,6 +62,7 @@ class Material:
     velocity_letters: tuple[Expression, ...]
     linear_sums: tuple[Expression, ...]
     parameter_monomials: tuple[Monomial, ...]
+    shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
 def gather(analysis: Analysis, with_time: bool) -> Material:

@@ -27,13 +27,14 @@ from inverse_service.inverse_problem.search.linear_ansatz import (
     letters_of,
     to_montgomery,
 )
-from inverse_service.inverse_problem.search.null_vectors import SampledRows, vectors_of_groups
-from inverse_service.inverse_problem.search.sample_points import Matrix
+from inverse_service.inverse_problem.search.null_vectors import SampledRows, pivots, settled_kernel, vectors_of_groups
+from inverse_service.inverse_problem.search.sample_points import Matrix, SamplePoints
 from inverse_service.inverse_problem.search.sampling import (
     LetterTable,
     Sampler,
     letter_table,
     monomial_values,
+    table_at,
 )
 from inverse_service.inverse_problem.search.terms import Monomial
 
@@ -54,6 +55,34 @@ def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> 
     groups = graded(sampler.analysis.system, terms)
     vectors = vectors_of_groups(groups, SampledRows(equations, n * n), sampler.prime(seed), _SPARE_EQUATIONS)
     return LagrangianSpace(sampler, tuple({terms[k]: a for k, a in vector.items()} for vector in vectors))
+
+
+def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> list[Monomial]:
+    """The terms that a multiplier is made of at one value of the parameters, its coefficients being any numbers.
+
+    Terms that are combinations of simpler ones there, as k - r is of 1 and r, are left out.
+    """
+    points = sampler.with_fixed_parameters(seed)
+    terms = _independent(points, terms)
+    letters, n = letters_of(terms), len(sampler.analysis.accelerations)
+
+    def equations(begin: int, end: int) -> Words:
+        table = table_at(points, letters, end, with_third=True, first=begin)
+        return helmholtz_matrix(sampler, table, letters, terms)
+
+    def samples(unknowns: int) -> int:
+        return (unknowns + _SPARE_EQUATIONS) // n**2 + 1
+
+    found = settled_kernel(equations, points.prime, samples(len(terms)), samples)
+    used = {k for row in found.basis.tolist() for k, x in enumerate(row) if int(x)}
+    return [terms[k] for k in sorted(used)]
+
+
+def _independent(points: SamplePoints, terms: Sequence[Monomial]) -> list[Monomial]:
+    """The terms without those that are combinations of earlier ones at these points."""
+    table = table_at(points, letters_of(terms), len(terms) + _SPARE_EQUATIONS, with_third=True)
+    values = monomial_values(table, letters_of(terms), terms)
+    return [terms[k] for k in pivots(values, points.prime)]
 
 
 def helmholtz_matrix(

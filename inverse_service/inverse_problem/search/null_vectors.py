@@ -19,6 +19,8 @@ from inverse_service.algebra.primes import reconstruct
 from inverse_service.inverse_problem.search.deadline import check
 
 _LARGEST_NUMBER = 10**7
+# Exponents and rates are small: what a larger bound admits are accidents.
+_LARGEST_EXPONENT = 1_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,20 @@ def _rational(row: list[int], prime: int) -> dict[int, Fraction] | None:
     return vector
 
 
+def small_solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] | None:
+    """Small rationals e with row[:-1] . e = row[-1], columns that depend on earlier ones left out; None without one."""
+    width = len(rows[0]) - 1
+    reduced, order = nmod_mat(len(rows), width + 1, [a % prime for row in rows for a in row], prime).rref()
+    solution = [Fraction(0)] * width
+    for i in range(order):
+        pivot = next(k for k in range(width + 1) if int(reduced[i, k]))
+        value = reconstruct(int(reduced[i, width]), prime, _LARGEST_EXPONENT)
+        if pivot == width or value is None:
+            return None
+        solution[pivot] = value
+    return solution
+
+
 def kernel(matrix: Words, prime: int) -> Kernel:
     """The kernel of a matrix, (equations, unknowns)."""
     return _kernel(_over_field(matrix, prime))
@@ -65,20 +81,29 @@ def _over_field(matrix: Words, prime: int) -> nmod_mat:
     return nmod_mat(int(rows), int(columns), matrix.ravel().tolist(), prime)
 
 
+def pivots(matrix: Words, prime: int) -> list[int]:
+    """The columns that are no combinations of earlier ones."""
+    return _pivots(*_over_field(matrix, prime).rref())
+
+
+def _pivots(reduced: nmod_mat, rank: int) -> list[int]:
+    found: list[int] = []
+    for i in range(rank):
+        first = found[-1] + 1 if found else 0
+        found.append(next(k for k in range(first, reduced.ncols()) if int(reduced[i, k])))
+    return found
+
+
 def _kernel(matrix: nmod_mat) -> Kernel:
     reduced, rank = matrix.rref()
-    width = matrix.ncols()
-    pivots: list[int] = []
-    for i in range(rank):
-        first = pivots[-1] + 1 if pivots else 0
-        pivots.append(next(k for k in range(first, width) if int(reduced[i, k])))
-    taken = set(pivots)
+    width, leading = matrix.ncols(), _pivots(reduced, rank)
+    taken = set(leading)
     free = [k for k in range(width) if k not in taken]
     prime = int(matrix.modulus())
     basis = [0] * (len(free) * width)
     for row, unknown in enumerate(free):
         basis[row * width + unknown] = 1
-        for i, pivot in enumerate(pivots):
+        for i, pivot in enumerate(leading):
             if pivot > unknown:
                 break
             basis[row * width + pivot] = -int(reduced[i, unknown]) % prime

@@ -10,9 +10,10 @@ from collections.abc import Mapping, Sequence
 
 import mpmath
 
-from inverse_service.algebra.real_point import RealTable
+from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _DIGITS = 180
@@ -24,18 +25,22 @@ _POINTS = 2
 Direction = Mapping[Expression, mpmath.mpf]
 
 
-def holds_numerically(system: SecondOrderSystem, tree: Expression, table: RealTable, seed: int) -> bool:
+def holds_numerically(analysis: Analysis, tree: Expression, seed: int) -> bool:
     """Whether the Euler-Lagrange equations hold to 40 digits and g is regular at points near a real one."""
-    generator = random.Random(seed)
-    try:
-        with mpmath.workdps(_DIGITS):
-            points = [_moved(table, generator) for _ in range(_POINTS)]
-            return all(_holds_at(system, tree, point) for point in points)
-    except NoRealValue:
-        return False
+    system = analysis.system
+    for table in (analysis.real_point, find_real_point([*system.accelerations, tree], variables_of(system), seed)):
+        generator = random.Random(seed)
+        try:
+            with mpmath.workdps(_DIGITS):
+                points = [_perturbed(table, generator) for _ in range(_POINTS)] if table else []
+                if points:
+                    return all(_holds_at(system, tree, point) for point in points)
+        except NoRealValue:
+            continue
+    return False
 
 
-def _moved(table: RealTable, generator: random.Random) -> RealTable:
+def _perturbed(table: RealTable, generator: random.Random) -> RealTable:
     """A point near the given one, so that it lies on the same branch of all roots."""
     return {name: value * (1 + mpmath.mpf(generator.randrange(1, 1000)) / 10**8) for name, value in table.items()}
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
@@ -32,14 +33,12 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.coordinate_changes import Change, suggested
 from inverse_service.inverse_problem.search.deadline import OutOfTime, check, end, within
-from inverse_service.inverse_problem.search.found import Ladder
 from inverse_service.inverse_problem.search.material import Material
+from inverse_service.inverse_problem.search.protocol import Smaller
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_WORK = 1_000_000
 _MOST_CHANGES = 2
 # To write f in other coordinates; what takes longer is not the shorter system that is wanted.
 _WORK_OF_A_CHANGE = 60_000
@@ -51,15 +50,16 @@ def applies(material: Material) -> bool:
     return bool(suggested(material))
 
 
-def propose(material: Material, seed: int, ladder: Ladder) -> list[Expression]:
-    """Lagrangians of the system in the shortest of the suggested coordinates, in the given ones again."""
+def in_shorter_coordinates(material: Material, seed: int) -> Iterator[Smaller]:
+    """The system in the shortest of the suggested coordinates; its Lagrangians in the given ones again."""
     for change, system in _shorter(material)[:_MOST_CHANGES]:
-        found = ladder(analyse(system), material.motion.with_time, seed, _WORK)
-        if found is not None:
-            table = _table(change.new, system.coordinates)
-            carried = [substitute(tree, table) for tree in found.lagrangians]
-            return [merge_powers(tree) for tree in carried]
-    return []
+        yield Smaller(
+            (system,), material.motion.with_time, partial(_carried_back, _table(change.new, system.coordinates))
+        )
+
+
+def _carried_back(table: dict[Expression, Expression], found: Sequence[Sequence[Expression]]) -> list[Expression]:
+    return [merge_powers(substitute(tree, table)) for tree in found[0]]
 
 
 def _shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:

@@ -23,8 +23,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, power
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.search.deadline import check
-from inverse_service.inverse_problem.search.letter_series import LetterValues
-from inverse_service.inverse_problem.search.sample_points import KnownTower, SamplePoints
+from inverse_service.inverse_problem.search.sample_points import KnownTower, LetterValues, SamplePoints
 from inverse_service.inverse_problem.search.terms import Monomial
 
 Words = npt.NDArray[np.uint64]
@@ -56,8 +55,15 @@ class Sampler:
 
     def at_one_place(self, seed: int) -> SamplePoints:
         """Points that share t and the coordinates."""
-        base = draw_point(self.tower, seed)
-        return SamplePoints(self.analysis.accelerations, self.variables, self.tower, seed, base.prime, base=base)
+        return self._near_one(seed, [v for v in self.variables if isinstance(v, Velocity)])
+
+    def with_fixed_parameters(self, seed: int) -> SamplePoints:
+        """Points that share the values of the parameters."""
+        return self._near_one(seed, self.variables)
+
+    def _near_one(self, seed: int, moving: Sequence[Symbol | Velocity]) -> SamplePoints:
+        base, forces = draw_point(self.tower, seed), self.analysis.accelerations
+        return SamplePoints(forces, self.variables, self.tower, seed, base.prime, base=base, moving=moving)
 
     def prime(self, seed: int) -> int:
         """The prime of the points that follow from a seed."""

@@ -23,7 +23,7 @@ from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import HALF, ONE, TIME, Expression, Velocity, add, multiply, walk
+from inverse_service.expressions.tree import HALF, ONE, TIME, Expression, Integral, Velocity, add, multiply, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.deadline import end
@@ -36,6 +36,7 @@ from inverse_service.inverse_problem.search.quadratures import (
     potential_with_integrals,
 )
 from inverse_service.inverse_problem.search.terms import (
+    Monomial,
     Terms,
     TooManyTerms,
     add_terms,
@@ -52,7 +53,6 @@ from inverse_service.mechanics.conditions import (
 )
 from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.quotient_matrices import common_multiple, determinant, null_vectors
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _TERMS, _WORK = 2_000, 150_000
 _MOST = 3
@@ -83,20 +83,73 @@ class _Setting:
         return Quotient(self.ring.field, element.numerator.subs(dict.fromkeys(moving, 0)), element.exponents)
 
 
+@dataclass(frozen=True, slots=True)
+class _Prepared:
+    """The multiplier up to its constant matrix, and regular choices of that."""
+
+    setting: _Setting
+    matrices: list[Matrix]
+
+
 def propose(material: Material, seed: int) -> list[Expression]:
     """Lagrangians with such a multiplier, the simplest first; none where f has none."""
+    known = _prepared(material)
+    try:
+        found = [_lagrangian(material, known.setting, matrix) for matrix in known.matrices] if known else []
+    except (TooLarge, TooManyTerms, ZeroDivisionError):
+        return []
+    return [tree for tree in found if tree is not None]
+
+
+def kinetic_terms(material: Material) -> list[Monomial]:
+    """The terms of phi G_ij v_i v_j for all of these multipliers: where they are found, A and V may take an ansatz."""
+    known = _prepared(material)
+    if known is None or any(isinstance(node, Integral) for node in walk(known.setting.phi)):
+        return []
+    velocities = material.motion.velocities
+    try:
+        kinetic = [_kinetic(known.setting, velocities, matrix) for matrix in known.matrices]
+        return list(dict.fromkeys(key for tree in kinetic for key in terms_of(tree)))
+    except TooManyTerms:
+        return []
+
+
+def is_of_one_coordinate(material: Material) -> bool:
+    return material.motion.size == 1
+
+
+def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
+    """For one coordinate phi v^2/2 - V where V has no closed form that is found: a function known by its slope."""
+    known = _prepared(material)
+    if known is None:
+        return []
+    setting, system = known.setting, material.analysis.system
+    try:
+        wanted = _wanted(setting, material.motion.velocities, known.matrices[0][0])
+        rest = potential_with_integrals(system, setting.phi, wanted)
+    except (TooLarge, TooManyTerms, ZeroDivisionError):
+        return []
+    return [] if rest is None else [add(_kinetic(setting, material.motion.velocities, known.matrices[0]), rest)]
+
+
+def _prepared(material: Material) -> _Prepared | None:
+    """None where f has no such multiplier; computed once for all rungs that ask."""
+    if "scalar multiplier" not in material.shared:
+        material.shared["scalar multiplier"] = _multipliers(material)
+    found: _Prepared | None = material.shared["scalar multiplier"]
+    return found
+
+
+def _multipliers(material: Material) -> _Prepared | None:
     try:
         exact = exact_motion(material.analysis.system, 2, Budget(_TERMS, end(), _WORK))
         setting = _setting(exact, material.analysis)
-        if setting is None:
-            return []
-        if TIME in walk(setting.phi) and not material.motion.with_time:
-            return []
+        if setting is None or (TIME in walk(setting.phi) and not material.motion.with_time):
+            return None
         chosen = _regular(setting, material.analysis.real_point)
-        found = [_lagrangian(material.analysis.system, setting, matrix) for matrix in chosen]
-        return [tree for tree in found if tree is not None]
     except (TooLarge, TooManyTerms, ZeroDivisionError):
-        return []
+        return None
+    return _Prepared(setting, chosen) if chosen else None
 
 
 def _setting(exact: ExactMotion, analysis: Analysis) -> _Setting | None:
@@ -204,21 +257,21 @@ def _is_definite(matrix: RealMatrix | None) -> bool:
     return matrix is not None and bool(np.linalg.eigvalsh(matrix)[0] > 0)
 
 
-def _lagrangian(system: SecondOrderSystem, setting: _Setting, matrix: Matrix) -> Expression | None:
+def _lagrangian(material: Material, setting: _Setting, matrix: Matrix) -> Expression | None:
     """phi G_ij v_i v_j / 2 + A_i v_i - V; None where the last terms have no closed form that is found."""
-    ring, names = setting.ring, system.coordinates
-    velocities = [Velocity(name) for name in names]
+    velocities = material.motion.velocities
     wanted = [_wanted(setting, velocities, row) for row in matrix]
-    rest = completed(names, wanted)
-    if rest is None and len(names) == 1:
-        rest = potential_with_integrals(system, setting.phi, wanted[0])
-    if rest is None:
-        return None
+    rest = completed(material.analysis.system.coordinates, wanted)
+    return None if rest is None else add(_kinetic(setting, velocities, matrix), rest)
+
+
+def _kinetic(setting: _Setting, velocities: Sequence[Velocity], matrix: Matrix) -> Expression:
+    """phi G_ij v_i v_j / 2."""
     squares = [
-        multiply(HALF if i == j else ONE, quotient_tree(ring, matrix[i][j]), velocities[i], velocities[j])
+        multiply(HALF if i == j else ONE, quotient_tree(setting.ring, matrix[i][j]), velocities[i], velocities[j])
         for i, j in _pairs(setting)
     ]
-    return add(multiply(setting.phi, add(*squares)), rest)
+    return multiply(setting.phi, add(*squares))
 
 
 def _wanted(setting: _Setting, velocities: Sequence[Velocity], row: Sequence[Quotient]) -> Terms:

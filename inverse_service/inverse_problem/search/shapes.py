@@ -15,8 +15,11 @@ from inverse_service.expressions.tree import (
     Power,
     Sum,
     Velocity,
+    add,
+    divide,
     multiply,
     number,
+    power,
     square_root,
     walk,
 )
@@ -58,6 +61,12 @@ def ratios(material: Material) -> list[Monomial]:
     return distinct([*pairs(material), *quotients(material, 2)])
 
 
+def ratios_to_constants(material: Material) -> list[Monomial]:
+    """These, and v_i v_j v_k / w^2 and its like where some velocities w are constant."""
+    constant = any(not f for f in material.motion.forces)
+    return distinct([*ratios(material), *quotients(material, 3)]) if constant else []
+
+
 def functions(material: Material) -> list[Monomial]:
     """These, powers and logarithms of one velocity, and what f itself holds."""
     alone = [shape for v in material.motion.velocities for shape in single(v)]
@@ -72,6 +81,16 @@ def products_and_roots(material: Material) -> list[Monomial]:
     below = divisors(material)
     double += [frozenset([(v, _FOUR), (w, -_FOUR / 2)]) for v in material.motion.velocities for w in below if v != w]
     return distinct([*functions(material), *higher, *crossed, *double, *roots(material)])
+
+
+def complex_logarithms(material: Material) -> list[Monomial]:
+    """v_i v_j, and the parts of z' log z' for two velocities as one complex z': z'' = -(U_y + i U_x) z' has them."""
+    found: list[Monomial] = []
+    for v, w in itertools.combinations(material.motion.velocities, 2):
+        modulus = Apply("log", add(power(v, 2), power(w, 2)))
+        angle = Apply("atan", divide(w, v))
+        found += [monomial(letter, part) for letter in (v, w) for part in (modulus, angle)]
+    return [*found, *pairs(material)] if found else []
 
 
 def pairs(material: Material) -> list[Monomial]:

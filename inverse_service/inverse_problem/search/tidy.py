@@ -1,4 +1,7 @@
-"""A Lagrangian written shorter: terms with the same velocities and parameters over one denominator."""
+"""A Lagrangian written shorter: terms with the same velocities and parameters over one denominator.
+
+Trigonometric functions of arctangents become algebraic: cos(k atan u) + i sin(k atan u) = ((1 + i u)/sqrt(1 + u^2))^k.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import (
+    ONE,
     TIME,
     Apply,
     Expression,
@@ -21,12 +25,16 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    distinct_nodes,
+    divide,
     multiply,
     number,
+    power,
     rebuild,
+    square_root,
+    substitute,
     walk,
 )
-from inverse_service.inverse_problem.search.arctangents import without_arctangents
 from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import (
@@ -42,9 +50,50 @@ from inverse_service.inverse_problem.search.terms import (
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
+_LARGEST = 4
+# (cos, sin) of k turns as rows of (coefficient, power of u): real and imaginary part of (1 + i u)^k.
+_TURNS = {
+    1: (((1, 0),), ((1, 1),)),
+    2: (((1, 0), (-1, 2)), ((2, 1),)),
+    3: (((1, 0), (-3, 2)), ((3, 1), (-1, 3))),
+    4: (((1, 0), (-6, 2), (1, 4)), ((4, 1), (-4, 3))),
+}
+
+
+def without_arctangents(tree: Expression) -> Expression:
+    """The tree with every sin and cos of a small multiple of an arctangent replaced by its algebraic form."""
+    while table := {node: form for node in distinct_nodes((tree,)) if (form := _algebraic(node)) is not None}:
+        tree = substitute(tree, table)
+    return tree
+
+
+def _algebraic(node: Expression) -> Expression | None:
+    if not (isinstance(node, Apply) and node.function in ("sin", "cos")):
+        return None
+    turns, arctangent = _multiple(node.argument)
+    if arctangent is None or turns.denominator != 1 or not 1 <= abs(turns) <= _LARGEST:
+        return None
+    u, k = arctangent.argument, abs(int(turns))
+    terms = _TURNS[k][node.function == "sin"]
+    sign = -1 if turns < 0 and node.function == "sin" else 1
+    above = add(*(multiply(number(sign * a), power(u, e)) for a, e in terms))
+    norm = add(ONE, power(u, 2))
+    return divide(above, power(norm, k // 2) if k % 2 == 0 else multiply(power(norm, k // 2), square_root(norm)))
+
+
+def _multiple(argument: Expression) -> tuple[Fraction, Apply | None]:
+    """(k, atan u) of k atan u; (1, None) of anything else."""
+    match argument:
+        case Apply("atan", _):
+            return Fraction(1), argument
+        case Product((Number(value), Apply("atan", _) as inner)):
+            return value, inner
+    return Fraction(1), None
+
+
 _TERMS, _WORK = 500, 75_000
 # Past so many nodes nothing gets short enough to read.
-_LARGEST = 4_000
+_LARGEST_TIDY = 4_000
 _BEFORE_A_BRACKET = 12
 _MINUS, _TWO = Number(Fraction(-1)), Number(Fraction(2))
 _FAILED = (TooLarge, TooManyTerms, ZeroDivisionError, IrreducibleAtoms, InputError, ValueError)
@@ -57,7 +106,7 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
     Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
     """
     tree = without_arctangents(tree)
-    if _size(tree) > _LARGEST:
+    if _size(tree) > _LARGEST_TIDY:
         return tree
     kept = _velocity_sums(tree)
     others = [form for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]

@@ -8,9 +8,10 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.search.ladder import _sampler
+from inverse_service.inverse_problem.search.ladder import _sampler, _Search, attempt
 from inverse_service.inverse_problem.search.linear_ansatz import LagrangianSpace, solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
+from inverse_service.inverse_problem.search.rungs import RUNGS
 from inverse_service.inverse_problem.search.terms import Monomial, terms_of
 from inverse_service.mechanics.reading import read_system
 
@@ -36,3 +37,10 @@ def lagrangians(equations: dict[str, str], candidates: Sequence[str], with_time:
     """All Lagrangians in the span of the candidates."""
     keys = [monomial_of(text) for text in candidates]
     return solve_ansatz(_sampler(material(equations, with_time), keys), keys, 3)
+
+
+def proposed(given: Material, name: str) -> tuple[Expression, ...]:
+    """The Lagrangians that the rung of this name finds."""
+    (rung,) = [rung for rung in RUNGS if rung.name == name]
+    found = attempt(_Search(given, 1, lambda _: None, []), rung)
+    return found.lagrangians if found is not None else ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.search.divergence import divergence_factor, is_free_of_divergence
+from inverse_service.inverse_problem.search.integrating import divergence_factor, is_free_of_divergence
 from inverse_service.mechanics.reading import read_system
 from tests.inverse_problem.search.given import material, monomial_of
 

@@ -12,15 +12,12 @@ from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.search.complex_trees import ComplexTree, NotAnalytic, continued
-from inverse_service.inverse_problem.search.holomorphic import (
-    complex_logarithm_lagrangians,
-    holomorphic_lagrangians,
-)
-from inverse_service.inverse_problem.search.ladder import search_smaller
+from inverse_service.inverse_problem.search.holomorphic import real_systems
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from tests.inverse_problem.search.given import proposed
 
 HOLOMORPHIC = {
     "the group aff(C)": {"x": "-w'*y'-x'*z'", "y": "w'*x'-y'*z'", "z": "0", "w": "0"},
@@ -52,9 +49,8 @@ def assert_is_lagrangian(system: SecondOrderSystem, tree: Expression) -> None:
 @pytest.mark.parametrize("name", HOLOMORPHIC)
 def test_both_parts_of_a_complex_lagrangian_are_lagrangians(name: str) -> None:
     material = material_of(HOLOMORPHIC[name])
-    found = holomorphic_lagrangians(material, 1, search_smaller)
+    found = proposed(material, "real and imaginary parts of complex Lagrangians")
     assert found
-    assert len(found) % 2 == 0
     for tree in found:
         assert_is_lagrangian(material.analysis.system, tree)
 
@@ -62,7 +58,7 @@ def test_both_parts_of_a_complex_lagrangian_are_lagrangians(name: str) -> None:
 @pytest.mark.parametrize("name", MAGNETIC_DRAG)
 def test_drag_in_a_magnetic_field_has_a_complex_logarithm(name: str) -> None:
     material = material_of(MAGNETIC_DRAG[name])
-    found = complex_logarithm_lagrangians(material, 1)
+    found = proposed(material, "logarithms and arctangents of two velocities")
     assert found
     for tree in found:
         assert_is_lagrangian(material.analysis.system, tree)
@@ -70,8 +66,8 @@ def test_drag_in_a_magnetic_field_has_a_complex_logarithm(name: str) -> None:
 
 @pytest.mark.parametrize("equations", [{"x": "x*y", "y": "x"}, {"x": "x^2+y^2", "y": "0"}])
 def test_nothing_is_proposed_for_systems_that_are_not_complex(equations: dict[str, str]) -> None:
-    assert not holomorphic_lagrangians(material_of(equations), 1, search_smaller)
-    assert not complex_logarithm_lagrangians(material_of(equations), 1)
+    assert not list(real_systems(material_of(equations), 1))
+    assert not proposed(material_of(equations), "logarithms and arctangents of two velocities")
 
 
 @pytest.mark.parametrize(

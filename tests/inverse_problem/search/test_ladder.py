@@ -9,13 +9,12 @@ import pytest
 
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.search import ladder
-from inverse_service.inverse_problem.search.families import FAMILIES
-from inverse_service.inverse_problem.search.found import Ladder, SearchOutcome
+from inverse_service.inverse_problem.search import rungs
+from inverse_service.inverse_problem.search.families import NAME, monomials_of, own_family
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.own_terms import NAME, monomials_of, own_family
-from inverse_service.inverse_problem.search.specialists import Specialist
+from inverse_service.inverse_problem.search.protocol import Leaf, SearchOutcome
+from inverse_service.inverse_problem.search.rungs import ANSATZ
 from inverse_service.inverse_problem.search.terms import terms_of
 from tests.inverse_problem.search.forty_digits import same_value
 from tests.inverse_problem.search.given import material, tree
@@ -41,7 +40,7 @@ def test_families_are_reported_one_by_one_until_one_holds_a_regular_lagrangian()
     said = [line.split(": ", 1)[1] for line in reports]
     without = [name for name, count in outcome.tried if not count]
     assert [name for name in said if name not in without] == [name for name, count in outcome.tried if count]
-    assert (FAMILIES[0].name, 0) in outcome.tried  # no multiplier without velocities
+    assert (ANSATZ[1].name, 0) in outcome.tried  # no multiplier without velocities
 
 
 def test_no_time_means_nothing_tried() -> None:
@@ -88,24 +87,24 @@ def test_own_terms_are_split_into_monomials_and_long_ones_kept_whole() -> None:
     assert len(monomials_of(long)) == 1
 
 
-def specialist(name: str, cost: float, applies: bool, proposed: Sequence[Expression] | None) -> Specialist:
+def leaf(name: str, cost: float, accepts: bool, proposed: Sequence[Expression] | None) -> Leaf:
     """One that proposes these, or (None) finds that atoms cannot be reduced."""
 
-    def propose(_: Material, seed: int, __: Ladder) -> Sequence[Expression]:
+    def propose(_: Material, seed: int) -> Sequence[Expression]:
         if proposed is None:
             raise IrreducibleAtoms("no")
         return proposed
 
-    return Specialist(name, cost, lambda _: applies, propose)
+    return Leaf(name, cost, lambda _: accepts, propose, "For a test.")
 
 
 def test_special_methods_have_their_place_on_the_ladder(monkeypatch: pytest.MonkeyPatch) -> None:
     answer = tree("x'^2/2 - x^2/2")
-    silent = specialist("not meant", 0.1, False, [answer])
-    broken = specialist("broken", 0.2, True, None)
-    empty = specialist("empty", 0.3, True, [])
-    right = specialist("right", 0.4, True, [answer, tree("x'^2 - x^2")])
-    monkeypatch.setattr(ladder, "SPECIALISTS", (right, empty, silent, broken))
+    silent = leaf("not meant", 0.1, False, [answer])
+    broken = leaf("broken", 0.2, True, None)
+    empty = leaf("empty", 0.3, True, [])
+    right = leaf("right", 0.4, True, [answer, tree("x'^2 - x^2"), tree("x'^2 + x^2")])
+    monkeypatch.setattr(rungs, "RUNGS", (right, empty, silent, broken))
     outcome = searched({"x": "-x"})
     assert outcome.found is not None
     assert outcome.found.lagrangians[0] == answer
@@ -114,10 +113,10 @@ def test_special_methods_have_their_place_on_the_ladder(monkeypatch: pytest.Monk
 
 
 def test_no_special_method_leaves_the_families(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ladder, "SPECIALISTS", ())
+    monkeypatch.setattr(rungs, "RUNGS", ANSATZ[1:])
     outcome = searched({"x": "-x"})
     assert outcome.found is not None
-    assert outcome.tried == ((FAMILIES[0].name, outcome.tried[0][1]),)
+    assert outcome.tried == ((ANSATZ[1].name, outcome.tried[0][1]),)
 
 
 def test_of_equal_lagrangians_a_positive_one_comes_first() -> None:

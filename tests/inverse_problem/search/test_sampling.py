@@ -10,7 +10,7 @@ from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.expressions.tree import TIME, Number, Power, Symbol, Velocity
-from inverse_service.inverse_problem.search.letter_series import _logarithmic
+from inverse_service.inverse_problem.search.sample_points import _logarithmic
 
 P = safe_prime(3)
 NAMES = [TIME, Symbol("x"), Symbol("y"), Velocity("x"), Velocity("y")]

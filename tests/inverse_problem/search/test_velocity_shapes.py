@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.search.families import possible_shapes
 from inverse_service.inverse_problem.search.material import gather
 from inverse_service.inverse_problem.search.shapes import quadratic
-from inverse_service.inverse_problem.search.velocity_shapes import possible_shapes
 from inverse_service.mechanics.reading import read_system
 from tests.generator import random_systems
 

@@ -15,7 +15,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import factorial
 
-from inverse_service.algebra.exact_ring import quotient_tree
+from flint import fmpq, fmpq_mpoly, fmpz
+
+from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.tree import (
@@ -23,6 +25,9 @@ from inverse_service.expressions.tree import (
     TIME,
     Apply,
     Expression,
+    Number,
+    Power,
+    Product,
     divide,
     multiply,
     negate,
@@ -31,10 +36,72 @@ from inverse_service.expressions.tree import (
     square_root,
 )
 from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
-from inverse_service.inverse_problem.search.linear_systems.factors import factors_of
-from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix, Vector
-from inverse_service.inverse_problem.search.linear_systems.reading import LinearSystem
-from inverse_service.inverse_problem.search.linear_systems.roots import even_root
+from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix, Vector, characteristic_polynomial
+from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE, LinearSystem
+
+_LARGEST_FACTORED = 10**15
+
+
+def even_root(radicand: Expression) -> tuple[Expression, Expression]:
+    """(a, b) with radicand = a^2 b; a sqrt(b) is a square root up to its sign, for use in even functions.
+
+    5 d^2/4 gives (d/2, 5) whatever the sign of d.
+    """
+    outside: list[Expression] = []
+    inside: list[Expression] = []
+    for factor in radicand.factors if isinstance(radicand, Product) else (radicand,):
+        match factor:
+            case Number(value) if value > 0:
+                whole, rest = _square_part(value.numerator * value.denominator)
+                outside.append(number(Fraction(whole, value.denominator)))
+                inside.append(number(rest))
+            case Power(base, Number(exponent)) if exponent.denominator == 1:
+                outside.append(power(base, exponent // 2))
+                inside.append(power(base, exponent % 2))
+            case _:
+                inside.append(factor)
+    return multiply(*outside), multiply(*inside)
+
+
+def _square_part(value: int) -> tuple[int, int]:
+    """(a, b) with value = a^2 b, b without squares where the number is small enough to be factored."""
+    outside, inside = 1, 1
+    if value > _LARGEST_FACTORED:
+        return 1, value
+    for prime, exponent in fmpz(value).factor():
+        outside *= int(prime) ** (int(exponent) // 2)
+        inside *= int(prime) ** (int(exponent) % 2)
+    return outside, inside
+
+
+# Symbolic characteristic polynomials of greater matrices take too long.
+_LARGEST_SYMBOLIC = 12
+
+
+def factors_of(ring: ExactRing, matrix: Matrix) -> list[tuple[list[Quotient], int]]:
+    """(coefficients, the constant one first, and multiplicity) of the factors of det(x - matrix) by degree.
+
+    Empty for large matrices with parameters.
+    """
+    symbolic = any(entry.constant_value is None for row in matrix for entry in row)
+    if symbolic and len(matrix) > _LARGEST_SYMBOLIC:
+        return []
+    variable = ring.atoms[EIGENVALUE]
+    terms = [c * variable**k for k, c in enumerate(characteristic_polynomial(matrix)) if not c.is_zero]
+    _, factors = sum_of(ring.constant(0), terms).numerator.factor()
+    found = [(_by_power(factor, variable), int(multiplicity)) for factor, multiplicity in factors]
+    return sorted((item for item in found if len(item[0]) > 1), key=lambda item: len(item[0]))
+
+
+def _by_power(polynomial: fmpq_mpoly, variable: Quotient) -> list[Quotient]:
+    """The coefficients of a polynomial in the eigenvalue."""
+    owner = variable.field
+    place = next(k for k, degree in enumerate(variable.numerator.degrees()) if degree)
+    tables: list[dict[tuple[int, ...], fmpq]] = [{} for _ in range(int(polynomial.degrees()[place]) + 1)]
+    for exponents, coefficient in polynomial.terms():
+        rest = tuple(0 if k == place else int(e) for k, e in enumerate(exponents))
+        tables[int(exponents[place])][rest] = coefficient
+    return [owner.quotient(owner.reduce(owner.context.from_dict(table)), ()) for table in tables]
 
 
 @dataclass(frozen=True, slots=True)

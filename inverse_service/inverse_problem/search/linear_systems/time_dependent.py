@@ -1,14 +1,25 @@
-"""Lagrangians of linear systems q'' = -C q' - K q + b(t), quadratic with coefficients that may depend on t."""
+"""Lagrangians of linear systems q'' = -C q' - K q + b(t), quadratic with coefficients that may depend on t.
+
+For a multiplier g(t),
+    L = 1/2 v.g v + 1/4 v.(g C - C^T g) q - 1/2 q.S q + q.g b,    S the symmetric part of g K:
+with W = (g C - C^T g)/4 antisymmetric its equations are g v' + (g' + 2W) v + (W' + S) q - g b = 0, and
+(H2) says g' + 2W = g C, the antisymmetric part of g K being W' by (H3).
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
+from fractions import Fraction
 
-from inverse_service.algebra.rational_functions import TooLarge
+from inverse_service.algebra.exact_ring import quotient_tree
+from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import ZERO, Expression, add, multiply, power
+from inverse_service.inverse_problem.explanation.elimination import common_factor
+from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
 from inverse_service.inverse_problem.search.linear_systems.choice import Choice, choose
-from inverse_service.inverse_problem.search.linear_systems.lagrangian import lagrangian
+from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
 from inverse_service.inverse_problem.search.linear_systems.modes import (
     Branch,
     Multipliers,
@@ -19,7 +30,61 @@ from inverse_service.inverse_problem.search.linear_systems.modes import (
 )
 from inverse_service.inverse_problem.search.linear_systems.reading import LinearSystem, linear_system, linear_terms
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
+from inverse_service.inverse_problem.search.motion import MotionTerms
+from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
+
+
+def lagrangian(system: LinearSystem, motion: MotionTerms, branch: Branch) -> Expression:
+    """L as a sum over the functions of time in g."""
+    scaled = _primitive(branch)
+    return add(*(multiply(phi, add(*_terms(system, motion, g))) for phi, g in scaled))
+
+
+def _primitive(branch: Branch) -> list[tuple[Expression, Matrix]]:
+    """g over the common factor of its entries; a numerical factor keeps its sign."""
+    factor = common_factor([entry for _, g in branch.parts for row in g for entry in row if not entry.is_zero])
+    number = factor.constant_value
+    inverse = (factor.scaled(-1) if number is not None and number < 0 else factor).inverse()
+    return [(phi, matrices.times(g, inverse)) for phi, g in branch.parts]
+
+
+def _terms(system: LinearSystem, motion: MotionTerms, g: Matrix) -> Iterator[Expression]:
+    """The terms of L that are linear in g, without its function of time."""
+    yield from _quadratic_form(system, g, motion.velocities, Fraction(1, 2))
+    damped = matrices.product(g, system.damping)
+    skew = matrices.plus(damped, matrices.transpose(damped), -1)
+    for i, j in itertools.product(range(system.size), repeat=2):
+        yield _term(system, skew[i][j].scaled(Fraction(1, 4)), motion.velocities[i], motion.coordinates[j])
+    for phi, stiffness in system.stiffness:
+        lowered = matrices.product(g, stiffness)
+        form = matrices.plus(lowered, matrices.transpose(lowered))
+        for term in _quadratic_form(system, form, motion.coordinates, Fraction(-1, 4)):
+            yield multiply(phi, term)
+    for i, j in itertools.product(range(system.size), repeat=2):
+        yield _expanded(multiply(_term(system, g[i][j], motion.coordinates[i]), system.forcing[j]))
+
+
+def _expanded(tree: Expression) -> Expression:
+    """With common factors of coefficient and force cancelled."""
+    try:
+        return tree_of(terms_of(tree))
+    except TooManyTerms:
+        return tree
+
+
+def _quadratic_form(
+    system: LinearSystem, form: Matrix, letters: Sequence[Expression], factor: Fraction
+) -> Iterator[Expression]:
+    """factor * letters.form letters for a symmetric form."""
+    for i, letter in enumerate(letters):
+        yield _term(system, form[i][i].scaled(factor), power(letter, 2))
+    for i, j in itertools.combinations(range(len(letters)), 2):
+        yield _term(system, form[i][j].scaled(2 * factor), letters[i], letters[j])
+
+
+def _term(system: LinearSystem, coefficient: Quotient, *letters: Expression) -> Expression:
+    return ZERO if coefficient.is_zero else multiply(quotient_tree(system.ring, coefficient), *letters)
+
 
 _MOST = 3
 _MOST_TO_BE_DEFINITE = 3
@@ -34,8 +99,7 @@ def linear_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
     """Regular Lagrangians whose multiplier depends on t at most, the simplest first.
 
     One function of time suffices where there is a regular multiplier e^(ct) G; else sums of branches
-    of e^(tT) are taken. Each proposal is verified to 40 digits; none where V holds no regular matrix
-    or the exponents are no square roots.
+    of e^(tT) are taken; none where V holds no regular matrix or the exponents are no square roots.
     """
     table = material.analysis.real_point
     try:
@@ -44,7 +108,7 @@ def linear_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
             return ()
         found = _choices(system, material.motion.with_time, table)
         trees = dict.fromkeys(lagrangian(system, material.motion, choice.branch) for choice in found)
-        return tuple(tree for tree in trees if holds_numerically(material.analysis.system, tree, table, seed))
+        return tuple(trees)
     except (TooLarge, ZeroDivisionError, KeyError):
         return ()
 

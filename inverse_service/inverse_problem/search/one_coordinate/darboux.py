@@ -3,13 +3,17 @@
 For x'' = f a multiplier obeys Gamma(g) + g df/dv = 0. With g = phi(x) P(x, v)^e this is
     e Gamma(P) + (df/dv + Gamma(log phi)) P = 0,
 for given phi and e linear in P (Darboux 1878; Prelle and Singer 1983; Duarte, Duarte, da Mota and
-Skea 2001). P is sought as a polynomial in v whose terms are closed under what cancels residuals;
+Skea 2001). P is taken as a polynomial in v whose terms are closed under what cancels residuals;
 the linear equations are solved at random points modulo a prime.
+
+Lienard's equation with Chiellini's condition has one in any coordinate. With y' = E x', E = exp(-int a dx),
+x'' = a x'^2 + b x' + c becomes y'' = b y' + h b, h = E c / b. Where dh/dy = -alpha b with constant alpha
+(Chiellini 1931), 1/(alpha w^2 + h w + h^2), w = y', is a last multiplier.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -17,16 +21,31 @@ import numpy as np
 
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Velocity, walk
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Expression,
+    Velocity,
+    add,
+    divide,
+    multiply,
+    negate,
+    power,
+    walk,
+)
 from inverse_service.inverse_problem.search.factors import Factors
-from inverse_service.inverse_problem.search.linear_ansatz import null_combinations
+from inverse_service.inverse_problem.search.linear_ansatz import letters_of, null_combinations
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
 from inverse_service.inverse_problem.search.motion import along, split_velocities
-from inverse_service.inverse_problem.search.one_coordinate.points import (
-    independent,
-    montgomery_values,
-    residue,
-    sampled,
+from inverse_service.inverse_problem.search.multiplier_ansatz import tensors_of
+from inverse_service.inverse_problem.search.null_vectors import pivots
+from inverse_service.inverse_problem.search.one_coordinate.algebra import expanded, factored
+from inverse_service.inverse_problem.search.sampling import (
+    LetterTable,
+    letter_table,
+    make_sampler,
+    monomial_values,
 )
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
@@ -34,10 +53,55 @@ from inverse_service.inverse_problem.search.terms import (
     Terms,
     TooManyTerms,
     derivative_of_terms,
+    monomial_tree,
     multiply_terms,
     rank,
     times,
+    tree_of,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Letters, their values and logarithmic derivatives along the motion, and df/dv, at points of one prime."""
+
+    places: dict[Expression, int]
+    table: LetterTable
+    slopes: tuple[int, ...]
+
+    @property
+    def prime(self) -> int:
+        return self.table.prime
+
+    def along(self, sample: int, key: Monomial) -> int:
+        """Gamma(log key)."""
+        rates = self.table.along[sample]
+        return sum(int(rates[self.places[p]]) * residue(e, self.prime) for p, e in key) % self.prime
+
+
+def residue(value: Fraction, prime: int) -> int:
+    return value.numerator * pow(value.denominator, -1, prime) % prime
+
+
+def sampled(material: Material, terms: Sequence[Monomial], count: int, seed: int) -> Samples:
+    """`count` points for the letters of the terms; IrreducibleAtoms, SingularPoint or ValueError if there are none."""
+    letters = letters_of(terms)
+    sampler = make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
+    table = letter_table(sampler, letters, count, seed)
+    slopes = tuple(-2 * connection[0][0] % table.prime for connection, _ in tensors_of(sampler, table))
+    return Samples({p: k for k, p in enumerate(letters)}, table, slopes)
+
+
+def independent(samples: Samples, terms: Sequence[Monomial]) -> list[Monomial]:
+    """The terms without those that are combinations of earlier ones as functions (1 = sin^2 + cos^2)."""
+    rows = monomial_values(samples.table, list(samples.places), terms)
+    return [terms[k] for k in pivots(rows, samples.prime)]
+
+
+def montgomery_values(samples: Samples, terms: Sequence[Monomial]) -> list[list[int]]:
+    """The value of each term at each sample in Montgomery form (times 2^64)."""
+    return [[int(a) for a in row] for row in monomial_values(samples.table, list(samples.places), terms)]
+
 
 _MOST_TERMS = 40
 _DEPTH = 4
@@ -157,3 +221,37 @@ def _is_admissible(key: Monomial, with_time: bool, velocity: Velocity, degree: i
     if not _is_polynomial(split_velocities(key)[1], velocity, degree):
         return False
     return with_time or not any(node == TIME for p, _ in key for node in walk(p))
+
+
+def inverse_multiplier(material: Material, factors: Factors) -> Expression | None:
+    """(alpha E^2 v^2 + h E v + h^2)/E^2, or None where f is not of this kind."""
+    motion = material.motion
+    x, v = motion.coordinates[0], motion.velocities[0]
+    parts = _by_powers(material)
+    if parts is None or not parts.get(1) or not parts.get(0) or (parts.get(2) and 0 not in factors.along):
+        return None
+    scale, damping = monomial_tree(factors.along.get(0, EMPTY)), tree_of(parts[1])
+    try:
+        ratio = factored(divide(multiply(scale, tree_of(parts[0])), damping), [x])
+        alpha = factored(negate(divide(differentiate(ratio, x), multiply(scale, damping))), [x])
+        if alpha == ZERO or any(node in (x, TIME) for node in walk(alpha)):
+            return None
+        lowered = expanded(factored(divide(ratio, scale), [x]))
+    except TooManyTerms:
+        return None
+    return add(multiply(alpha, power(v, 2)), multiply(lowered, v), power(lowered, 2))
+
+
+def _by_powers(material: Material) -> Mapping[int, Terms] | None:
+    """The coefficients of 1, v and v^2 in f; None where f holds other functions of v, or t."""
+    velocity = material.motion.velocities[0]
+    table: dict[int, Terms] = {}
+    for key, value in material.motion.forces[0].items():
+        position, moving = split_velocities(key)
+        degree = dict(moving).get(velocity, 0)
+        if degree not in (0, 1, 2) or len(moving) > 1 or (moving and not degree):
+            return None
+        if any(node == TIME for p, _ in key for node in walk(p)):
+            return None
+        table.setdefault(int(degree), {})[position] = value
+    return table

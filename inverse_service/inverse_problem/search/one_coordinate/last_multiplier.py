@@ -1,26 +1,190 @@
-"""Lagrangians for one coordinate from Jacobi's last multiplier (Jacobi 1844; Darboux 1894)."""
+"""Lagrangians for one coordinate from Jacobi's last multipliers (Jacobi 1844; Darboux 1894): phi(x) P_1^e_1 P_2^e_2.
+
+First powers phi P^e of one polynomial (see `darboux`); then the irreducible factors
+P_j of all of them are combined with letters of f, by linear algebra in the exponents:
+    sum_j e_j Gamma(log P_j) = -df/dv.
+The quotient of two multipliers is a first integral I of Gamma, and g I^k is a multiplier again, so
+different solutions e are the functions of first integrals times a multiplier that are in reach.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
 
 from inverse_service.algebra.real_point import real_sign
+from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue
-from inverse_service.expressions.tree import Expression, Sum, add, negate
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Expression,
+    Number,
+    Sum,
+    add,
+    multiply,
+    negate,
+    number,
+    walk,
+)
 from inverse_service.inverse_problem.search.choice import scaled
 from inverse_service.inverse_problem.search.deadline import check
-from inverse_service.inverse_problem.search.factors import find_factors
+from inverse_service.inverse_problem.search.factors import Factors, find_factors
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
-from inverse_service.inverse_problem.search.one_coordinate.algebra import negated, weight
-from inverse_service.inverse_problem.search.one_coordinate.kinetic import NotElementary, Place, double_integral
-from inverse_service.inverse_problem.search.one_coordinate.multiplier import LastMultiplier, last_multipliers
+from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.null_vectors import small_solution
+from inverse_service.inverse_problem.search.one_coordinate.algebra import (
+    expanded,
+    factored,
+    factors_of,
+    negated,
+    weight,
+)
+from inverse_service.inverse_problem.search.one_coordinate.darboux import (
+    Samples,
+    darboux_powers,
+    inverse_multiplier,
+    position_factors,
+    sampled,
+)
+from inverse_service.inverse_problem.search.one_coordinate.kinetic import (
+    NotElementary,
+    Place,
+    coefficients,
+    double_integral,
+)
 from inverse_service.inverse_problem.search.one_coordinate.potential import potential
-from inverse_service.inverse_problem.search.terms import TooManyTerms, monomial_tree, terms_of, tree_of
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    TooManyTerms,
+    derivative_of_terms,
+    monomial_tree,
+    terms_of,
+    times,
+    tree_of,
+)
 
-_MOST = 3
+_MOST_FACTORS = 5
+_MOST_LETTERS = 6
+_SPARE = 8
+
+
+@dataclass(frozen=True, slots=True)
+class LastMultiplier:
+    """g = factor * product of base^exponent; only the bases, polynomials in v, hold the velocity."""
+
+    factor: Monomial
+    moving: tuple[tuple[Expression, Fraction], ...]
+
+
+def last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
+    """Multipliers in factors, each once, few factors first.
+
+    Those without velocity are only candidates: most of them fulfil no equation.
+    """
+    factors = _simplified(material, factors)
+    found = dict.fromkeys(LastMultiplier(phi, ()) for phi in position_factors(factors, Fraction(0)) if phi)
+    if not derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
+        found[LastMultiplier(EMPTY, ())] = None
+    powers = [
+        (power.factor, tree_of(dict(power.base)), power.exponent) for power in darboux_powers(material, factors, seed)
+    ]
+    inverse = inverse_multiplier(material, factors)
+    if inverse is not None:
+        powers.append((EMPTY, inverse, Fraction(-1)))
+    for phi, base, exponent in powers:
+        try:
+            found[_in_factors(material, phi, base, exponent)] = None
+        except TooManyTerms:
+            continue
+    bases = list(dict.fromkeys(base for multiplier in found for base, _ in multiplier.moving))
+    found.update(dict.fromkeys(_combined(material, bases[:_MOST_FACTORS], seed)))
+    return sorted(found, key=lambda multiplier: len(multiplier.moving))
+
+
+def _simplified(material: Material, factors: Factors) -> Factors:
+    """With the argument of the exponential in exp(-int c dx) over one denominator."""
+    x = material.motion.coordinates[0]
+    along = {}
+    for i, phi in factors.along.items():
+        arguments = [multiply(number(e), p.argument) for p, e in phi if isinstance(p, Apply) and p.function == "exp"]
+        rest = frozenset(item for item in phi if not (isinstance(item[0], Apply) and item[0].function == "exp"))
+        try:
+            ((key, _),) = terms_of(Apply("exp", factored(add(*arguments), [x]))).items()
+            along[i] = times(rest, key) if arguments else phi
+        except TooManyTerms:
+            along[i] = phi
+    return replace(factors, along=along)
+
+
+def _in_factors(material: Material, phi: Monomial, polynomial: Expression, exponent: Fraction) -> LastMultiplier:
+    """phi P^e with P factored; its factors without velocity go into phi, constants are dropped."""
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    moving = []
+    for base, e in factors_of(factored(polynomial, [x, v])):
+        if has_velocity(base):
+            moving.append((expanded(base), e * exponent))
+        elif not isinstance(base, Number) and any(node in (x, TIME) for node in walk(base)):
+            phi = times(phi, _letters(base), e * exponent)
+    return LastMultiplier(phi, tuple(moving))
+
+
+def _letters(base: Expression) -> Monomial:
+    """A factor as a monomial; exp(u + …) is a product of letters."""
+    if isinstance(base, Apply) and base.function == "exp":
+        ((key, _),) = terms_of(base).items()
+        return key
+    return _alone(base)
+
+
+def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Iterable[LastMultiplier]:
+    """One base, or two linear ones with e_1 + e_2 = -3, with exponents of letters of f, for df/dv."""
+    if not bases:
+        return
+    letters = [p for p in material.position_letters if not isinstance(p, Number)][:_MOST_LETTERS]
+    try:
+        samples = sampled(material, [_alone(p) for p in (*bases, *letters)], len(letters) + _SPARE, seed)
+    except (IrreducibleAtoms, SingularPoint, ValueError):
+        return
+    linear = [base for base in bases if _degree(material, base) == 1]
+    choices: list[tuple[Expression, ...]] = [(base,) for base in bases]
+    for chosen in [*choices, *itertools.combinations(linear, 2)]:
+        solution = small_solution(_equations(samples, chosen, letters), samples.prime)
+        if solution is not None:
+            used = [(p, e) for p, e in zip([*chosen, *letters], solution, strict=True) if e]
+            yield LastMultiplier(
+                frozenset(item for item in used if item[0] not in chosen),
+                tuple(item for item in used if item[0] in chosen),
+            )
+
+
+def _degree(material: Material, base: Expression) -> int:
+    try:
+        return len(coefficients(base, material.motion.velocities[0])) - 1
+    except NotElementary:
+        return 0
+
+
+def _equations(samples: Samples, chosen: Sequence[Expression], letters: Sequence[Expression]) -> list[list[int]]:
+    """Rows (Gamma(log p) for each p, -df/dv), and for two factors the one that makes the integral algebraic."""
+    columns = [_alone(p) for p in (*chosen, *letters)]
+    rows = [
+        [*(samples.along(k, key) for key in columns), -slope % samples.prime] for k, slope in enumerate(samples.slopes)
+    ]
+    if len(chosen) == 2:
+        rows.append([1, 1, *(0 for _ in letters), samples.prime - 3])
+    return rows
+
+
+def _alone(letter: Expression) -> Monomial:
+    return frozenset([(letter, Fraction(1))])
+
+
 _MOST_TERMS_OF_FORCE = 30
 _MOST_TRIED = 16
 
@@ -33,18 +197,14 @@ def applies(material: Material) -> bool:
 
 
 def propose(material: Material, seed: int) -> Sequence[Expression]:
-    """Regular Lagrangians whose multiplier is a product of Darboux factors, the simplest first.
-
-    Each obeys its equation at random real points at 40 digits; none where no such multiplier is found.
-    """
+    """Lagrangians whose multiplier is a product of Darboux factors, the simplest first; each is a candidate only."""
     found: dict[Expression, None] = {}
-    point = material.analysis.real_point
     for multiplier in last_multipliers(material, find_factors(material, seed), seed)[:_MOST_TRIED]:
         check()
         lagrangian = lagrangian_of(material, multiplier)
-        if lagrangian is not None and point and holds_numerically(material.analysis.system, lagrangian, point, seed):
+        if lagrangian is not None:
             found[lagrangian] = None
-    return sorted(found, key=weight)[:_MOST]
+    return sorted(found, key=weight)
 
 
 def lagrangian_of(material: Material, multiplier: LastMultiplier) -> Expression | None:

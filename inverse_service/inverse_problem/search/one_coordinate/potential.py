@@ -25,7 +25,7 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.inverse_problem.search.exact_solution import solution
+from inverse_service.inverse_problem.search.completion import solution
 from inverse_service.inverse_problem.search.material import antiderivatives
 from inverse_service.inverse_problem.search.one_coordinate.algebra import factored
 from inverse_service.inverse_problem.search.one_coordinate.kinetic import Place

@@ -1,8 +1,8 @@
-"""e^(int c dt) L_0 for f = f_0 - c(t) q' where f_0 has a Lagrangian L_0.
+"""Reductions in the given coordinates: blocks that share no coordinates, and a common damping taken away.
 
-Along q'' = f_0 - c v the Euler-Lagrange expressions of e^(int c dt) L_0 are e^(int c dt) c (p - g v), with
-p = dL_0/dv and g its Hessian: they vanish where p = g v, as for a kinetic energy that is quadratic in v
-without linear terms (Bateman 1931 for one coordinate).
+Along q'' = f_0 - c v the Euler-Lagrange expressions of e^(int c dt) L_0 are e^(int c dt) c (p - g v), with p = dL_0/dv
+and g its Hessian, where L_0 is a Lagrangian of f_0: they vanish where p = g v, as for a kinetic energy that is
+quadratic in v without linear terms (Bateman 1931 for one coordinate).
 """
 
 from __future__ import annotations
@@ -10,22 +10,55 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.tree import TIME, Apply, Expression, Velocity, add, children, multiply, walk
+from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity, add, children, multiply, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.search.deadline import end
-from inverse_service.inverse_problem.search.divergence import divergence_factor
-from inverse_service.inverse_problem.search.found import Ladder
-from inverse_service.inverse_problem.search.integrating import integrating_factor
+from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
 from inverse_service.inverse_problem.search.material import Material, coefficient
-from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
+from inverse_service.inverse_problem.search.protocol import Smaller
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_WORK = 600_000
+
+def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
+    """The system as blocks: within one, coordinates occur in each other's equations, directly or by others."""
+    groups: list[set[str]] = [{name} for name in system.coordinates]
+    for name, f in zip(system.coordinates, system.accelerations, strict=True):
+        used = {name} | _coordinates_in(f, system.coordinates)
+        joined = [group for group in groups if group & used]
+        groups = [group for group in groups if not group & used] + [set().union(*joined)]
+    return [_block(system, group) for group in groups]
+
+
+def _coordinates_in(tree: Expression, names: Sequence[str]) -> set[str]:
+    found = set()
+    for node in walk(tree):
+        if isinstance(node, Velocity):
+            found.add(node.coordinate)
+        elif isinstance(node, Symbol) and node.name in names:
+            found.add(node.name)
+    return found
+
+
+def _block(system: SecondOrderSystem, group: set[str]) -> SecondOrderSystem:
+    kept = [k for k, name in enumerate(system.coordinates) if name in group]
+    coordinates = tuple(system.coordinates[k] for k in kept)
+    return replace(system, coordinates=coordinates, accelerations=tuple(system.accelerations[k] for k in kept))
+
+
+def is_decoupled(material: Material) -> bool:
+    return len(decoupled_blocks(material.analysis.system)) > 1
+
+
+def into_blocks(material: Material, seed: int) -> Iterator[Smaller]:
+    """The blocks; the sum of their Lagrangians is one of the whole system."""
+    blocks = tuple(decoupled_blocks(material.analysis.system))
+    yield Smaller(blocks, material.motion.with_time, lambda found: [add(*(trees[0] for trees in found))])
 
 
 def is_damped(material: Material) -> bool:
@@ -34,25 +67,18 @@ def is_damped(material: Material) -> bool:
     return material.motion.with_time and all(any(node == v for node in walk(f)) for v, f in pairs)
 
 
-def damped_lagrangians(material: Material, seed: int, ladder: Ladder) -> Sequence[Expression]:
-    """e^(int c dt) L_0, verified to 40 digits; none where no c gives a system with such an L_0."""
-    table = material.analysis.real_point
-    for rate, factor in _rates(material, seed) if table is not None else ():
+def without_damping(material: Material, seed: int) -> Iterator[Smaller]:
+    """f + c v for each c(t) that leaves a system with a Lagrangian; e^(int c dt) takes that back."""
+    for rate, factor in _rates(material, seed):
         analysis = analyse(_undamped(material, rate))
         with_time, limits = analysis.system.depends_on_time, Limits(deadline=end())
-        if decide(analysis.system, with_time, seed, limits, _ignore, analysis=analysis).verdict != "variational":
-            continue
-        undamped = ladder(analysis, with_time, seed, _WORK)
-        trees = undamped.lagrangians if undamped is not None else ()
-        damped = [multiply(factor, tree) for tree in trees]
-        found = [tree for tree in damped if table and holds_numerically(material.analysis.system, tree, table, seed)]
-        if found:
-            return tuple(found)
-    return ()
+        decision = decide(analysis.system, with_time, seed, limits, lambda _: None, analysis=analysis)
+        if decision.verdict == "variational":
+            yield Smaller((analysis.system,), with_time, partial(_damped, factor))
 
 
-def _ignore(_: str) -> None:
-    return
+def _damped(factor: Expression, found: Sequence[Sequence[Expression]]) -> list[Expression]:
+    return [multiply(factor, tree) for tree in found[0]]
 
 
 def _rates(material: Material, seed: int) -> Iterator[tuple[Expression, Expression]]:

@@ -1,0 +1,71 @@
+"""What the search is made of and what it hands over: leaves propose Lagrangians, reductions make smaller systems.
+
+A reduction is asked whether it `accepts` a system, `apply` makes smaller ones of it, and `lift` takes Lagrangians of
+these back. The search itself finds the Lagrangians in between, limits the work, and verifies what is lifted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from inverse_service.expressions.tree import Expression
+from inverse_service.inverse_problem.search.material import Material
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Regular Lagrangians of one family, the simplest first; `parts` are those that the first is a sum of."""
+
+    lagrangians: tuple[Expression, ...]
+    family: str
+    parts: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SearchOutcome:
+    """What was found, and what was tried with the number of its candidates."""
+
+    found: Found | None
+    tried: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """A method of its own for the systems that it accepts; most costly ones come last.
+
+    `propose(material, seed)` gives regular Lagrangians, the simplest first. Unless they are `exact` by the way they
+    are found, the search verifies them. `reason` is a sentence for people that says where such a Lagrangian comes from.
+    """
+
+    name: str
+    cost: float
+    accepts: Callable[[Material], bool]
+    propose: Callable[[Material, int], Sequence[Expression]]
+    reason: str
+    exact: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Smaller:
+    """Systems whose Lagrangians L(q, q'), or L(t, q, q') `with_time`, make Lagrangians of the given one.
+
+    `lift` takes the Lagrangians of each system, the simplest first.
+    """
+
+    systems: tuple[SecondOrderSystem, ...]
+    with_time: bool
+    lift: Callable[[Sequence[Sequence[Expression]]], Sequence[Expression]]
+
+
+@dataclass(frozen=True, slots=True)
+class Reduction:
+    """A way to make smaller systems out of those that it accepts; `exact` and `reason` as for a leaf."""
+
+    name: str
+    cost: float
+    accepts: Callable[[Material], bool]
+    apply: Callable[[Material, int], Iterator[Smaller]]
+    reason: str
+    exact: bool = False

@@ -1,0 +1,113 @@
+"""The rungs of the search, by cost: leaves, reductions, and the rows of the ansatz."""
+
+from __future__ import annotations
+
+from inverse_service.inverse_problem.search import (
+    constant_velocity,
+    holomorphic,
+    other_coordinates,
+    reductions,
+    scalar_multiplier,
+    shapes,
+)
+from inverse_service.inverse_problem.search.families import Family
+from inverse_service.inverse_problem.search.linear_systems.time_dependent import is_linear, linear_lagrangians
+from inverse_service.inverse_problem.search.one_coordinate import last_multiplier
+from inverse_service.inverse_problem.search.protocol import Leaf, Reduction
+
+Rung = Leaf | Reduction | Family
+
+LEAVES = (
+    Leaf(
+        "one function times a constant matrix",
+        0.5,
+        lambda material: True,
+        scalar_multiplier.propose,
+        "The divergence of f is that of a multiplier g = phi(t, q) G with constant G: phi is an integral and G solves "
+        "linear equations; then L = phi G_ij v_i v_j / 2 + A_i v_i - V, and A and V follow by integration.",
+        exact=True,
+    ),
+    Leaf(
+        "one function times a constant matrix, by a quadrature",
+        0.7,
+        scalar_multiplier.is_of_one_coordinate,
+        scalar_multiplier.propose_with_integrals,
+        "The divergence of f is that of a multiplier phi(t, x), an integral; then L = phi v^2/2 - V, and V is another.",
+        exact=True,
+    ),
+    Leaf(
+        "linear systems, multipliers in t alone",
+        1.5,
+        is_linear,
+        linear_lagrangians,
+        "The system is linear: a g that depends on t alone has to solve g' = g N + (g N)^T and keep g Phi symmetric.",
+    ),
+    Leaf(
+        "velocities carried by a constant one",
+        2.5,
+        constant_velocity.applies,
+        constant_velocity.propose,
+        "One velocity w' is constant and x'' = w' W'(w) A x' in blocks: then L = w'^2/2 + x'^T S(W) x'/(2 w') will do "
+        "with dS/dW = -S A.",
+        exact=True,
+    ),
+    Leaf(
+        "one coordinate, products of Darboux factors",
+        6.5,
+        last_multiplier.applies,
+        last_multiplier.propose,
+        "For one coordinate g has to solve Gamma(g) + g df/dv = 0; a product of factors that Gamma takes to multiples "
+        "of themselves solves it, and L is g integrated twice by v.",
+    ),
+)
+REDUCTIONS = (
+    Reduction(
+        "uniform damping, e^(ct) L_0",
+        1.8,
+        reductions.is_damped,
+        reductions.without_damping,
+        "Without a common damping -c q' the system has a Lagrangian L_0; the factor e^(c t), for c(t) the exponential "
+        "of its integral, brings the damping back.",
+    ),
+    Reduction(
+        "other coordinates",
+        3.5,
+        other_coordinates.applies,
+        other_coordinates.in_shorter_coordinates,
+        "In other coordinates f is shorter; a Lagrangian found there is carried back.",
+        exact=True,
+    ),
+    Reduction(
+        "decoupled blocks one by one",
+        3.55,
+        reductions.is_decoupled,
+        reductions.into_blocks,
+        "The system decouples; the Lagrangian is the sum over the blocks.",
+        exact=True,
+    ),
+    Reduction(
+        "real and imaginary parts of complex Lagrangians",
+        3.6,
+        holomorphic.is_even,
+        holomorphic.real_systems,
+        "The system is one of fewer complex coordinates; part of a Lagrangian of that one is a Lagrangian of this.",
+    ),
+)
+# Of terms the first size takes tenths of a second, the second up to some seconds for four coordinates.
+_SMALL, _LARGE = 240, 900
+ANSATZ = (
+    Family("a known multiplier and potentials", 0.6, scalar_multiplier.kinetic_terms, 0, given=True),
+    Family("quadratic in the velocities, short factors", 2, shapes.quadratic, _SMALL),
+    Family("ratios of three velocities", 3.72, shapes.ratios_to_constants, _LARGE),
+    Family("functions of velocities, constant coefficients", 3.75, shapes.functions, 0),
+    Family("ratios of velocities, short factors", 3.7, shapes.ratios, _SMALL),
+    Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, _LARGE),
+    Family("functions of velocities, short factors", 4, shapes.functions, _SMALL),
+    Family("quadratic in the velocities", 5, shapes.quadratic, _LARGE),
+    Family("ratios of velocities", 6, shapes.ratios, _LARGE),
+    Family("functions of velocities", 7, shapes.functions, _LARGE),
+    Family("products, roots and logarithms of velocities", 8, shapes.products_and_roots, _LARGE),
+    Family("logarithms and arctangents of two velocities", 9, shapes.complex_logarithms, _SMALL),
+)
+RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ, *REDUCTIONS)
+REASONS = {rung.name: rung.reason for rung in (*LEAVES, *REDUCTIONS)}
