@@ -7,8 +7,8 @@ import time
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.search.reductions import decoupled_blocks
 from inverse_service.inverse_problem.search.ladder import search
+from inverse_service.inverse_problem.search.reductions import decoupled_blocks
 from inverse_service.mechanics.reading import read_system
 
 
