@@ -18,6 +18,7 @@ LOG_LEVELS = ("debug", "info", "warning", "error")
 OTHERS = ("CACHE",)
 _KEYS = "it is a list such as alice:HASH, bob:HASH with the SHA-256 of each key (printf %s KEY | sha256sum)"
 _KEY_NAME = re.compile(r"[A-Za-z0-9._-]{1,40}")
+_ORIGIN = re.compile(r"\*|https?://[^\s;,'\"/]+")
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
@@ -33,7 +34,7 @@ class Settings:
     read again when it changes; with neither, no keys are asked for.
     `cluster`: the address of a Dask scheduler. `connections` may be open, `client_connections` from one address;
     `proxies` are addresses or networks that are believed who asks them, `hosts` the names that are answered to
-    (empty: any).
+    (empty: any). Pages of `frame_origins` may show results in frames.
     """
 
     workers: int = 2
@@ -55,6 +56,7 @@ class Settings:
     cluster: str | None = None
     connections: int = 2000
     client_connections: int = 256
+    frame_origins: tuple[str, ...] = ()
     proxies: tuple[str, ...] = ()
     hosts: tuple[str, ...] = ()
     log_level: str = "info"
@@ -89,7 +91,8 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         store_size=_whole(environment, "STORE_SIZE", 10_240, 1, 100_000_000),
         api_keys=_api_keys(environment),
         api_keys_file=environment.get(PREFIX + "API_KEYS_FILE", "").strip() or None,
-        cors_origins=_origins(environment),
+        cors_origins=_origins(environment, "CORS_ORIGINS"),
+        frame_origins=_origins(environment, "FRAME_ORIGINS"),
         cluster=environment.get(PREFIX + "CLUSTER", "").strip() or None,
         connections=_whole(environment, "CONNECTIONS", 2000, 10, 1_000_000),
         client_connections=_whole(environment, "CLIENT_CONNECTIONS", 256, 1, 1_000_000),
@@ -144,12 +147,12 @@ def _addresses(environment: Mapping[str, str]) -> tuple[str, ...]:
     return found
 
 
-def _origins(environment: Mapping[str, str]) -> tuple[str, ...]:
-    origins = tuple(_listed(environment, "CORS_ORIGINS"))
+def _origins(environment: Mapping[str, str], name: str) -> tuple[str, ...]:
+    origins = tuple(_listed(environment, name))
     for origin in origins:
-        if origin != "*" and not origin.startswith(("http://", "https://")):
+        if not _ORIGIN.fullmatch(origin):
             raise InputError(
-                f"The setting {PREFIX}CORS_ORIGINS must be a list such as https://a.example, https://b.example, or *."
+                f"The setting {PREFIX}{name} must be a list such as https://a.example, https://b.example, or *."
             )
     return origins
 

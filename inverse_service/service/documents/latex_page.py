@@ -6,7 +6,9 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
 from inverse_service.service.documents.text_page import (
     asks_for_time,
@@ -37,9 +39,10 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
     for branch in branches_of(result):
-        lines += _answer(branch, asks_for_time(result), explain)
-        if branch["with_time"] is not None:
-            lines += _answer(branch["with_time"], True, explain)
+        for answer, with_time in ((branch, asks_for_time(result)), (branch["with_time"], True)):
+            if answer is not None:
+                lines += _answer(answer, with_time, explain)
+                lines += _phase_space(answer["hamiltonian"], result["system"])
     if result.get("special_cases") is not None:
         lines += special_cases_latex(result["special_cases"])
     return "\n".join([*lines, r"\end{document}"]) + "\n"
@@ -62,6 +65,19 @@ def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[
         yield escaped(answer["solution_space"]["statement"])
     if explain:
         yield from latex_proof(answer["explanation"])
+
+
+def _phase_space(hamiltonian: dict[str, Any] | None, system: dict[str, Any]) -> Iterator[str]:
+    """The momenta, and the constraints among them."""
+    if hamiltonian is None:
+        return
+    letters = (*system["parameters"], *hamiltonian["momenta"])
+    names = Names(tuple(system["coordinates"]), letters, {k: tuple(v) for k, v in system["functions"].items()})
+    for name, text in hamiltonian["momenta"].items():
+        yield display(f"{to_latex(Symbol(name))} = {to_latex(read_formula(text, names))}")
+    if hamiltonian["constraints"]:
+        yield "The motion with constraints has in phase space the image"
+        yield from (display(f"{to_latex(read_formula(text, names))} = 0") for text in hamiltonian["constraints"])
 
 
 def forward_latex(result: dict[str, Any]) -> Iterator[str]:
@@ -92,7 +108,10 @@ def _items(node: dict[str, Any]) -> Iterator[str]:
 def nonholonomic_latex(part: dict[str, Any]) -> Iterator[str]:
     """The equations of motion, N, and L, H and constraints of each Hamiltonisation."""
     motion = part["equations_of_motion"]
-    yield "The nonholonomic motion is"
+    yield "The Lagrangian and the constraints are"
+    yield display(f"L = {part['lagrangian']['latex']}")
+    yield from (display(f"{found['latex']} = 0") for found in part["constraints"])
+    yield "and the nonholonomic motion is"
     yield from (display(rf"\ddot{{{name}}} = {found['latex']}") for name, found in _lettered(motion["second_order"]))
     yield from (display(rf"\dot{{{name}}} = {found['latex']}") for name, found in _lettered(motion["first_order"]))
     density = part["measure_density"]["density"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +12,7 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from inverse_service.mechanics.document_names import GUESS
 from inverse_service.service.jobs.line_answers import answer_line
 from inverse_service.service.jobs.model import BatchAnswer
 from inverse_service.web.budget import FACTORS
@@ -24,11 +27,11 @@ from inverse_service.web.routes_jobs import engine_of
 router = APIRouter()
 SHOWN_LINES = 300
 LARGEST_SHOWN = 64 * 1024
-EXAMPLE = """{"id": "oscillator", "equations": "x'' = -x"}
-{"id": "damped", "equations": "x'' = -x - k*x'", "parameters": ["k"]}
-{"id": "disk", "coordinates": ["phi", "theta", "x", "y"], "equations": {"phi": "0", "theta": "0", \
-"x": "-sin(phi)*phi'*theta'", "y": "cos(phi)*phi'*theta'"}}
-{"id": "a mistake", "equations": "x'' = omega x"}
+EXAMPLE = """x'' = -x
+x'' = -x - k*x'
+x'' = -y'; y'' = -y
+{"id": "disk", "equations": {"phi": "0", "theta": "0", "x": "-sin(phi)*phi'*theta'", "y": "cos(phi)*phi'*theta'"}}
+x'' = kx
 """
 
 
@@ -54,7 +57,7 @@ async def submit(request: Request) -> Response:
     """Store the batch; on to its page."""
     sent = await read_form(request, FACTORS["batch"] * request.app.state.engine.settings.max_body)
     upload = sent.files.get("file")
-    body = upload.data if upload is not None else sent.text("lines").encode()
+    body = upload.data if upload is not None else as_documents(sent.text("lines")).encode()
     is_array = body.lstrip()[:1] == b"["
     kind = "application/json" if is_array else "application/x-ndjson"
     answer = await call(request, "POST", "/v1/batches", body, {"Content-Type": kind})
@@ -62,6 +65,30 @@ async def submit(request: Request) -> Response:
         typed = sent.text("lines") or EXAMPLE
         return page("batch.html", answer.status, active="/batch", typed=typed, problem=answer.value["detail"])
     return RedirectResponse(f"/batch/{answer.value['id']}", 303)
+
+
+def as_documents(text: str) -> str:
+    """Lines of equations as documents, names that are not declared taken as constants; documents stay as they are."""
+    if text.lstrip()[:1] in ("[", ""):
+        return text
+    lines = [line.strip() for line in text.split("\n") if line.strip()]
+    plain = {"parameters": GUESS}
+    documents = [line if line[0] == "{" else json.dumps({"id": line[:80], "equations": line} | plain) for line in lines]
+    return "\n".join(documents)
+
+
+@router.get("/batch/{identifier}/results.csv")
+async def as_table(request: Request, identifier: str) -> Response:
+    """What is answered as CSV: line, name, verdict, L or the reason, and what the checker said."""
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(("line", "name", "verdict", "lagrangian or reason", "checked"))
+    rows = map(row_of, await _answers(request, identifier, engine_of(request).settings.max_lines))
+    for row in sorted(rows, key=lambda row: row.number):
+        # A leading sign makes a formula of a cell in a spreadsheet.
+        cells = (row.name, row.verdict, row.text.removeprefix("L = "), row.checked)
+        writer.writerow((row.number, *(f"'{cell}" if cell[:1] in ("=", "+", "-", "@") else cell for cell in cells)))
+    return Response(text.getvalue(), media_type="text/csv")
 
 
 @router.get("/batch/{identifier}")
@@ -110,12 +137,12 @@ async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
     return {"batch": found.value, "rows": rows[:SHOWN_LINES], "is_open": is_open, "done": done, "all_rows": len(rows)}
 
 
-async def _answers(request: Request, identifier: str) -> list[BatchAnswer]:
+async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer]:
     """The answers that are there now; the call under /v1 would wait for all of them."""
     engine = engine_of(request)
     if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, viewer_of(request)) is None:
         return []
-    return await engine.in_thread(engine.store.batch_answers, identifier, 0, SHOWN_LINES + 1, LARGEST_SHOWN)
+    return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 
 
 def row_of(answer: BatchAnswer) -> Row:

@@ -26,6 +26,7 @@ LAGRANGIANS = {
     "positive_definite": "a definite Hessian at a real point",
     "rayleigh": "natural, with friction",
 }
+REVEALED = ("hint", "answer")
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
 _CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5}):(.{1,200})")
@@ -204,6 +205,12 @@ def question_address(document: Mapping[str, Any]) -> str:
     wanted = {name: value for name, value in fields.items() if value and name in LINKED}
     address = f"/?{urlencode(wanted)}"
     return address if len(address) <= LONGEST_LINK else ""
+
+
+def revealed_of_link(query: Mapping[str, str]) -> tuple[str, ...]:
+    """What an exercise shows when it is asked for: "hint", "answer" or both; empty for a link that is no exercise."""
+    wanted = query.get("reveal", "").split(",")
+    return tuple(name for name in REVEALED if name in wanted)
 
 
 def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from inverse_service.service.documents.latex_page import latex_proof
+from inverse_service.service.documents.latex_page import latex_page
 
 # Languages of inverse_service.sympy.code, and the endings of their files.
 LANGUAGES = {
@@ -28,39 +28,12 @@ class Export:
 
 def exports(result: Mapping[str, Any], address: str) -> list[Export]:
     """Every form that this result has; the JSON is a link of its own, being long."""
-    found = [Export("latex", "LaTeX", latex_of(result))]
+    found = [Export("latex", "LaTeX", latex_page(dict(result), explain=True))]
     if result["system"] is not None:
         given = result["system"]["given"]
         found.append(Export("python", "Python", python_call(given, address)))
         found.append(Export("curl", "curl", curl_of(given, address)))
     return found
-
-
-def latex_of(result: Mapping[str, Any]) -> str:
-    """Equations, verdict, L and H as aligned formulas."""
-    lines = [rf"% {result['verdict'].replace('_', ' ')}, question {result['question']}"]
-    if result["system"] is not None:
-        lines += _aligned([_at_relation(line) for line in result["system"]["latex"].values()])
-    for answer in (result, result.get("with_time")):
-        if not answer:
-            continue
-        rows = [rf"{letter} &= {part['latex']}" for letter, part in _parts(answer)]
-        lines += _aligned(rows) if rows else []
-    if result["verdict"] == "not_variational":
-        lines += latex_proof(result["explanation"])
-    return "\n".join(lines) + "\n"
-
-
-def _parts(answer: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
-    return [(letter, answer[key]) for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")) if answer[key]]
-
-
-def _aligned(rows: list[str]) -> list[str]:
-    return [r"\begin{align*}", " \\\\\n".join(f"  {row}" for row in rows), r"\end{align*}"]
-
-
-def _at_relation(line: str) -> str:
-    return line.replace(" = ", " &= ", 1)
 
 
 def python_call(document: Mapping[str, Any], address: str) -> str:

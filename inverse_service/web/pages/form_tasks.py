@@ -10,13 +10,15 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
+from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.options import split_options
-from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.outcome import Outcome, faults_of
 from inverse_service.service.jobs.tasks import guard
 from inverse_service.web.pages import reading_back
-from inverse_service.web.pages.answers import glance_of
-from inverse_service.web.pages.documents import document_of, fields_from, fields_of
+from inverse_service.web.pages.answers import OWN, OwnLagrangian, glance_of, own_of
+from inverse_service.web.pages.documents import document_of, document_of_fields, fields_from, fields_of
 from inverse_service.web.pages.forms import Form, form_of
+from inverse_service.web.pages.typesetting import names_of
 
 Fields = dict[str, str]
 # What a person waits for beside a form that they still write, s.
@@ -56,6 +58,24 @@ def echo_task(fields: Fields) -> Outcome:
 def glance_task(body: bytes, content_type: str) -> Outcome:
     """The sent solve form to a short answer, which nobody stores; None where it takes longer than a glance."""
     return guard(_glance, body, content_type)
+
+
+def own_task(body: bytes, content_type: str) -> Outcome:
+    """The sent solve form with an L of the visitor to its fields and what is said of that L."""
+    return guard(_own, body, content_type)
+
+
+def _own(body: bytes, content_type: str) -> tuple[Fields, OwnLagrangian]:
+    fields = fields_of(form_of(body, content_type))
+    text = fields["lagrangian"]
+    fields |= {"kind": "equations", "lagrangian": ""}
+    try:
+        document = split_options(document_of_fields(fields))[0]
+        found = documents.check_document(write_json({"system": document, "lagrangian": text}))
+        names = names_of(documents.understand_document(document))
+    except InputError as error:
+        return fields, OwnLagrangian(text, OWN["incomplete"], [], [fault.detail for fault in faults_of(error)])
+    return fields, own_of({**found, "lagrangian": text}, names)
 
 
 def _glance(body: bytes, content_type: str) -> dict[str, Any] | None:

@@ -39,6 +39,8 @@ class Line:
     words: str
     formulas: list[Markup] = field(default_factory=list)
     note: str = ""
+    source: str = ""
+    text: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +111,24 @@ def groups() -> list[tuple[str, list[Line]]]:
 def _line(entry: dict[str, Any], formulas: bool = False) -> Line:
     verdict = entry["expected"]["verdict"] or "undetermined"
     shown = _equations(entry["document"]) if formulas else []
-    return Line(entry["name"], entry["title"], verdict, WORDS[verdict], shown, entry.get("note", ""))
+    return Line(
+        entry["name"],
+        entry["title"],
+        verdict,
+        WORDS[verdict],
+        shown,
+        entry.get("note", ""),
+        entry.get("source", ""),
+        text_of(entry["document"]),
+    )
+
+
+def text_of(document: dict[str, Any]) -> str:
+    """The equations as one line, for the search."""
+    equations = document.get("equations") or ""
+    if isinstance(equations, dict):
+        return "; ".join(f"{name}'' = {f}" for name, f in equations.items())
+    return str(equations)
 
 
 def _equations(document: dict[str, Any]) -> list[Markup]:

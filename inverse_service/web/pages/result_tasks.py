@@ -38,6 +38,11 @@ def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Ma
     return guard(_page, store, id, job, look, check)
 
 
+def embed_task(store: str, id: str, visitor: Visitor) -> Outcome:
+    """The short page of a solved system that other pages show in a frame."""
+    return guard(_embedded, store, id, visitor)
+
+
 def own_lagrangian_task(store: str, id: str, text: str) -> Outcome:
     """The verdict on a visitor's Lagrangian for the equations of a stored result, with the `lagrangian` itself."""
     return guard(_own_lagrangian, store, id, text)
@@ -97,6 +102,13 @@ def _page(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mappin
     return other_result(whole)
 
 
+def _embedded(store: str, id: str, visitor: Visitor) -> HTMLResponse:
+    VISITOR.set(visitor)
+    found = _result(store, id)
+    lines = answers.equations_of(found["system"]) if found.get("system") else []
+    return page("embed.html", active="", equations=lines, glance=answers.glance_of(found), result=found, id=id)
+
+
 def _file(store: str, id: str, label: str, ending: str) -> bytes | None:
     methods = _result(store, id).get("methods", [])
     method = next((m for m in methods if m["label"] == label and m.get("points")), None)
@@ -151,6 +163,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         check=check,
         own=answers.own_of(check, typesetting.names_of(system)) if check and "lagrangian" in check else None,
         equations=[] if system is None else answers.equations_of(system),
+        texts=[f"{name}'' = {f}" for name, f in (system or {"equations": {}})["equations"].items()],
         main=main,
         other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
         branches=answers.branches_of(found),

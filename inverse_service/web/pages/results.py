@@ -24,11 +24,12 @@ from inverse_service.web.pages import figures, simulations
 from inverse_service.web.pages.calls import Answer, call
 from inverse_service.web.pages.exports import LANGUAGES
 from inverse_service.web.pages.receiving import SMALL_FORM, read_form
-from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.rendering import POLICY, page
 from inverse_service.web.pages.result_tasks import (
     Look,
     check_stored_task,
     code_task,
+    embed_task,
     figure_data_task,
     file_task,
     own_lagrangian_task,
@@ -54,6 +55,30 @@ async def result(request: Request, identifier: str) -> Response:
     if answer is None:
         return missing()
     return await shown(request, answer.value)
+
+
+@router.get("/results/{identifier}/embed")
+async def embedded(request: Request, identifier: str) -> Response:
+    """Verdict, equations and L alone: what this service and INVERSE_SERVICE_FRAME_ORIGINS show in frames."""
+    answer = await successful(request, identifier)
+    if answer is None or answer.value["kind"] != "solve":
+        return missing()
+    found: HTMLResponse = await made(request, identifier, embed_task, VISITOR.get())
+    origins = " ".join(("'self'", *request.app.state.engine.settings.frame_origins))
+    found.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {origins}")
+    # The older header knows no list; whoever reads the policy does not read it.
+    found.headers["X-Frame-Options"] = "SAMEORIGIN"
+    return found
+
+
+@router.get("/compare")
+async def compare(request: Request) -> Response:
+    """Two results side by side."""
+    wanted = [request.query_params.get(name, "").rstrip("/").rpartition("/")[2] for name in ("a", "b")]
+    known = [identifier if await successful(request, identifier) else "" for identifier in wanted]
+    found = page("compare.html", active="", wanted=wanted, known=known)
+    found.headers["Content-Security-Policy"] = f"{POLICY}; frame-src 'self'"
+    return found
 
 
 @router.get("/results/{identifier}/result.json")

@@ -15,8 +15,16 @@ from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call
-from inverse_service.web.pages.documents import LAGRANGIANS, fields_from, fields_of_link, lean_fields
-from inverse_service.web.pages.form_tasks import GLANCE, Sent, echo_sent_task, echo_task, glance_task, sent_task
+from inverse_service.web.pages.documents import LAGRANGIANS, fields_from, fields_of_link, lean_fields, revealed_of_link
+from inverse_service.web.pages.form_tasks import (
+    GLANCE,
+    Sent,
+    echo_sent_task,
+    echo_task,
+    glance_task,
+    own_task,
+    sent_task,
+)
 from inverse_service.web.pages.receiving import read_sent
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.pages.result_tasks import fields_task
@@ -70,7 +78,15 @@ async def form(request: Request) -> HTMLResponse:
         fields = lean_fields(example_document(FIRST_NONHOLONOMIC))
     else:
         fields = fields_from({"equations": START})
-    return solve_page(fields, **await understand(request, fields))
+    return solve_page(fields, reveal=revealed_of_link(query), **await understand(request, fields))
+
+
+@router.post("/own")
+async def own(request: Request) -> Response:
+    """A student's L against the typed equations; the form stays an exercise where it was one."""
+    fields, found = await read_sent(request, request.app.state.engine.settings.max_body, own_task, 2 * GLANCE)
+    reveal = revealed_of_link(request.query_params)
+    return solve_page(fields, reveal=reveal, own=found, **await understand(request, fields))
 
 
 @router.post("/")
@@ -113,7 +129,7 @@ async def answer_beside(request: Request) -> Response:
             if refusal.kind not in ("limit", "busy"):
                 raise
             found = None
-    return page("glance.html", glance=found)
+    return page("glance.html", glance=found, hint="hint" in request.query_params)
 
 
 def _not_read(refusal: Refusal) -> HTMLResponse:
@@ -138,7 +154,7 @@ async def understand(request: Request, fields: dict[str, str]) -> dict[str, Any]
 def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTMLResponse:
     """The page with the form filled in."""
     nonholonomic = fields["kind"] == "nonholonomic"
-    shown: dict[str, Any] = {"problem": None, "understood": None} | values
+    shown: dict[str, Any] = {"problem": None, "understood": None, "reveal": (), "own": None} | values
     return page(
         "solve.html",
         status,

@@ -96,6 +96,16 @@ function answers(form) {
   return later;
 }
 
+function revealing(button, form) {
+  button.addEventListener("click", async () => {
+    const sent = new FormData(form);
+    sent.delete("document");
+    sent.delete("lagrangian");
+    const answer = await fetch(`/answer${button.dataset.reveal === "hint" ? "?hint" : ""}`, { method: "POST", body: sent });
+    document.getElementById("revealed").innerHTML = answer.status === 200 ? await answer.text() : "Try again in a moment.";
+  });
+}
+
 // What is typed survives a reload and the other tab: the draft of each form, until this window is closed.
 function drafts(form, ask) {
   const name = `${DRAFT}${location.pathname}:${form.elements.kind?.value ?? ""}`;
@@ -193,6 +203,61 @@ function copying() {
   }
 }
 
+// A formula that says its text is copied with one press.
+function copyingFormulas() {
+  for (const formula of document.querySelectorAll("main:not(.embed) .formula[aria-label*=' = ']")) {
+    const text = formula.getAttribute("aria-label");
+    const button = Object.assign(document.createElement("button"), { type: "button", className: "quiet copy-formula", textContent: "Copy" });
+    button.setAttribute("aria-label", `Copy ${text.slice(0, 60)}`);
+    button.addEventListener("click", async () => {
+      await navigator.clipboard?.writeText(text);
+      button.textContent = "Copied";
+      setTimeout(() => (button.textContent = "Copy"), 1600);
+    });
+    formula.after(button);
+  }
+}
+
+// One's own questions, kept in this browser alone.
+const HISTORY = "questions";
+const MOST_KEPT = 50;
+function asked() {
+  try { return JSON.parse(localStorage.getItem(HISTORY) ?? "[]").filter((one) => /^\/results\/[\w-]+$/.test(one.path)); } catch { return []; }
+}
+
+function remembering() {
+  const result = document.querySelector("[data-history]");
+  if (result) {
+    const path = location.pathname.split("/").slice(0, 3).join("/");
+    const kept = [{ path, title: result.dataset.history }, ...asked().filter((one) => one.path !== path)];
+    localStorage.setItem(HISTORY, JSON.stringify(kept.slice(0, MOST_KEPT)));
+  }
+  document.getElementById("history")?.append(...asked().map((one) => new Option(one.title, one.path)));
+  const list = document.querySelector("[data-history-list]");
+  if (!list || !asked().length) return;
+  list.hidden = false;
+  for (const one of asked()) {
+    const item = list.querySelector("ul").appendChild(document.createElement("li"));
+    item.append(Object.assign(document.createElement("a"), { href: one.path, textContent: one.title }));
+  }
+  list.querySelector("[data-forget]").addEventListener("click", () => { localStorage.removeItem(HISTORY); list.hidden = true; });
+}
+
+function searching(form) {
+  const entries = [...document.querySelectorAll("[data-text]")].map((node) => [node, `${node.dataset.text} ${node.textContent}`.toLowerCase()]);
+  const groups = [...document.querySelectorAll("main details")];
+  const others = [...form.parentElement.children].filter((part) => part !== form && !part.hidden && !part.matches(".lead"));
+  form.addEventListener("submit", (event) => event.preventDefault());
+  form.addEventListener("input", () => {
+    const words = form.elements.search.value.toLowerCase().split(/\s+/).filter(Boolean);
+    for (const [node, text] of entries) node.hidden = !words.every((word) => text.includes(word));
+    for (const group of groups) group.open = Boolean(words.length && group.querySelector("[data-text]:not([hidden])"));
+    // While one searches, what holds no system that was found gives way.
+    for (const part of others) part.hidden = Boolean(words.length) && !part.querySelector("[data-text]:not([hidden])");
+    form.querySelector("[data-found]").textContent = words.length ? `${entries.filter(([node]) => !node.hidden).length} systems` : "";
+  });
+}
+
 function progressText(progress) {
   if (!progress) return "";
   if (typeof progress === "string") return progress;
@@ -253,10 +318,14 @@ for (const form of document.querySelectorAll("form[data-echo]")) {
     drafts(form, ask);
   }
   submitKey(form);
+  for (const button of document.querySelectorAll("[data-reveal]")) revealing(button, form);
   form.querySelector("input[type=file]")?.addEventListener("change", ask);
 }
 copying();
+copyingFormulas();
+remembering();
 sharing();
+for (const form of document.querySelectorAll("[data-search]")) searching(form);
 focusWide(document);
 addEventListener("resize", () => focusWide(document));
 for (const details of document.querySelectorAll("details")) details.addEventListener("toggle", () => focusWide(details));

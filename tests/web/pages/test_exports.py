@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import shlex
 
+from inverse_service import catalogue
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.solving import solve_document
-from inverse_service.web.pages.exports import curl_of, latex_of, python_call
+from inverse_service.service.documents import documents
+from inverse_service.web.pages.exports import curl_of, exports, python_call
 
 
 def test_calls_hold_the_document() -> None:
@@ -17,8 +18,11 @@ def test_calls_hold_the_document() -> None:
     compile(python_call(document, "http://h"), "call", "exec")
 
 
-def test_latex_is_balanced() -> None:
-    result = solve_document({"equations": "x'' = -x"}, SolveOptions(time_limit=60.0))
-    latex = latex_of(result)
-    assert latex.count(r"\begin{align*}") == latex.count(r"\end{align*}") >= 2
+def test_the_latex_of_a_motion_with_constraints_has_all_that_the_page_shows() -> None:
+    document = {**catalogue.document("nonholonomic-particle"), "associated": "second"}
+    latex = next(
+        e.text for e in exports(documents.solve_document(document, SolveOptions()), "http://h") if e.key == "latex"
+    )
+    for formula in (r"\dot{z} + x \dot{y} = 0", "L = ", "H = ", "p_{x} = ", "p_{z} + p_{y} = 0"):
+        assert formula in latex
     assert latex.count("{") == latex.count("}")

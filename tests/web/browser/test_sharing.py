@@ -1,0 +1,101 @@
+"""What a teacher and a researcher hand on: exercises, frames, comparisons, the search, one's own questions, batches."""
+
+from __future__ import annotations
+
+import httpx
+import pytest
+from playwright.sync_api import expect
+
+from .conftest import Visit
+from .test_every_page import is_too_wide, violations
+
+EXERCISE = "/?equations=x''+%3D+-9*x&reveal=hint,answer"
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_an_exercise_hides_its_answer_and_judges_the_students_lagrangian(
+    visit: Visit, plain: Visit, scripts: bool
+) -> None:
+    at = visit if scripts else plain
+    at.go(EXERCISE)
+    expect(at.page.get_by_role("heading", name="Exercise")).to_be_visible()
+    expect(at.page.locator("#glance [data-settled]")).to_have_count(0)
+    own = at.page.get_by_label("Your L", exact=True)
+    for text, said in (("x'^2/2 + x^2", "No: this L has other"), ("x'^2/2 - 9*x^2/2", "Yes: the Euler-Lagrange")):
+        own.fill(text)
+        at.page.get_by_role("button", name="Does it give these equations?").click()
+        expect(at.page.locator("#exercise")).to_contain_text(said)
+        expect(own).to_have_value(text)
+    if scripts:
+        at.page.get_by_role("button", name="Show a hint").click()
+        expect(at.page.locator("#revealed")).to_contain_text("come from a regular Lagrangian")
+        expect(at.page.locator("#revealed .formula")).to_have_count(0)
+        at.page.locator("#exercise").get_by_role("button", name="Show the answer").click()
+        expect(at.page.locator("#revealed .formula").first).to_be_visible()
+        assert violations(at) == []
+
+
+def test_what_is_no_lagrangian_is_told_in_an_exercise(plain: Visit) -> None:
+    plain.go(EXERCISE)
+    plain.page.get_by_label("Your L", exact=True).fill("x'' + @")
+    plain.page.get_by_role("button", name="Does it give these equations?").click()
+    expect(plain.page.locator("#exercise")).to_contain_text("could not be settled")
+    expect(plain.page.locator("#exercise .hint").last).to_contain_text("not accepted")
+
+
+def test_two_results_are_compared_side_by_side(visit: Visit) -> None:
+    paths = []
+    for equation in ("x'' = -2*x", "x'' = -2*x - x'"):
+        visit.go("/")
+        visit.page.get_by_label("Equations", exact=True).fill(equation)
+        visit.page.get_by_role("button", name="Find out").click()
+        expect(visit.page.locator(".verdict").first).to_be_visible()
+        paths.append(visit.page.url.removeprefix(visit.address))
+    visit.page.get_by_role("link", name="Compare with another").click()
+    visit.page.get_by_label("Second result").fill(visit.address + paths[0])
+    visit.page.get_by_role("button", name="Compare").click()
+    for k in (0, 1):
+        frame = visit.page.frame_locator("iframe").nth(k)
+        expect(frame.locator(".formula").first).to_be_visible()
+    visit.go("/gallery")
+    expect(visit.page.get_by_role("heading", name="Your questions")).to_be_visible()
+    assert visit.page.locator("[data-history-list] li").count() >= 2
+    visit.page.get_by_role("button", name="Forget them").click()
+    expect(visit.page.get_by_role("heading", name="Your questions")).to_be_hidden()
+    visit.go("/compare?a=nope")
+    expect(visit.page.locator("main")).to_contain_text("There is no result at this address.")
+
+
+def test_other_sites_frame_an_answer_only_where_they_are_listed(visit: Visit) -> None:
+    visit.go("/?equations=x''+%3D+-3*x")
+    visit.page.get_by_role("button", name="Find out").click()
+    expect(visit.page.locator(".verdict").first).to_be_visible()
+    answer = httpx.get(visit.page.url + "/embed", timeout=30)
+    assert "frame-ancestors 'self'" in answer.headers["content-security-policy"]
+    assert "<nav" not in answer.text
+    assert "frame-ancestors 'none'" in httpx.get(visit.page.url, timeout=30).headers["content-security-policy"]
+
+
+def test_the_gallery_is_searched_by_name_equation_and_verdict(visit: Visit) -> None:
+    visit.go("/gallery")
+    box = visit.page.get_by_label("Search the systems")
+    box.fill("kepler")
+    expect(visit.page.locator("[data-found]")).to_have_text("3 systems")
+    expect(visit.page.locator("tr[data-text]:visible").first).to_contain_text("r''")
+    expect(visit.page.get_by_role("heading", name="Figures of the paper")).to_be_hidden()
+    box.fill("")
+    expect(visit.page.get_by_role("heading", name="Figures of the paper")).to_be_visible()
+    assert not is_too_wide(visit)
+
+
+def test_plain_equations_are_a_batch_and_its_table_is_csv(visit: Visit) -> None:
+    visit.go("/batch")
+    visit.page.get_by_label("Or lines typed here").fill("x'' = -x - c*x'\nx'' = -y'; y'' = -y\nx'' = @")
+    visit.page.get_by_role("button", name="Decide all of them").click()
+    expect(visit.page.locator("main")).to_contain_text("3 of 3")
+    table = visit.page.request.get(visit.page.url + "/results.csv").text().splitlines()
+    assert table[0] == "line,name,verdict,lagrangian or reason,checked"
+    assert [row.split(",")[0] for row in table[1:]] == ["1", "2", "3"]
+    assert "variational" in table[1]
+    assert "not_variational" in table[2]
+    assert "failed" in table[3]
