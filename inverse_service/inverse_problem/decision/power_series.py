@@ -18,6 +18,7 @@ from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import PI, Apply, Arbitrary, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
@@ -68,7 +69,7 @@ def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, s
         if found is not None:
             return {
                 "order": order,
-                "point": {_name(s): str(point.variable(s)) for s in symbols_of(analysis)},
+                "point": {to_text(s): str(point.variable(s)) for s in symbols_of(analysis)},
                 "prime": point.prime,
                 "terms": [[list(index), str(value)] for index, value in found.items() if value],
             }
@@ -134,7 +135,3 @@ def symbols_of(analysis: Analysis) -> list[Symbol | Velocity]:
     """t, q, v, the parameters, and pi where f contains it."""
     has_pi = any(node == PI for f in analysis.accelerations for node in walk(f))
     return [*variables_of(analysis.system), *([PI] if has_pi else [])]
-
-
-def _name(symbol: Symbol | Velocity) -> str:
-    return f"{symbol.coordinate}'" if isinstance(symbol, Velocity) else symbol.name

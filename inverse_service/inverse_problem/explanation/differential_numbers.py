@@ -17,11 +17,10 @@ from functools import partial
 
 from flint import fmpq, fmpq_mat
 
-from inverse_service.algebra.point import Variable, evaluate, number_value
+from inverse_service.algebra.point import Point, Variable, number_value
 from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
-from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.local_system import RowName
@@ -44,7 +43,7 @@ from inverse_service.inverse_problem.explanation.rational_points import (
     fractions_of_one_prime,
     has_points,
     is_real,
-    placed,
+    residues_at,
 )
 
 # The sums are sought among the equations of the lowest order that suffices, if they are not more than this.
@@ -207,16 +206,13 @@ def _at_point(
 
 def _residues(analysis: Analysis, chosen: SufficientRows, attempt: int, prime: int) -> dict[_Key, int] | None:
     """Values of variables, atoms and coefficients; None where the point is singular."""
-    point = PlainPoint(prime, attempt, dict(analysis.tower.real_signs))
-    if not placed(analysis, point):
-        return None
-    try:
+
+    def coefficients(point: Point) -> dict[_Key, int]:
         rows = rows_at(analysis, chosen.with_time, chosen.order, point, chosen.names)
-        found: dict[_Key, int] = {atom: evaluate(atom, point) for atom in atoms_and_jets(analysis, chosen.order + 1)}
-    except (SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
-        return None
-    found |= {(name, unknown): value for name in chosen.names for unknown, value in rows[name].items()}
-    return found | dict(point.variables)
+        return {(name, unknown): value for name in chosen.names for unknown, value in rows[name].items()}
+
+    point = PlainPoint(prime, attempt, dict(analysis.tower.real_signs))
+    return residues_at(analysis, point, atoms_and_jets(analysis, chosen.order + 1), coefficients)
 
 
 def _sums(rows: Mapping[RowName, FractionRow], n: int) -> tuple[tuple[Sum, ...], int]:

@@ -28,6 +28,7 @@ from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.elimination import Elimination
 from inverse_service.mechanics.conditions import ExactMotion, Tensor11, connection
+from inverse_service.mechanics.quotient_matrices import solve_square
 
 Matrix = tuple[tuple[Quotient, ...], ...]
 
@@ -101,9 +102,11 @@ def _slopes(exact: ExactMotion, direction: Matrix) -> _Slopes:
 def _velocity_slope(exact: ExactMotion, direction: Matrix, k: int) -> Quotient:
     motion, span = exact.motion, range(exact.motion.size)
     j = 0 if k else 1
-    inverse = _inverse(direction, exact.ring.constant(1))
+    inverse = solve_square(direction, [exact.ring.constant(int(i == j)) for i in span])
+    if inverse is None:
+        raise ZeroDivisionError("the matrix is singular")
     by = motion.by_velocity
-    terms = [inverse[j][i] * (by[k](direction[i][j]) - by[j](direction[i][k])) for i in span]
+    terms = [inverse[i] * (by[k](direction[i][j]) - by[j](direction[i][k])) for i in span]
     return -sum_of(motion.zero, terms)
 
 
@@ -113,23 +116,6 @@ def _slope_along(exact: ExactMotion, direction: Matrix) -> Quotient:
     i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
     terms = [direction[i][m] * n[m][j] + direction[j][m] * n[m][i] for m in span]
     return (sum_of(motion.zero, terms) - motion.along(direction[i][j])) / direction[i][j]
-
-
-def _inverse(matrix: Matrix, one: Quotient) -> list[list[Quotient]]:
-    """The inverse by elimination; ZeroDivisionError for a singular matrix."""
-    n, zero = len(matrix), one - one
-    rows = [[*line, *(one if i == j else zero for j in range(n))] for i, line in enumerate(matrix)]
-    for column in range(n):
-        pivot = next((i for i in range(column, n) if not rows[i][column].is_zero), None)
-        if pivot is None:
-            raise ZeroDivisionError("the matrix is singular")
-        rows[column], rows[pivot] = rows[pivot], rows[column]
-        head = rows[column][column].inverse()
-        rows[column] = [head * entry for entry in rows[column]]
-        for i, line in enumerate(rows):
-            if i != column and not line[column].is_zero:
-                rows[i] = [a - line[column] * b for a, b in zip(line, rows[column], strict=True)]
-    return [line[n:] for line in rows]
 
 
 def _conditions(

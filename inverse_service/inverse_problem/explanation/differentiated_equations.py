@@ -21,7 +21,7 @@ from inverse_service.algebra.series import Series
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, local_system
-from inverse_service.inverse_problem.explanation.hierarchy import unknowns
+from inverse_service.inverse_problem.explanation.hierarchy import kernel, unknowns
 
 Exponents = tuple[int, ...]
 Coefficients = Mapping[Exponents, int]
@@ -132,24 +132,20 @@ def _coefficients(series: Series) -> Coefficients:
 
 def rank_of_derivatives(rows: Mapping[RowName, Row], prime: int) -> int:
     """The rank of the part of the rows that belongs to derivatives of g."""
-    return _cancelling_matrix(rows, prime).rank()
+    lines = _derivatives(rows)
+    return nmod_mat(len(lines), len(rows), [entry for line in lines for entry in line], prime).rank()
 
 
 def cancelling(rows: Mapping[RowName, Row], prime: int) -> Iterator[Mapping[RowName, int]]:
     """A basis of the factors with which rows add up to one without derivatives of g, those of few rows first."""
-    names = list(rows)
-    reduced, rank = _cancelling_matrix(rows, prime).rref()
-    pivots = [next(k for k in range(len(names)) if int(reduced[line, k])) for line in range(rank)]
-    for free in (k for k in range(len(names)) if k not in set(pivots)):
-        column = [(pivot, -int(reduced[line, free]) % prime) for line, pivot in enumerate(pivots)]
-        yield {names[pivot]: value for pivot, value in [*column, (free, 1)] if value}
+    for factors in kernel(_derivatives(rows), len(rows), prime):
+        yield {name: factor for name, factor in zip(rows, factors, strict=True) if factor}
 
 
-def _cancelling_matrix(rows: Mapping[RowName, Row], prime: int) -> nmod_mat:
+def _derivatives(rows: Mapping[RowName, Row]) -> list[tuple[int, ...]]:
     """One line for each derivative of g, one column for each row."""
     derivatives = sorted({unknown for row in rows.values() for unknown in row if unknown.degree})
-    flat = [row.get(unknown, 0) for unknown in derivatives for row in rows.values()]
-    return nmod_mat(len(derivatives), len(rows), flat, prime)
+    return [tuple(row.get(unknown, 0) for row in rows.values()) for unknown in derivatives]
 
 
 def consequence(rows: Mapping[RowName, Row], factors: Mapping[RowName, int], n: int, prime: int) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from flint import nmod_mat
@@ -16,6 +16,7 @@ from flint import nmod_mat
 from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.inverse_problem.explanation.hierarchy import EquationName, PointwiseConditions, unknowns
+from inverse_service.mechanics.quotient_matrices import determinant
 
 Unknown = tuple[int, int]
 Linear = Mapping[Unknown, Quotient]
@@ -70,14 +71,17 @@ def eliminate(equations: Mapping[EquationName, Linear], table: PointwiseConditio
 
 def substituted(row: Linear, values: Mapping[Unknown, Linear]) -> dict[Unknown, Quotient]:
     """The combination with known unknowns replaced, zero coefficients left out."""
+    parts = [(unknown, coefficient) for unknown, coefficient in row.items() if unknown not in values]
+    known = [(values[unknown], coefficient) for unknown, coefficient in row.items() if unknown in values]
+    return collected([*parts, *((other, c * factor) for value, c in known for other, factor in value.items())])
+
+
+def collected(terms: Iterable[tuple[Unknown, Quotient]]) -> dict[Unknown, Quotient]:
+    """The terms of one equation by unknown, zero coefficients left out."""
     parts: dict[Unknown, list[Quotient]] = {}
-    for unknown, coefficient in row.items():
-        if unknown not in values:
-            parts.setdefault(unknown, []).append(coefficient)
-            continue
-        for other, factor in values[unknown].items():
-            parts.setdefault(other, []).append(coefficient * factor)
-    sums = {unknown: sum_of(terms[0].field.constant(0), terms) for unknown, terms in parts.items()}
+    for unknown, coefficient in terms:
+        parts.setdefault(unknown, []).append(coefficient)
+    sums = {unknown: sum_of(summands[0].field.constant(0), summands) for unknown, summands in parts.items()}
     return {unknown: total for unknown, total in sums.items() if not total.is_zero}
 
 
@@ -147,26 +151,13 @@ def vanishing_block(values: Mapping[Unknown, Linear], n: int) -> tuple[tuple[int
     return None
 
 
-def determinant(elimination: Elimination, n: int, symbols: Mapping[Unknown, Quotient], one: Quotient) -> Quotient:
-    """det g of what remains, by expansion along the first row (n <= 4)."""
-    zero = one - one
+def remaining_determinant(
+    elimination: Elimination, n: int, symbols: Mapping[Unknown, Quotient], one: Quotient
+) -> Quotient:
+    """det g of what remains (n <= 4)."""
 
     def entry(i: int, j: int) -> Quotient:
         row = elimination.entry((min(i, j), max(i, j)), one)
-        return sum_of(zero, [c * symbols[unknown] for unknown, c in row.items()])
+        return sum_of(one - one, [c * symbols[unknown] for unknown, c in row.items()])
 
-    matrix = [[entry(i, j) for j in range(n)] for i in range(n)]
-    return expanded_determinant(matrix, zero, one)
-
-
-def expanded_determinant(matrix: Sequence[Sequence[Quotient]], zero: Quotient, one: Quotient) -> Quotient:
-    """The determinant by expansion along the first row."""
-    if not matrix:
-        return one
-    terms = []
-    for column, head in enumerate(matrix[0]):
-        if not head.is_zero:
-            rest = [[*row[:column], *row[column + 1 :]] for row in matrix[1:]]
-            term = head * expanded_determinant(rest, zero, one)
-            terms.append(-term if column % 2 else term)
-    return sum_of(zero, terms)
+    return determinant([[entry(i, j) for j in range(n)] for i in range(n)], one)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient_tree, sum_of
+from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.notation import matrix, row
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
@@ -19,8 +19,9 @@ from inverse_service.inverse_problem.explanation.elimination import (
     Linear,
     Solved,
     Unknown,
-    determinant,
+    collected,
     eliminate,
+    remaining_determinant,
     vanishing_block,
 )
 from inverse_service.inverse_problem.explanation.hierarchy import (
@@ -145,7 +146,7 @@ def exact_rows(
     exact = exact_motion(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
     table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
     tensors = hierarchy(exact.motion, depth)
-    return ExactRows(exact, symbols, tensors, _exact_equations(exact, tensors, chosen.equations), table)
+    return ExactRows(exact, symbols, tensors, exact_equations(exact, tensors, chosen.equations), table)
 
 
 def solve_conditions(
@@ -185,22 +186,13 @@ def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, Symbol]:
     raise TooLarge("the system uses every name for the entries of the multiplier")
 
 
-def _exact_equations(exact: ExactMotion, tensors: Tensors, names: Sequence[EquationName]) -> dict[EquationName, Linear]:
+def exact_equations(exact: ExactMotion, tensors: Tensors, names: Sequence[EquationName]) -> dict[EquationName, Linear]:
     """The named equations with their coefficients as ring elements."""
     found: dict[EquationName, Linear] = {}
     for condition in dict.fromkeys(name.condition for name in names):
         for name, terms in equation_terms(condition, tensors[condition], exact.motion.size).items():
-            found[name] = collected(exact.motion.zero, terms)
+            found[name] = collected((unknown, coefficient.scaled(sign)) for unknown, sign, coefficient in terms)
     return {name: found[name] for name in names}
-
-
-def collected(zero: Quotient, terms: Sequence[tuple[Unknown, int, Quotient]]) -> Linear:
-    """The terms of one equation by unknown, zero coefficients left out."""
-    parts: dict[Unknown, list[Quotient]] = {}
-    for unknown, sign, coefficient in terms:
-        parts.setdefault(unknown, []).append(coefficient.scaled(sign))
-    sums = {unknown: sum_of(zero, summands) for unknown, summands in parts.items()}
-    return {unknown: total for unknown, total in sums.items() if not total.is_zero}
 
 
 def _solved_step(ring: ExactRing, symbols: Mapping[Unknown, Symbol], step: Solved) -> Step:
@@ -222,7 +214,7 @@ def _closing_step(solved: SolvedConditions) -> Step:
         return block_sentence(solved.symbols, *block, n)
     ring = solved.exact.ring
     elements = {unknown: ring.atoms[symbol] for unknown, symbol in solved.symbols.items()}
-    if not determinant(solved.result, n, elements, ring.constant(1)).is_zero:
+    if not remaining_determinant(solved.result, n, elements, ring.constant(1)).is_zero:
         raise TooLarge("the determinant of what remains was not recognised as zero")
     return _det_vanishes(solved)
 

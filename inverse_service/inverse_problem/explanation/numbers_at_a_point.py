@@ -9,10 +9,8 @@ from fractions import Fraction
 from functools import partial
 from typing import cast
 
-from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, number_value
+from inverse_service.algebra.point import Expansion, Point, Variable, number_value
 from inverse_service.algebra.primes import safe_prime
-from inverse_service.algebra.series import SingularPoint
-from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.hierarchy import (
@@ -34,7 +32,7 @@ from inverse_service.inverse_problem.explanation.rational_points import (
     has_points,
     in_fractions,
     is_real,
-    placed,
+    residues_at,
 )
 from inverse_service.mechanics.conditions import Tensor11
 
@@ -106,14 +104,7 @@ def _residues(analysis: Analysis, chosen: SufficientSet, attempt: int, prime: in
     """Everything at the point number `attempt`, modulo the prime; None where it is singular."""
     kind = PlainPoint if attempt % 2 else SmallPoint
     point = kind(prime, attempt // 2, dict(analysis.tower.real_signs))
-    if not placed(analysis, point):
-        return None
-    try:
-        found: dict[object, int] = {atom: evaluate(atom, point) for atom in _atoms(analysis, chosen)}
-        found |= _conditions(analysis, chosen, point)
-    except (SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
-        return None
-    return found | dict(point.variables)
+    return residues_at(analysis, point, _atoms(analysis, chosen), lambda there: _conditions(analysis, chosen, there))
 
 
 def _atoms(analysis: Analysis, chosen: SufficientSet) -> list[Expression]:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from flint import fmpq, fmpq_mat
 
@@ -198,3 +198,16 @@ def are_confirmed(
     return values is not None and not any(
         (fraction.numerator - values.get(key, 0) * fraction.denominator) % prime for key, fraction in found.items()
     )
+
+
+def residues_at(
+    analysis: Analysis, point: Point, atoms: Sequence[Expression], further: Callable[[Point], Mapping[Any, int]]
+) -> dict[Any, int] | None:
+    """Values of variables, atoms and what is `further` there; None where the point is singular."""
+    if not placed(analysis, point):
+        return None
+    try:
+        found: dict[Any, int] = {atom: evaluate(atom, point) for atom in atoms}
+        return {**found, **further(point), **point.variables}
+    except (SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
+        return None

@@ -10,11 +10,11 @@ from inverse_service.algebra.exact_ring import factor_trees, quotient_tree, sum_
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.notation import Formula, matrix, row, theory
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.explanation.elimination import expanded_determinant
 from inverse_service.inverse_problem.explanation.steps import said
 from inverse_service.inverse_problem.explanation.wording import Explanation
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.mechanics.conditions import ExactMotion, connection, exact_motion, jacobi_endomorphism
+from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 TERM_LIMIT = 2_000
@@ -64,7 +64,7 @@ def _worked_out(exact: ExactMotion, g: Matrix) -> Explanation:
     moved = [[motion.along(entry) for entry in row] for row in g]
     lowered = _product(exact, g, jacobi_endomorphism(motion))
     one = exact.ring.constant(1)
-    size = expanded_determinant(g, one - one, one)
+    size = determinant(g, one)
     _require_zero([*_asymmetry(g), *_curl(exact, g), *_asymmetry(lowered)])
     _require_zero([moved[i][j] - forced[i][j] for i in span for j in span])
     if size.is_zero:

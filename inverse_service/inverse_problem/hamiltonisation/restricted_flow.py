@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from inverse_service.codegen.algebra import closure, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import Definitions, define_functions
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     Arbitrary,
     Expression,
     Symbol,
-    Velocity,
     add,
     multiply,
     number,
@@ -147,12 +147,8 @@ def _compared(
         step=STEP,
         parameters={name.name: float(value) for name, value in chosen[0].items()},
         functions={name: body for name, (_, body) in chosen[1].items()},
-        start={_name(variable): float(value) for variable, value in zip(first.variables, start, strict=True)},
+        start={to_text(variable): float(value) for variable, value in zip(first.variables, start, strict=True)},
         difference=float(np.abs(one[:, : n // 2] - other[:, : n // 2]).max(initial=0.0)),
         constraint=float(np.abs(observed[:, 1:]).max(initial=0.0)),
         energy=float(np.abs(observed[:, 0] - observed[0, 0]).max()),
     )
-
-
-def _name(variable: Expression) -> str:
-    return f"{variable.coordinate}'" if isinstance(variable, Velocity) else getattr(variable, "name", "")

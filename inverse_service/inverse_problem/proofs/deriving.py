@@ -11,7 +11,7 @@ from inverse_service.algebra.exact_ring import ExactRing, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.explanation.elimination import Linear, Unknown, eliminate, expanded_determinant
+from inverse_service.inverse_problem.explanation.elimination import Linear, Unknown, eliminate
 from inverse_service.inverse_problem.explanation.hierarchy import EquationName, PointwiseConditions, SufficientSet
 from inverse_service.inverse_problem.explanation.negative import exact_rows
 from inverse_service.inverse_problem.explanation.wording import equation_name
@@ -29,6 +29,7 @@ from inverse_service.inverse_problem.proofs.identities import (
 from inverse_service.inverse_problem.proofs.kernels import null_vector
 from inverse_service.inverse_problem.proofs.lettering import lettered
 from inverse_service.mechanics.conditions import ExactMotion, exact_motion
+from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Combination = tuple[fmpq_mpoly, Sequence[tuple[fmpq_mpoly, Fact]]]
@@ -155,7 +156,7 @@ class _Elimination:
     def _minor(self, rows: Sequence[int], columns: Sequence[int]) -> fmpq_mpoly:
         matrix = [[self._entry((min(i, j), max(i, j))) for j in columns] for i in rows]
         one = self.ring.constant(1)
-        return expanded_determinant(matrix, one - one, one).numerator
+        return determinant(matrix, one).numerator
 
     def _emptied(self, polynomial: fmpq_mpoly, values: Sequence[Divisor]) -> Remainder:
         """The polynomial as a combination of values and relations; TooLarge where something is left."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.rational_functions import Budget, Quotient
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
-from inverse_service.inverse_problem.explanation.elimination import expanded_determinant
 from inverse_service.inverse_problem.special_cases.side_conditions import Ideal, Reader
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace
 from inverse_service.mechanics.euler_lagrange import hessian
+from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 
@@ -37,9 +37,9 @@ def regularity(system: SecondOrderSystem, lagrangian: Expression, space: Paramet
     # The value of L itself lists its denominators.
     ring.value(lagrangian)
     reader = Reader.of(ring, space)
-    determinant = expanded_determinant(matrix, ring.constant(0), ring.constant(1))
-    ideals = [*reader.ideals(determinant), *_denominators(reader), *reader.inside_functions()]
-    return Regularity(tuple(ideals), not reader.is_doubtful(determinant))
+    whole = determinant(matrix, ring.constant(1))
+    ideals = [*reader.ideals(whole), *_denominators(reader), *reader.inside_functions()]
+    return Regularity(tuple(ideals), not reader.is_doubtful(whole))
 
 
 def _denominators(reader: Reader) -> list[Ideal]:

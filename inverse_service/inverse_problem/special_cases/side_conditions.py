@@ -30,9 +30,9 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.explanation.elimination import Linear, eliminate
-from inverse_service.inverse_problem.explanation.hierarchy import EquationName, equation_terms, hierarchy, tensors_at
-from inverse_service.inverse_problem.explanation.negative import collected
+from inverse_service.inverse_problem.explanation.elimination import eliminate
+from inverse_service.inverse_problem.explanation.hierarchy import EquationName, hierarchy, tensors_at
+from inverse_service.inverse_problem.explanation.negative import exact_equations
 from inverse_service.inverse_problem.explanation.pointwise import local_motion
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, factors
 from inverse_service.mechanics.conditions import exact_motion
@@ -62,10 +62,7 @@ def of_conditions(
     exact = exact_motion(analysis.system, depth + 2, budget)
     table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
     tensors = hierarchy(exact.motion, depth)
-    equations: dict[EquationName, Linear] = {}
-    for condition in dict.fromkeys(name.condition for name in names):
-        for name, terms in equation_terms(condition, tensors[condition], exact.motion.size).items():
-            equations[name] = collected(exact.motion.zero, terms)
+    equations = exact_equations(exact, tensors, names)
     reader = Reader.of(exact.ring, space)
     result = eliminate({name: equations[name] for name in names if equations[name]}, table)
     divisors = [part for step in result.solved for part in (step.content, step.divisor)]
