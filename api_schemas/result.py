@@ -148,9 +148,16 @@ class KindPart(Document):
 
 
 class InsteadPart(Document):
-    """What there is instead of L(q, q'): an L(t, q, q') ("time"), or a natural L with friction D ("rayleigh")."""
+    """What there is instead of L(q, q'): an L(t, q, q') ("time"), or a natural L with friction D ("rayleigh").
 
-    kind: Literal["time", "rayleigh"]
+    Or the L(q, q') of other `equations`: with `conditions` on the parameters ("parameters"), of the reduced system of
+    constraints ("reduced"), with dtau = `clock` dt where `clock` says so.
+    """
+
+    kind: Literal["time", "rayleigh", "parameters", "reduced"]
+    conditions: list[str] = Field(default_factory=list)
+    clock: str = ""
+    equations: dict[str, str] = Field(default_factory=dict)
     lagrangian: LagrangianPart
     hamiltonian: HamiltonianPart | None = None
     dissipation: Formula | None = None

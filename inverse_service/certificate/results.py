@@ -56,8 +56,11 @@ def of_kinds(result: Any, system: Question) -> Iterator[Shown]:
     check_shape(kinds, {kind: {"verdict": VERDICTS} for kind in kinds}, "kinds")
     listed = [*kinds.items()]
     if instead is not None:
-        check_shape(instead, {"kind": "time|rayleigh", "lagrangian": {}, "certificate": {}}, "instead")
-        listed.append((instead["kind"], instead | {"verdict": "variational"}))
+        check_shape(
+            instead, {"kind": "time|rayleigh|parameters|reduced", "lagrangian": {}, "certificate": {}}, "instead"
+        )
+        if instead["kind"] in ("time", "rayleigh"):  # others are about another system
+            listed.append((instead["kind"], instead | {"verdict": "variational"}))
     for kind, answer in listed:
         proof = answer.get("certificate") is not None or answer["verdict"] == "undetermined"
         require(proof, "A kind has no proof.")

@@ -132,6 +132,11 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
 
         part = compared_reduced(given, reduced, end - time.thread_time())
         found = part if part is not None and (found is None or part.verdict != "valid") else found
+    if given is not None and isinstance(result, dict) and result.get("instead"):
+        from inverse_service.service.documents.instead import compared_instead
+
+        other = compared_instead(given, result, end - time.thread_time())
+        found = other if other is not None and (found is None or other.verdict != "valid") else found
     if found is None:
         return alone
     worst = max(alone.verdict, found.verdict, key=_FROM_BEST.index)
@@ -161,7 +166,9 @@ def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
         return
     listed = _object(result.get("nonholonomic")).get("associated")
     associated = listed if isinstance(listed, list) else []
-    kinds = [*_object(result.get("kinds")).values(), result.get("instead")]
+    instead = _object(result.get("instead"))
+    own = instead if instead.get("kind") in ("time", "rayleigh") else None  # others are about another system
+    kinds = [*_object(result.get("kinds")).values(), own]
     answers = (_object(each) for each in (result, result.get("with_time"), *associated, *kinds))
     certificates = [found for each in answers if (found := _object(each.get("certificate")))]
     shown = [Canonical(_system(result), each) for each in certificates[:1]]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from api_schemas.result import Formula, InsteadPart, KindPart, ResultDocument
+from api_schemas.result import Formula, KindPart, ResultDocument
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.names import Names
@@ -16,18 +16,17 @@ from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, invariant, kind_named
 from inverse_service.inverse_problem.of_kind.answering import KindAnswer, answer_kind
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
-from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh, quick_rayleigh, with_rayleigh
+from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh, with_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.branches import on_branch
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents.translate import hamiltonian_part, lagrangian_part, plain
+from inverse_service.service.documents.translate import lagrangian_part, plain
 
 # Of the time for a Lagrangian with friction, what the search for one without may take.
 _SHARE_OF_SEARCH = 0.7
@@ -128,33 +127,13 @@ def _rayleigh(solution: Solution, kind: LagrangianKind, asked: SolveOptions, dea
 
     try:
         analysis = analyse(solution.system)
-        return answer_rayleigh(analysis, _given(asked, solution.system), natural, asked.seed, deadline)
+        return answer_rayleigh(analysis, given_of(asked, solution.system), natural, asked.seed, deadline)
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
 
 
-def _given(asked: SolveOptions, system: SecondOrderSystem) -> tuple[Expression, ...]:
+def given_of(asked: SolveOptions, system: SecondOrderSystem) -> tuple[Expression, ...]:
     return tuple(on_branch(equation, system) for equation in asked.given)
-
-
-def with_instead(result: ResultDocument, solution: Solution, asked: SolveOptions, deadline: float) -> ResultDocument:
-    """The result with what there is instead of L(q, q'), where that is quickly found."""
-    if solution.autonomous is None or solution.autonomous.verdict != "not_variational" or result.branches:
-        return result
-    other = result.with_time
-    if other is not None and other.lagrangian is not None and other.certificate is not None:
-        part = InsteadPart(kind="time", lagrangian=other.lagrangian, hamiltonian=other.hamiltonian,
-                           certificate=other.certificate, checked="valid")  # fmt: skip
-        return result.model_copy(update={"instead": part})
-    found = quick_rayleigh(analyse(solution.system), _given(asked, solution.system), deadline)
-    if found is None or found.lagrangian is None:
-        return result
-    names, lagrangian = solution.system.coordinates, found.lagrangian
-    hamiltonian = hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
-    shown_hamiltonian = None if hamiltonian is None else hamiltonian_part(hamiltonian, names)
-    shown = kind_part(found).model_dump(include={"lagrangian", "dissipation", "certificate", "checked"})
-    part = InsteadPart(kind="rayleigh", hamiltonian=shown_hamiltonian, **shown)
-    return result.model_copy(update={"instead": part})
 
 
 def kind_part(found: KindAnswer) -> KindPart:

@@ -25,6 +25,7 @@ from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service.documents import solving, translate
 from inverse_service.service.documents.checking import compare_motion
+from inverse_service.service.documents.instead import of_reduced
 from inverse_service.service.documents.reduced import reduced_of_report
 from inverse_service.service.documents.translate_nonholonomic import (
     to_any_associated,
@@ -85,6 +86,8 @@ def solve_nonholonomic(
         any_associated=to_any_associated(any_associated),
         reduced=_reduced(report, options, end),
     )
+    if whole.verdict == "not_variational" and any_associated.verdict != "variational":
+        whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
     return solving.ordered(solving.checked(whole, end - time.monotonic()))
 
 

@@ -55,7 +55,8 @@ def solve_document(
     limit = time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
     if result.verdict == "not_variational" or kinds:
         # Loaded when asked for, so that others start sooner.
-        from inverse_service.service.documents.kinds import with_instead, with_kinds
+        from inverse_service.service.documents.instead import with_instead
+        from inverse_service.service.documents.kinds import with_kinds
 
         result = with_instead(result, solution, asked, min(limit, time.monotonic() + QUICKLY))
         result = with_kinds(result, solution, schema, kinds, asked, limit) if kinds else result

@@ -65,10 +65,14 @@ def _kinds(kinds: dict[str, Any]) -> Iterator[str]:
 
 
 def _instead(part: dict[str, Any]) -> Iterator[str]:
-    """Nothing where the Lagrangian with time stands above already."""
+    """Nothing where the Lagrangian stands on the page already."""
     if part["kind"] == "rayleigh":
         yield "Instead: a Lagrangian with friction, d(dL/dx')/dt - dL/dx = dD/dx' for each coordinate x."
         yield from (f"  {sign} = {part[key]['text']}" for sign, key in _FORMULAS)
+    elif part["kind"] == "parameters":
+        yield f"Instead, where {', '.join(part['conditions'])}: a regular Lagrangian L(q, q')."
+        yield f"  L = {part['lagrangian']['text']}"
+    if part["kind"] in ("rayleigh", "parameters"):
         yield f"  independent check: {part['checked']}"
 
 

@@ -171,6 +171,8 @@ class Further:
 KINDS = {
     "rayleigh": "With friction: the Euler-Lagrange expressions of this L are the derivatives of D in the velocities.",
     "time": "A Lagrangian that contains the time.",
+    "parameters": "A Lagrangian where",
+    "reduced": "A Lagrangian of the reduced system",
 }
 SAID = {"variational": "yes", "not_variational": "no", "undetermined": "not settled"}
 
@@ -181,7 +183,8 @@ def further_of(result: Mapping[str, Any]) -> list[Further]:
     found = []
     if result.get("instead"):
         part = result["instead"]
-        found.append(Further(f"Instead: {KINDS[part['kind']]}", _formulas_of(part, names), part["checked"]))
+        where = ", ".join(part.get("conditions") or ()) or (f"with the clock {c}" if (c := part.get("clock")) else "")
+        found.append(Further(f"Instead: {KINDS[part['kind']]} {where}", _formulas_of(part, names), part["checked"]))
     for name, part in (result.get("kinds") or {}).items():
         headline = f"A Lagrangian of the kind \u201c{name}\u201d: {SAID[part['verdict']]}"
         found.append(Further(headline, _formulas_of(part, names), part["checked"] or ""))

@@ -1,0 +1,132 @@
+"""The key `instead` of a result: what holds where there is no L(q, q'), the first of what is quickly found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from api_schemas.nonholonomic import ReducedPart
+from api_schemas.result import ClockPart, InsteadPart, ResultDocument
+from inverse_service.certificate.checker import CheckResult
+from inverse_service.errors import InputError
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Expression, Symbol, substitute
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
+from inverse_service.inverse_problem.of_kind.rayleigh import quick_rayleigh
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Solution
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.inverse_problem.special_cases.conditions import conditions
+from inverse_service.inverse_problem.special_cases.tree import Node, special_cases
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents import translate
+from inverse_service.service.documents.clock import answered, compared_answer
+from inverse_service.service.documents.kinds import given_of, kind_part
+from inverse_service.service.documents.preparing import prepared
+from inverse_service.service.documents.translate import hamiltonian_part
+
+_MOST_CASES = 6
+_SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
+_WRONG = CheckResult("invalid", ("instead is not about the document's system with these parameters.",))
+Values = Mapping[Expression, Expression]
+
+
+def with_instead(result: ResultDocument, solution: Solution, asked: SolveOptions, deadline: float) -> ResultDocument:
+    """The result with an L(t, q, q'), T - V with friction, or parameter values that leave an L(q, q')."""
+    if solution.autonomous is None or solution.autonomous.verdict != "not_variational" or result.branches:
+        return result
+    found = _with_time(result) or _with_friction(solution, asked, deadline)
+    found = found or _with_parameters(solution.system, asked.seed, deadline)
+    return result if found is None else result.model_copy(update={"instead": found})
+
+
+def _with_time(result: ResultDocument) -> InsteadPart | None:
+    other = result.with_time
+    if other is None or other.lagrangian is None or other.certificate is None:
+        return None
+    return InsteadPart(kind="time", lagrangian=other.lagrangian, hamiltonian=other.hamiltonian,
+                       certificate=other.certificate, checked="valid")  # fmt: skip
+
+
+def _with_friction(solution: Solution, asked: SolveOptions, deadline: float) -> InsteadPart | None:
+    found = quick_rayleigh(analyse(solution.system), given_of(asked, solution.system), deadline)
+    if found is None or found.lagrangian is None:
+        return None
+    names, lagrangian = solution.system.coordinates, found.lagrangian
+    hamiltonian = hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
+    shown_hamiltonian = None if hamiltonian is None else hamiltonian_part(hamiltonian, names)
+    shown = kind_part(found).model_dump(include={"lagrangian", "dissipation", "certificate", "checked"})
+    return InsteadPart(kind="rayleigh", hamiltonian=shown_hamiltonian, **shown)
+
+
+def _with_parameters(system: SecondOrderSystem, seed: int, deadline: float) -> InsteadPart | None:
+    """The first of the special cases, parameters given by others, where a Lagrangian is found."""
+    if not system.parameters or system.functions or time.monotonic() > deadline:
+        return None
+    found = special_cases(system, False, deadline, None, seed, _MOST_CASES)
+    for node in _variational(found.root):
+        values = dict(conditions(node.case))
+        left = deadline - time.monotonic()
+        if left < 0 or not values or not all(isinstance(name, Symbol) for name in values):
+            continue
+        options = SolveOptions(time_dependent=False, seed=seed, time_limit=left, conditions=False)
+        special = solve(specialised(system, values), options)
+        answer = special.autonomous
+        if answer is not None and answer.lagrangian is not None and answer.checked == "valid":
+            fields = answered(special.system, answer)
+            texts = [f"{to_text(name)} = {to_text(value)}" for name, value in values.items()]
+            return InsteadPart(kind="parameters", conditions=texts, equations=fields["equations"],
+                               **{key: fields[key] for key in _SHOWN})  # fmt: skip
+    return None
+
+
+def _variational(node: Node) -> Iterator[Node]:
+    if node.case.autonomous == "variational":
+        yield node
+    for child in node.children:
+        yield from _variational(child)
+
+
+def specialised(system: SecondOrderSystem, values: Values) -> SecondOrderSystem:
+    """The system with these values of its parameters, which may hold others."""
+    forces = tuple(collect(substitute(f, dict(values))) for f in system.given)
+    left = tuple(name for name in system.parameters if Symbol(name) not in values)
+    return replace(system, accelerations=forces, parameters=left, branch=None)
+
+
+def of_reduced(reduced: ReducedPart | None) -> InsteadPart | None:
+    """Of a motion on constraints: the reduced system, with Chaplygin's clock where it needs one."""
+    for part in (reduced, reduced and reduced.with_clock):
+        if part is not None and part.lagrangian is not None and part.checked == "valid":
+            shown = {key: getattr(part, key) for key in _SHOWN}
+            clock = part.factor if isinstance(part, ClockPart) else ""
+            return InsteadPart(kind="reduced", equations=part.equations, clock=clock, **shown)
+    return None
+
+
+def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -> CheckResult | None:
+    """The checker's verdict on an `instead` about another system than the document's; None where there is none."""
+    part = result.get("instead")
+    if not isinstance(part, dict) or part.get("kind") not in ("reduced", "parameters"):
+        return None
+    if part["kind"] == "reduced":  # which is compared itself
+        reduced = result.get("reduced") or {}
+        known = [reduced, reduced.get("with_clock") or {}]
+        good = any(all(one.get(key) == part.get(key) for key in (*_SHOWN, "equations")) for one in known)
+        return None if good else _WRONG
+    try:
+        system = translate.to_system(translate.to_schema(prepared(document).document))
+        names = Names(system.coordinates, system.parameters, {})
+        pairs = [text.split(" = ") for text in part["conditions"]]
+        values = {read_formula(name, names): read_formula(value, names) for name, value in pairs}
+    except (InputError, KeyError, ValueError, AttributeError, TypeError):
+        return _WRONG
+    if not values or not {*values} <= {Symbol(name) for name in system.parameters}:
+        return _WRONG
+    return compared_answer({**part, "verdict": "variational"}, specialised(system, values), _WRONG, time_limit)
