@@ -15,6 +15,7 @@ from sympy.printing.mathematica import mathematica_code
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Expression
 from inverse_service.sympy.names import Table
 from inverse_service.sympy.trees import to_sympy
 
@@ -79,16 +80,15 @@ def value(expression: Any) -> complex | None:
     return found if abs(found) < 1e12 else None
 
 
-def outcome(expression: Any, style: str) -> str:
-    """ "same", "refused", "no value", or the two values that differ."""
-    expected = value(expression)
-    if expected is None or abs(expected.imag) > 1e-9:
-        return "no value"
+def outcome(expression: Any, style: str, expected: complex, values: dict[Expression, complex | None]) -> str:
+    """ "same", "refused", "no value", or the two values that differ; `values` of trees that were read before."""
     try:
-        read = to_sympy(read_formula(STYLES[style](expression), NAMES), TABLE)
+        read = read_formula(STYLES[style](expression), NAMES)
     except InputError:
         return "refused"
-    found = value(read)
+    if read not in values:
+        values[read] = value(to_sympy(read, TABLE))
+    found = values[read]
     if found is None:
         return "no value"
     same = abs(found - expected) <= 1e-7 * max(1.0, abs(expected))
@@ -103,8 +103,12 @@ def count(number: int, seed: int) -> tuple[Counter[tuple[str, str]], list[str]]:
         expression = tree(maker, 3)
         if expression.has(sp.zoo, sp.nan, sp.oo, sp.I):
             continue
+        expected = value(expression)
+        if expected is None or abs(expected.imag) > 1e-9:
+            continue
+        values: dict[Expression, complex | None] = {}
         for style in STYLES:
-            found = outcome(expression, style)
+            found = outcome(expression, style, expected, values)
             if found not in ("same", "refused", "no value"):
                 wrong.append(found)
             seen[style, found.partition(":")[0]] += 1
