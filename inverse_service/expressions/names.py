@@ -79,10 +79,12 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     shown = f"the name '{shorten(name)}' is not declared; it stands"
     if name == "d":
         return refusal(shown, column, "write x' and x'' for dx/dt and d^2x/dt^2, diff(u, t) for other derivatives")
+    if follows[:1] == "'" and (meant := readings(name, names)):
+        return refusal(shown, column, f"did you mean {meant[-1]}'? else add its equation too", (f"{meant[-1]}'",))
     if follows[:1] == "'":
         return refusal(shown, column, f"add its equation too; the coordinates are {joined(names.coordinates)}")
     if follows == "(":
-        close = difflib.get_close_matches(name, sorted(FUNCTIONS | set(names.functions)), 1)
+        close = difflib.get_close_matches(name.lower(), sorted(FUNCTIONS | set(names.functions)), 1)
         hint = f" (did you mean {close[0]}?)" if close else ""
         return refusal(
             shown,
@@ -112,33 +114,43 @@ def looks_like_a_coordinate(name: str) -> bool:
 
 
 def readings(name: str, names: Names) -> tuple[str, ...]:
-    """What an undeclared name may be that is known names and at most one letter: kx is k*x, sinx is sin(x).
+    """What an undeclared name may be that is known names and a letter: kx is k*x, sinx is sin(x), omegat is omega*t.
 
-    dx is x' to most and is given both ways; a Greek letter is a name.
+    A letter may have a number (k1x); with a coordinate there may be two (mgx). dx is x' to most and is given both
+    ways; a Greek letter is a name.
     """
-    if name in GREEK.values() or len(name) > _LONGEST_PRODUCT:
+    if name in _GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
     known = {*names.declared(), "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
-    cuts = [_cut(name, known)]
-    for place, letter_alone in enumerate(name):
-        before, after = _cut(name[:place], known), _cut(name[place + 1 :], known)
-        if before is not None and after is not None and letter_alone.isalpha():
-            cuts.append([*before, letter_alone, *after])
-    found = [cut for cut in cuts if cut and len(cut) > 1 and (cut[-1] not in FUNCTIONS or names.role(cut[-1]))]
-    if not found:
+    letters, cut = _cut(name, known)
+    moves = any(part in names.coordinates for part in cut)
+    if len(cut) < 2 or letters > 1 + moves or (cut[-1] in FUNCTIONS and not names.role(cut[-1])):
         return ()
     motion = (f"{name[1:]}'",) if name[0] == "d" and name[1:] in names.coordinates else ()
-    return (*motion, _written(min(found, key=len), names))
+    return (*motion, _written(cut, names))
 
 
-def _cut(word: str, known: Collection[str]) -> list[str] | None:
-    """The word as the fewest known names; None where it cannot be cut so."""
-    best: dict[int, list[str]] = {0: []}
+_GREEK_NAMES = frozenset(GREEK.values())
+_NUMBERED = re.compile(r"([A-Za-z]+)_?[0-9]+")
+
+
+def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
+    """The fewest single letters, and the word as the fewest parts with these; no parts where it cannot be cut."""
+    best: dict[int, tuple[int, list[str]]] = {0: (0, [])}
     for end in range(1, len(word) + 1):
-        cuts = [[*best[k], word[k:end]] for k in range(end) if k in best and word[k:end] in known]
+        cuts = []
+        for start in best:
+            part = word[start:end]
+            match = _NUMBERED.fullmatch(part)
+            stem = match[1] if match else part
+            is_letter = len(stem) == 1 and stem.isalpha()
+            if part in known or stem in _GREEK_NAMES or is_letter:
+                letters, parts = best[start]
+                alone = part not in known and stem not in _GREEK_NAMES
+                cuts.append((letters + alone, [*parts, part]))
         if cuts:
-            best[end] = min(cuts, key=len)
-    return best.get(len(word))
+            best[end] = min(cuts, key=lambda cut: (cut[0], len(cut[1])))
+    return best.get(len(word), (0, []))
 
 
 def _written(parts: Sequence[str], names: Names) -> str:

@@ -24,7 +24,7 @@ _CAPITALS = {
     "Ln": "log", "ArcSin": "asin", "ArcCos": "acos", "ArcTan": "atan", "ArcSinh": "asinh", "ArcCosh": "acosh",
     "ArcTanh": "atanh", "Abs": "abs", "Sign": "sign",
 }  # fmt: skip
-_HEADS = {"Plus": "Add", "Times": "Mul", "Power": "Pow", "Equal": "Eq", "Equality": "Eq", "List": "Tuple"}
+_HEADS = {"Plus": "Add", "Times": "Mul", "Power": "Pow", "pow": "Pow", "Equal": "Eq", "Equality": "Eq", "List": "Tuple"}
 _JOINED = {"Add": "+", "Mul": "*", "Pow": "^", "Eq": "=", "Tuple": ",", "Hold": ","}
 _WORD = re.compile(r"[A-Z]")
 

@@ -29,6 +29,8 @@ NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _HALVES = {"\u00bd": Fraction(1, 2), "\u2153": Fraction(1, 3), "\u2154": Fraction(2, 3), "\u00bc": Fraction(1, 4),
            "\u00be": Fraction(3, 4)}  # fmt: skip
+_ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
+_ELEMENTWISE = {".*": "*", "./": "/", ".^": "^"}  # MATLAB's, the same for numbers
 _COMPARISONS = frozenset("<>\u2264\u2265\u2260")
 _REASONS = {
     "!": "factorials are not accepted, write the number",
@@ -36,7 +38,7 @@ _REASONS = {
     ":": "write the formula alone",
     ".": "a dot belongs to a number such as 0.5",
     "_": "a name begins with a letter",
-    '"': "write the formula without quotation marks",
+    '"': "write two primes '' for a second derivative, and the formula without quotation marks",
     "&": "write equations one after the other, separated by ;",
     "\u221e": "write a finite number",
     "\u222b": "write the integral itself",
@@ -104,8 +106,8 @@ def _next(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Toke
         return [Token("prime", character, place + 1, space, Fraction(PRIMES[character]))], place + 1
     if character in SUPERSCRIPTS or character == SUPERSCRIPT_MINUS:
         return _superscript(text, place, limits)
-    if character == "\u221a":
-        return [Token("name", "sqrt", place + 1, space)], place + 1
+    if character in _ROOTS:
+        return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letter(character)
     if found and found[0] and found[0] != "_":
         return _name(text, place, space, limits)
@@ -173,6 +175,8 @@ def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
         raise refusal("a comparison stands", column, "write an equation with one =")
     if other := _OTHER_PROGRAMS.match(text, place):
         return [Token("operator", sign, column, space) for sign in _SIGNS[other.lastgroup]], other.end()
+    if sign := _ELEMENTWISE.get(text[place : place + 2]):
+        return [Token("operator", sign, column, space)], place + 2
     if text.startswith("**", place):
         return [Token("operator", "^", column, space)], place + 2
     character = OPERATORS.get(character, character)

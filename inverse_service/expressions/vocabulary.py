@@ -75,6 +75,7 @@ REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
     "gamma": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
     "Gamma": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
     "zeta": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
+    "lg": ("is log10 to some and log2 to others", 'write log10(x), or add it to "parameters"'),
     "inf": ("is not a number", "write a finite number"),
     "infinity": ("is not a number", "write a finite number"),
     "Infinity": ("is not a number", "write a finite number"),

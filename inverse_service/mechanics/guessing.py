@@ -221,7 +221,7 @@ def _tokens(text: str, declared: Names) -> list[Token]:
 
 def _looks_like_a_function(name: str) -> bool:
     """Whether the name may be sin or sqrt mistyped; then it is better refused than guessed."""
-    return len(name) > 2 and bool(difflib.get_close_matches(name, FUNCTIONS, 1, 0.7))
+    return len(name) > 2 and bool(difflib.get_close_matches(name.lower(), FUNCTIONS, 1, 0.7))
 
 
 def _is_primed(line: Sequence[Token], place: int) -> bool:
