@@ -55,6 +55,9 @@ class LatexDerivatives(LatexWords, ABC):
             self._emit_call(raw, name, *variables)
         elif 0 < order == len(variables) and {*variables} == {"t"} and not partial:
             self._emit_name(name, raw, order)
+        elif 0 < order == len(variables) and "t" not in variables and (partial or not self._names.role("d")):
+            instead = f'declare {name} in "functions" with its arguments, or write {name}\'({variables[0]})'
+            raise refusal(f"a derivative of {name} by {variables[0]} stands", raw.column, instead)
         else:
             self._place = start
             return False

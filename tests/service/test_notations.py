@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -219,3 +222,25 @@ def test_a_degenerate_lagrangian_has_no_equations_of_motion() -> None:
         solve_document({"lagrangian": "x*y' - y*x'"}, SolveOptions(time_limit=20))
     driven = solve_document({"lagrangian": "x'^2/2 - x*cos(t)"}, SolveOptions(time_limit=20))
     assert driven["conserved"] == []
+
+
+SPELLINGS = [
+    json.loads(line) for line in (Path(__file__).parents[1] / "systems" / "spellings.ndjson").read_text().splitlines()
+]
+
+
+@pytest.mark.parametrize("row", SPELLINGS, ids=lambda row: row["given"])
+def test_what_people_paste_is_read_as_they_mean_it_or_asked_back(row: dict[str, Any]) -> None:
+    document = {"equations": row["given"], "parameters": "guess"}
+    if "refused" in row:
+        with pytest.raises(InputError, match=re.escape(row["refused"])):
+            parse_document(document)
+    else:
+        found = parse_document(document)
+        assert {name: formula["text"] for name, formula in found["equations"].items()} == row["read"]
+        assert (found["guessed"] or []) == row["guessed"]
+
+
+def test_three_hundred_spellings_are_tried_and_most_of_them_are_read() -> None:
+    assert len(SPELLINGS) > 380
+    assert sum("read" in row for row in SPELLINGS) > 200
