@@ -32,6 +32,11 @@ KNOWN: list[tuple[str, dict[str, str], list[str], dict[str, Any], str]] = [
     ("a rotation beside an oscillator", {"x": "-y", "y": "x", "z": "-z"}, [], {}, NO),
     ("Cauchy-Riemann: q'' = q^2 in C", {"x": "x^2-y^2", "y": "2*x*y"}, [], {}, NO),
     ("three different springs", {"x": "-x", "y": "-2*y", "z": "-3*z"}, [], {}, YES),
+    ("gyroscopic stabilization (Thomson, Tait 1879, 345)", {"x": "2*y' + x", "y": "-2*x' + y"}, [], {}, YES),
+    ("two-bar follower load below flutter (Ziegler 1952)", {"x": "-3*x + y", "y": "-x/2 - y"}, [], {}, YES),
+    ("the same beyond flutter", {"x": "-3*x + 2*y", "y": "-2*x - y"}, [], {}, NO),
+    ("Pais-Uhlenbeck, as two oscillators (Bolonek, Kosinski 2005)", {"x": "-x", "y": "-4*y"}, [], {}, YES),
+    ("a Jordan block beside a spring", {"x": "-x + y", "y": "-y", "z": "-2*z"}, [], {}, NO),
     ("no Lagrangian at all (Douglas 1941)", {"x": "x^2+y^2", "y": "0"}, [], {}, NO),
 ]
 

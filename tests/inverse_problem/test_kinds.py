@@ -18,6 +18,10 @@ SPHERE = {"a": "sin(a)*cos(a)*b'^2", "b": "-2*cot(a)*a'*b'"}
 HALF_PLANE = {"x": "2*x'*y'/y", "y": "(y'^2-x'^2)/y"}
 KEPLER = {"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"}
 PENDULUM = {"a": "sin(a)*cos(a)*b'^2 - sin(a)", "b": "-2*cot(a)*a'*b'"}
+TORUS = {"a": "-(2+cos(a))*sin(a)*b'^2", "b": "2*sin(a)*a'*b'/(2+cos(a))"}
+HEISENBERG = {"x": "-y'*(z'-x*y')", "y": "x'*(z'-x*y')", "z": "x*x'*(z'-x*y') + x'*y'"}
+ROTATIONS = {"a": "b'*(c'-cos(b)*a')/sin(b)", "b": "-sin(b)*a'*c'", "c": "b'*(a'-cos(b)*c')/sin(b)"}
+EUCLIDEAN = {"x": "-y'*z'", "y": "x'*z'", "z": "0"}
 ROTATION = {"invariant": [{"x": "-y", "y": "x"}]}
 
 KNOWN: list[tuple[str, dict[str, str], Any, str]] = [
@@ -43,6 +47,21 @@ KNOWN: list[tuple[str, dict[str, str], Any, str]] = [
     ("spherical pendulum", PENDULUM, "natural", YES),
     ("spherical pendulum", PENDULUM, "finsler", NO),
     ("on a line every metric will do: L = exp(2x) x'^2", {"x": "-x'^2"}, "riemannian", YES),
+    ("geodesics of (dx^2 - dy^2)/y^2, indefinite", {"x": "2*x'*y'/y", "y": "(x'^2+y'^2)/y"}, "riemannian", YES),
+    ("geodesics of the torus (do Carmo, Curves and Surfaces, 4.4)", TORUS, "riemannian", YES),
+    ("the flat plane in polar coordinates", {"r": "r*b'^2", "b": "-2*r'*b'/r"}, "riemannian", YES),
+    ("a parabola of the flat plane: y - x^2/2 moves freely", {"x": "0", "y": "x'^2"}, "riemannian", YES),
+    ("left invariant metric of the Heisenberg group (Milnor 1976)", HEISENBERG, "riemannian", YES),
+    ("canonical connection of SO(3) (Thompson 2003)", ROTATIONS, "riemannian", YES),
+    (
+        "canonical connection of E(2): variational, no metric (Ghanam, Thompson, Miller 2004)",
+        EUCLIDEAN,
+        "riemannian",
+        NO,
+    ),
+    ("canonical connection of E(2)", EUCLIDEAN, "natural", NO),
+    ("a conformally Minkowskian quartic spray", {"x": "x'^2", "y": "0"}, "finsler", YES),
+    ("a Finsler spray is homogeneous of degree 2", {"x": "x'*y", "y": "0"}, "finsler", NO),
     ("Douglas 1941, case IIIb: no Lagrangian at all", {"x": "x^2+y^2", "y": "0"}, "natural", NO),
 ]
 

@@ -22,6 +22,13 @@ WITH_FRICTION = [
     ("two masses that share a damper", {"x": "-x-x'", "y": "-y+x'"}),
     ("masses 2 and 1", {"x": "y-x'", "y": "2*x-y'"}),
     ("with gyroscopic terms", {"x": "-x-c*x'+b*y'", "y": "-2*y-k*y'-b*x'"}),
+    ("two masses between walls, each damped", {"x": "-2*x+y-x'", "y": "x-2*y-y'"}),
+    ("a damper between masses 2 and 1", {"x": "-x-(x'-y')/2", "y": "-y+x'-y'"}),
+    ("a damped gyroscope (Merkin 1997, ch. 6)", {"x": "-x-x'+2*y'", "y": "-y-y'-2*x'"}),
+    ("Kepler with drag", {"x": "-x/(x^2+y^2)^(3/2)-c*x'", "y": "-y/(x^2+y^2)^(3/2)-c*y'"}),
+    ("pendulum with drag", {"x": "-sin(x)-c*x'"}),
+    ("van der Pol (Rayleigh 1883)", {"x": "(1-x^2)*x'-x"}),
+    ("circulatory forces with drag: T is indefinite", {"x": "-y-x'", "y": "x-y'"}),
     ("geodesics of the half plane, damped", {"x": "2*x'*y'/y-c*x'", "y": "(y'^2-x'^2)/y-c*y'"}),
 ]
 WITHOUT = [
