@@ -6,8 +6,7 @@
 `Client` and `AsyncClient` have the same methods. docs/rest.md shows each of them at work.
 """
 
-from inverse_service.client.asynchronous import AsyncClient
-from inverse_service.client.blocking import Client
+from inverse_service.client.clients import AsyncClient, Client
 from inverse_service.client.failures import (
     ClientError,
     JobDismissed,

@@ -1,8 +1,8 @@
 """Requests and answers as plain data, and the rule by which a request is repeated.
 
-A flow is a generator that yields a Call or a Pause and is sent the Answer: the two clients only
-differ in how they perform these. Every call may be repeated, also POST: a job's id is a hash of its
-question, so asking twice computes once.
+A flow is a generator that yields steps and is sent what comes of them: an Open the head of an answer, a More the next
+bytes of its body. The two clients only differ in how they perform these. Every call may be repeated, also POST: a
+job's id is a hash of its question, so asking twice computes once.
 """
 
 from __future__ import annotations
@@ -11,16 +11,19 @@ import email.utils
 import random
 import time
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Final, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, TypeVar
 
 from inverse_service.client.failures import ServiceBusy, ServiceUnreachable
-from inverse_service.client.reading import problem_of
+from inverse_service.client.reading import problem_of, unexpected
 
 BUSY: Final = frozenset({429, 502, 503, 504})
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
 JITTER = 1.25
 LOOK_AGAIN = 0.5
+# The largest answers of the service have a tenth of it. After its first seconds a body may come this slowly.
+LARGEST_BODY = 512 * 2**20
+BODY_GRACE, BYTES_A_SECOND = 60.0, 10_000
 NDJSON: Final = "application/x-ndjson"
 
 
@@ -41,7 +44,7 @@ class Answer:
 
     status: int
     headers: Mapping[str, str]
-    body: bytes
+    body: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +54,27 @@ class Pause:
     seconds: float
 
 
+@dataclass(frozen=True, slots=True)
+class Open:
+    """Send a call: the Answer without its body. One answer is open at a time."""
+
+    call: Call
+
+
+@dataclass(frozen=True, slots=True)
+class More:
+    """The next bytes of the body that is open; none at its end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """Something for the caller."""
+
+    value: Any
+
+
 Value = TypeVar("Value")
-Flow = Generator[Call | Pause, Answer | None, Value]
+Flow = Generator[Open | More | Pause | Item, Any, Value]
 
 
 def exchange(call: Call, patience: float) -> Flow[Answer]:
@@ -63,14 +85,26 @@ def exchange(call: Call, patience: float) -> Flow[Answer]:
     repetition = Repetition(patience)
     while True:
         try:
-            answer = yield call
+            answer: Answer = yield Open(call)
+            answer = replace(answer, body=(yield from body_of(call)))
         except ServiceUnreachable as error:
             yield repetition.pause_after(error)
             continue
-        assert answer is not None
         if answer.status not in BUSY:
             return answer
         yield repetition.pause_after(ServiceBusy(answer.status, problem_of(answer.status, answer.body)), answer.headers)
+
+
+def body_of(call: Call) -> Flow[bytes]:
+    """The whole body of the answer that is open. Raises UnexpectedAnswer where it has no end in size or time."""
+    body, began = bytearray(), time.monotonic()
+    while data := (yield More()):
+        body += data
+        if len(body) > LARGEST_BODY:
+            raise unexpected(f"has more than {LARGEST_BODY} bytes")
+        if time.monotonic() - began > BODY_GRACE + len(body) / BYTES_A_SECOND:
+            raise ServiceUnreachable("The answer comes too slowly.")
+    return bytes(body)
 
 
 class Repetition:

@@ -1,4 +1,9 @@
-"""What a client does, call by call; see `calls` for what a flow is."""
+"""What a client does, call by call; see `calls` for what a flow is.
+
+`patience` (s) is the client's: how long a busy or absent service is asked again. The other arguments are the caller's.
+A stream may break at any byte (a proxy, a restart of the service). It is asked for again then, and nothing is handed
+out twice.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +11,53 @@ import json
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol, TypeVar
 from urllib.parse import quote, urlencode
 
 from api_schemas.job import FINAL, Batch, Job, JobList
-from inverse_service.client.calls import NDJSON, Answer, Call, Flow, Pause, exchange, pauses, retry_after
-from inverse_service.client.failures import ClientError, JobDismissed, JobFailed, RequestRefused, WaitedTooLong
-from inverse_service.client.reading import Result, problem_from, problem_of, read, read_value, result_of, unexpected
+from api_schemas.problem import CheckAnswer
+from api_schemas.result import ResultDocument
+from inverse_service.client.calls import (
+    BUSY,
+    LOOK_AGAIN,
+    NDJSON,
+    Answer,
+    Call,
+    Flow,
+    Item,
+    More,
+    Open,
+    Pause,
+    Repetition,
+    body_of,
+    exchange,
+    pauses,
+    retry_after,
+)
+from inverse_service.client.failures import (
+    ClientError,
+    JobDismissed,
+    JobFailed,
+    RequestRefused,
+    ServiceBusy,
+    ServiceUnreachable,
+    WaitedTooLong,
+)
+from inverse_service.client.reading import (
+    BatchAnswer,
+    Event,
+    EventReader,
+    Result,
+    batch_answer,
+    problem_from,
+    problem_of,
+    read,
+    read_value,
+    result_of,
+    unexpected,
+)
 
+Brought = TypeVar("Brought", covariant=True)
 LONGEST_WAIT = 20.0
 DISMISSED = 410
 FIRST_LOOK, LONGEST_LOOK = 0.05, 1.0
@@ -39,14 +83,40 @@ def refusal_of(answer: Answer) -> ClientError:
     return JobFailed(job_id, problem) if job_id else RequestRefused(answer.status, problem)
 
 
-def submit(document: Any, kind: str, time_limit: float | None, fresh: bool, patience: float) -> Flow[Job]:
-    """The stored job of a document, without waiting for its result."""
-    answer = yield from accepted(question(document, kind, "respond-async", time_limit, fresh), patience)
-    return job_of(answer, kind)
-
-
 def solve(
-    document: Any, kind: str, time_limit: float | None, fresh: bool, timeout: float | None, patience: float
+    patience: float,
+    document: Any,
+    *,
+    time_limit: float | None = None,
+    fresh: bool = False,
+    timeout: float | None = None,
+) -> Flow[ResultDocument]:
+    """The result of one system. Raises JobFailed, JobDismissed, or WaitedTooLong after `timeout` s.
+
+    `time_limit` (s) is the service's for the work; `fresh` computes anew what has a stored answer.
+    """
+    result = yield from _asked(patience, document, "solve", time_limit, fresh, timeout)
+    if not isinstance(result, ResultDocument):
+        raise unexpected("is not the result of a system")
+    return result
+
+
+def check(patience: float, result: Any, *, timeout: float | None = None) -> Flow[CheckAnswer]:
+    """The independent checker's verdict on a result."""
+    found = yield from _asked(patience, result, "check", None, False, timeout)
+    if not isinstance(found, CheckAnswer):
+        raise unexpected("is not a verdict of the checker")
+    return found
+
+
+def simulate(patience: float, scene: Any, *, fresh: bool = False, timeout: float | None = None) -> Flow[dict[str, Any]]:
+    """The result of one scene."""
+    result = yield from _asked(patience, scene, "simulate", None, fresh, timeout)
+    return result if isinstance(result, dict) else result.model_dump(mode="json")
+
+
+def _asked(
+    patience: float, document: Any, kind: str, time_limit: float | None, fresh: bool, timeout: float | None
 ) -> Flow[Result]:
     """The result of a document; a quick one comes with the first answer. All within `timeout` s."""
     begin = time.monotonic()
@@ -58,21 +128,29 @@ def solve(
     if answer.status == 200:
         return result_of(read_value(answer.body))
     left = None if timeout is None else timeout - (time.monotonic() - begin)
-    return (yield from wait(job_of(answer, kind).id, left, patience))
+    return (yield from wait(patience, job_of(answer, kind), timeout=left))
 
 
-def wait(job_id: str, timeout: float | None, patience: float) -> Flow[Result]:
-    """The result of a job; raises JobFailed, JobDismissed, or WaitedTooLong after `timeout` s."""
+def submit(
+    patience: float, document: Any, kind: str = "solve", *, time_limit: float | None = None, fresh: bool = False
+) -> Flow[Job]:
+    """The stored job of a document, at once; `kind` is solve, check, simulate or work-precision."""
+    answer = yield from accepted(question(document, kind, "respond-async", time_limit, fresh), patience)
+    return job_of(answer, kind)
+
+
+def wait(patience: float, job: Job | str, *, timeout: float | None = None) -> Flow[Result]:
+    """The result of a job. Raises JobFailed, JobDismissed, or WaitedTooLong after `timeout` s."""
     end = None if timeout is None else time.monotonic() + timeout
     patience = patience if timeout is None else max(0.0, min(patience, timeout))
     for seconds in pauses(FIRST_LOOK, LONGEST_LOOK):
-        answer = yield from accepted(Call("GET", job_path(job_id)), patience)
-        job = read(Job, answer.body)
-        if job.is_final:
-            return outcome(job)
+        answer = yield from accepted(Call("GET", job_path(job)), patience)
+        found = read(Job, answer.body)
+        if found.is_final:
+            return outcome(found)
         seconds = min(seconds, retry_after(answer.headers) or LONGEST_LOOK)
         if end is not None and time.monotonic() + seconds > end:
-            raise WaitedTooLong(job_id, timeout or 0.0)
+            raise WaitedTooLong(found.id, timeout or 0.0)
         yield Pause(seconds)
     raise AssertionError("the pauses never end")
 
@@ -86,55 +164,94 @@ def outcome(job: Job) -> Result:
     return result_of(job.result)
 
 
-def look(job_id: str, patience: float) -> Flow[Job]:
+def job(patience: float, job: Job | str) -> Flow[Job]:
     """The job as it is now."""
-    answer = yield from accepted(Call("GET", job_path(job_id)), patience)
+    answer = yield from accepted(Call("GET", job_path(job)), patience)
     return read(Job, answer.body)
 
 
-def jobs(cursor: str | None, patience: float) -> Flow[JobList]:
-    """One page of the jobs."""
+def jobs(patience: float, cursor: str | None = None) -> Flow[JobList]:
+    """One page of the jobs; its `next` is the cursor of the page after it."""
     query = f"?{urlencode({'cursor': cursor})}" if cursor else ""
     answer = yield from accepted(Call("GET", f"/v1/jobs{query}"), patience)
     return read(JobList, answer.body)
 
 
-def cancel(job_id: str, patience: float) -> Flow[None]:
-    """Have the work stopped; a job that is final already stays as it is."""
-    yield from accepted(Call("DELETE", job_path(job_id)), patience)
+def cancel(patience: float, job: Job | str) -> Flow[None]:
+    """Have the work of a job stopped; one that is final already stays as it is."""
+    yield from accepted(Call("DELETE", job_path(job)), patience)
 
 
-def send_batch(lines: bytes, kind: str, time_limit: float | None, patience: float) -> Flow[Batch]:
-    """The stored batch of NDJSON lines."""
+def submit_batch(
+    patience: float, documents: Iterable[Mapping[str, Any]], kind: str = "solve", *, time_limit: float | None = None
+) -> Flow[Batch]:
+    """The stored batch of documents, at once."""
+    lines = b"".join(json.dumps(document).encode() + b"\n" for document in documents)
     path = "/v1/batches" + query_of(time_limit, kind=kind)
     answer = yield from accepted(Call("POST", path, lines, {"Content-Type": NDJSON}), patience)
     return read(Batch, answer.body)
 
 
-def cancel_batch(batch_id: str, patience: float) -> Flow[Batch]:
-    """Have what is open in a batch, and in no other one, stopped."""
-    answer = yield from accepted(Call("DELETE", batch_path(batch_id)), patience)
+def batch_status(patience: float, batch: Batch | str) -> Flow[Batch]:
+    """The batch as it is now: its counts by status."""
+    answer = yield from accepted(Call("GET", batch_path(batch)), patience)
     return read(Batch, answer.body)
 
 
-def look_at_batch(batch_id: str, patience: float) -> Flow[Batch]:
-    """The batch as it is now."""
-    answer = yield from accepted(Call("GET", batch_path(batch_id)), patience)
+def cancel_batch(patience: float, batch: Batch | str) -> Flow[Batch]:
+    """Have what is open in a batch, and in no other one, stopped; the batch as it is then."""
+    answer = yield from accepted(Call("DELETE", batch_path(batch)), patience)
     return read(Batch, answer.body)
 
 
-def is_final(path: str, patience: float) -> Flow[bool]:
-    """Whether the job or batch at an address will not change any more."""
+def parse(patience: float, document: Any) -> Flow[dict[str, Any]]:
+    """What the service understands of a document."""
+    answer = yield from accepted(Call("POST", "/v1/parse", encoded(document), JSON), patience)
+    return dict(read_value(answer.body))
+
+
+def catalogue(patience: float, name: str | None = None) -> Flow[dict[str, Any]]:
+    """The named systems, or one of them."""
+    path = "/v1/catalogue" if name is None else f"/v1/catalogue/{quote(name, safe='')}"
     answer = yield from accepted(Call("GET", path), patience)
-    value = read_value(answer.body)
-    return isinstance(value, dict) and value.get("status") in FINAL
+    return dict(read_value(answer.body))
 
 
-def fetch(path: str, patience: float, body: Any = None) -> Flow[Any]:
-    """Any JSON answer: what was understood, the catalogue, the limits."""
-    call = Call("GET", path) if body is None else Call("POST", path, encoded(body), JSON)
-    answer = yield from accepted(call, patience)
-    return read_value(answer.body)
+def limits(patience: float) -> Flow[dict[str, Any]]:
+    """Every limit of the service."""
+    answer = yield from accepted(Call("GET", "/v1/limits"), patience)
+    return dict(read_value(answer.body))
+
+
+def items(patience: float, reader: Reader[Any]) -> Flow[None]:
+    """What a stream brings, each as an Item, up to its end; it is begun again where it breaks."""
+    repetition, was_final = Repetition(patience), False
+    while not reader.done:
+        try:
+            answer: Answer = yield Open(reader.call())
+            if answer.status != 200:
+                problem = problem_of(answer.status, (yield from body_of(reader.call())))
+                if answer.status not in BUSY:
+                    raise RequestRefused(answer.status, problem)
+                yield repetition.pause_after(ServiceBusy(answer.status, problem), answer.headers)
+                continue
+            lines = Lines()
+            while data := (yield More()):
+                for item in filter(None, map(reader.feed, lines.feed(data))):
+                    repetition.reset()
+                    yield Item(item)
+                if reader.done:
+                    return
+        except ServiceUnreachable as error:
+            yield repetition.pause_after(error)
+            continue
+        if was_final:
+            return reader.close()
+        answer = yield from accepted(Call("GET", reader.status_path), patience)
+        value = read_value(answer.body)
+        was_final = isinstance(value, dict) and value.get("status") in FINAL
+        if not was_final:
+            yield Pause(LOOK_AGAIN)
 
 
 def question(document: Any, kind: str, prefer: str, time_limit: float | None, fresh: bool) -> Call:
@@ -165,27 +282,103 @@ def encoded(document: Any) -> bytes:
     return document.encode() if isinstance(document, str) else json.dumps(document).encode()
 
 
-def encoded_lines(documents: Iterable[Mapping[str, Any]]) -> bytes:
-    """Documents as NDJSON, one a line."""
-    return b"".join(json.dumps(document).encode() + b"\n" for document in documents)
+def job_path(job: Job | str) -> str:
+    """The address of a job that is given as itself or by its id."""
+    return f"/v1/jobs/{quote(job if isinstance(job, str) else job.id, safe='')}"
 
 
-def job_path(job_id: str) -> str:
-    """The address of a job."""
-    return f"/v1/jobs/{quote(job_id, safe='')}"
-
-
-def batch_path(batch_id: str) -> str:
+def batch_path(batch: Batch | str) -> str:
     """The address of a batch."""
-    return f"/v1/batches/{quote(batch_id, safe='')}"
-
-
-def catalogue_path(name: str | None) -> str:
-    """The address of the catalogue or of one system in it."""
-    return "/v1/catalogue" if name is None else f"/v1/catalogue/{quote(name, safe='')}"
+    return f"/v1/batches/{quote(batch if isinstance(batch, str) else batch.id, safe='')}"
 
 
 def query_of(time_limit: float | None, **more: str) -> str:
     """`?time_limit=S&...`, or nothing."""
     fields = more if time_limit is None else {"time_limit": f"{time_limit:g}", **more}
     return f"?{urlencode(fields)}" if fields else ""
+
+
+class Reader(Protocol[Brought]):
+    """Turns the lines of a stream into items; `done` says that there is no need to ask again.
+
+    `status_path` is the address that tells whether what the stream is about is final.
+    """
+
+    done: bool
+    status_path: str
+
+    def call(self) -> Call:
+        """The request of the stream, or of what is still missing of it."""
+
+    def feed(self, line: str) -> Brought | None:
+        """The item that a line completes, if it completes a new one."""
+
+    def close(self) -> None:
+        """The stream ended whole and nothing will be added; raises UnexpectedAnswer if something is missing."""
+
+
+class Lines:
+    """Whole lines from bytes as they come. Only a line feed ends one: JSON may hold U+2028 and its like."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[str]:
+        """The lines that are whole now, without their ends."""
+        *whole, self._rest = (self._rest + data).split(b"\n")
+        return [line.removesuffix(b"\r").decode("utf-8", "replace") for line in whole]
+
+
+class JobEvents:
+    """The events of a job up to its last one."""
+
+    def __init__(self, job: Job | str) -> None:
+        self.status_path = job_path(job)
+        self._path = f"{self.status_path}/events"
+        self._reader = EventReader()
+        self.done = False
+
+    def call(self) -> Call:
+        last = self._reader.last_id
+        self._reader = EventReader(last)
+        headers = {"Accept": "text/event-stream", **({"Last-Event-ID": last} if last else {})}
+        return Call("GET", self._path, headers=headers)
+
+    def feed(self, line: str) -> Event | None:
+        event = self._reader.feed(line)
+        if event is not None and event.data.get("status") in FINAL:
+            self.done = True
+        return event
+
+    def close(self) -> None:
+        """The last event was lost; there is nothing to miss."""
+
+
+class BatchResults:
+    """The answers of a batch as they come, each one once."""
+
+    def __init__(self, batch: Batch) -> None:
+        self.status_path = batch_path(batch)
+        self._path = f"{self.status_path}/results"
+        self._total = batch.total
+        self._seen: set[Any] = set()
+        self.done = batch.total == 0
+
+    def call(self) -> Call:
+        return Call("GET", self._path)
+
+    def feed(self, line: str) -> BatchAnswer | None:
+        if not line.strip():
+            return None
+        answer = batch_answer(line)
+        key = ("line", answer.line) if answer.line is not None else ("id", answer.id)
+        if key in self._seen:
+            return None
+        self._seen.add(key)
+        self.done = len(self._seen) >= self._total
+        return answer
+
+    def close(self) -> None:
+        missing = self._total - len(self._seen)
+        if missing:
+            raise unexpected(f"lacks {missing} of {self._total} results of a finished batch")

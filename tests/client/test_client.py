@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import socket
 import time
+from collections.abc import AsyncIterator, Iterator
 from email.utils import formatdate
 from typing import Any
 
@@ -25,10 +26,11 @@ from inverse_service.client import (
     ServiceUnreachable,
     UnexpectedAnswer,
     WaitedTooLong,
+    calls,
 )
 from inverse_service.client.calls import retry_after
+from inverse_service.client.flows import Lines
 from inverse_service.client.reading import EventReader
-from inverse_service.client.streams import Lines
 from tests.client.scripted import Broken, Script, answer, asynchronous, blocking, lines
 
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
@@ -273,3 +275,36 @@ def test_the_timeout_of_a_call_holds_where_nobody_is_there_too() -> None:
             with Client(address) as client, pytest.raises(ServiceUnreachable):
                 client.solve({"equations": "x'' = -x"}, timeout=0.3)
     assert time.monotonic() - began < 10
+
+
+class Endless(httpx.SyncByteStream, httpx.AsyncByteStream):
+    """A body that goes on for ever, a little at a time."""
+
+    def __iter__(self) -> Iterator[bytes]:
+        while True:
+            yield b"0" * 100
+
+    async def __aiter__(self) -> AsyncIterator[bytes]:
+        for part in self:
+            yield part
+
+
+@both
+def test_an_answer_without_an_end_is_given_up(ask: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calls, "LARGEST_BODY", 1_000_000)
+    with pytest.raises(UnexpectedAnswer, match="has more than 1000000 bytes"):
+        ask(Script([httpx.Response(200, stream=Endless())]), "limits")
+
+
+@both
+def test_an_answer_that_comes_too_slowly_is_given_up(ask: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calls, "BODY_GRACE", 0.1)
+    monkeypatch.setattr(calls, "BYTES_A_SECOND", 10**15)
+    with pytest.raises(ServiceUnreachable, match="too slowly"):
+        ask(Script([httpx.Response(200, stream=Endless())]), "limits", patience=0.0)
+
+
+def test_what_a_method_takes_is_told_by_its_help() -> None:
+    assert str(inspect.signature(Client.wait)).startswith("(self, job: 'Job | str', *, timeout")
+    assert (Client.wait.__doc__ or "").startswith("The result of a job.")
+    assert Client.wait.__doc__ == AsyncClient.wait.__doc__

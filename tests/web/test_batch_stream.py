@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from inverse_service.client.streams import BatchResults, Lines
+from api_schemas.job import Batch as Document
+from inverse_service.client.flows import BatchResults, Lines
 from inverse_service.service.jobs.model import Batch, BatchAnswer
 from inverse_service.settings import Settings
 from inverse_service.web import routes_batches
@@ -38,6 +39,6 @@ def test_a_silent_stream_sends_empty_lines_that_the_client_skips(monkeypatch: py
     parts = asyncio.run(sent())
     assert parts[:3] == [b"\n"] * 3
     assert json.loads(parts[3]) == {"id": "a", "line": 1, "verdict": "variational"}
-    reader, lines = BatchResults("b", 1), Lines()
+    reader, lines = BatchResults(Document(id="b", status="running", total=1, counts={})), Lines()
     found = [item for line in lines.feed(b"".join(parts)) if (item := reader.feed(line)) is not None]
     assert [answer.id for answer in found] == ["a"]
