@@ -55,6 +55,7 @@ from inverse_service.simulation.scene import (
 )
 from inverse_service.simulation.truth import Truth, exact_trajectory, true_motion
 
+LATE = "The time was over before its turn; take fewer methods or steps, or a longer time limit."
 FAULT = "This method failed by a fault of the program ({}): please report the scene."
 
 
@@ -106,6 +107,10 @@ def run_scene(
     members: list[EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
+        if stop is not None and stop() and scene.ensemble is None:
+            # To compile it and take no step would cost the time in which the others are written.
+            runs.append(MethodRun(requested, Outcome("cancelled", remedy=LATE), None))
+            continue
         try:
             if scene.ensemble is not None:
                 members.append(run_members(scene, derived, requested, stop))

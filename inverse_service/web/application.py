@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Any
 
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
 from inverse_service import __version__
+from inverse_service.errors import InputError
 from inverse_service.settings import Settings
 from inverse_service.web import (
     problems,
@@ -29,6 +32,8 @@ from inverse_service.web.pages.refused import page_of_refusal
 
 TITLE = "inverse-service"
 SUMMARY = "Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."
+# The setting by which every program with OpenTelemetry is told where traces go.
+ENDPOINT = "OTEL_EXPORTER_OTLP_ENDPOINT"
 CORS_HEADERS = (
     "Authorization", "Cache-Control", "Content-Type", "Idempotency-Key", "Last-Event-ID", "Prefer", "X-API-Key",
 )  # fmt: skip
@@ -56,7 +61,27 @@ def create_application(settings: Settings) -> FastAPI:
         app.include_router(part.router)
     app.include_router(routing.router, include_in_schema=False)
     app.openapi = lambda: described(app)  # type: ignore[method-assign]
+    if os.environ.get(ENDPOINT):
+        trace(app)
     return app
+
+
+def trace(app: FastAPI, exporter: Any = None) -> Any:
+    """A span for each request, sent where ENDPOINT says; a caller's `traceparent` is its parent (extra `telemetry`)."""
+    try:
+        from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+        from opentelemetry.instrumentation.fastapi import FastAPIInstrumentor
+        from opentelemetry.sdk.resources import Resource
+        from opentelemetry.sdk.trace import TracerProvider
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor
+    except ImportError:
+        raise InputError(f"{ENDPOINT} is set, which needs: pip install 'inverse-service[telemetry]'.") from None
+    provider = TracerProvider(resource=Resource.create({"service.name": TITLE, "service.version": __version__}))
+    provider.add_span_processor(BatchSpanProcessor(exporter or OTLPSpanExporter()))
+    FastAPIInstrumentor.instrument_app(
+        app, tracer_provider=provider, excluded_urls="livez,readyz,metrics", exclude_spans=["receive", "send"]
+    )
+    return provider
 
 
 @asynccontextmanager

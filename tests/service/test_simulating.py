@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -246,6 +247,22 @@ def test_the_last_step_counts_whatever_the_rhythm_of_records() -> None:
     errors = by_label(found["result"])
     assert 0 < errors["nonholonomic-0.5"]["final_error"] < 1e-2
     assert errors["exact"]["max_error"] == 0
+
+
+def test_methods_whose_turn_comes_after_the_time_limit_are_not_compiled_and_say_so() -> None:
+    """Of 24 methods that each take long, the first ones have points and all have an outcome."""
+    methods = [{"method": "variational", "alpha": k / 23} for k in range(24)]
+    document = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": 0.001, "steps": 1_000_000, "record_every": 1000, "methods": methods,
+    }  # fmt: skip
+    began = time.process_time()
+    found = simulate(document, None, 1.5)["methods"]
+    assert time.process_time() - began < 10.0
+    assert {method["outcome"] for method in found} <= {"completed", "cancelled"}
+    assert found[-1]["outcome"] == "cancelled"
+    assert "before its turn" in found[-1]["reason"]
 
 
 def test_a_run_near_its_time_limit_stops_and_says_so() -> None:

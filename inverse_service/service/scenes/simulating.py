@@ -85,7 +85,8 @@ FORMAT = "inverse-service/simulation/1"
 # Points of a trajectory in a result document; files hold all that were recorded.
 MOST_POINTS = 2001
 MOST_EVENTS = 20_000
-SHARE_OF_RUN = 0.9
+# So much of the time of a scene is kept to observe and write what was computed: a part, of a short one more; s.
+SHARE_AFTER, LEAST_AFTER, LARGEST_SHARE = 0.1, 1.0, 0.3
 
 
 def simulate(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
@@ -120,7 +121,8 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
 
 def _run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
     begun = time.perf_counter()
-    deadline = time.monotonic() + SHARE_OF_RUN * time_limit
+    after = max(SHARE_AFTER * time_limit, min(LEAST_AFTER, LARGEST_SHARE * time_limit))
+    deadline = time.monotonic() + time_limit - after
     schema = scene_schema(document)
     scene, system = read_scene(schema)
     read = time.perf_counter()
