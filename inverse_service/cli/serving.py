@@ -47,7 +47,7 @@ def serve_http(host: str, port: int) -> ExitCode:
     from inverse_service.web import journal
     from inverse_service.web.application import create_application
     from inverse_service.web.connections import KEEP_ALIVE, Connections
-    from inverse_service.web.headers import LARGEST_HEADERS
+    from inverse_service.web.middleware import LARGEST_HEADERS
 
     journal.begin(settings.log_level)
     connections = Connections(_most_connections(settings.connections), settings.client_connections, settings.proxies)

@@ -19,13 +19,10 @@ from inverse_service.web import (
     routes_batches,
     routes_jobs,
     routes_operations,
-    routes_simulation,
 )
 from inverse_service.web.engine import Engine
-from inverse_service.web.head_requests import HeadAsGet
-from inverse_service.web.headers import SecurityHeaders
-from inverse_service.web.leaving import StopWhenLeft
-from inverse_service.web.measuring import Measured
+from inverse_service.web.journal import Measured
+from inverse_service.web.middleware import HeadAsGet, SecurityHeaders, StopWhenLeft
 from inverse_service.web.openapi import described
 from inverse_service.web.pages import routing
 from inverse_service.web.pages.refused import page_of_refusal
@@ -57,7 +54,7 @@ def create_application(settings: Settings) -> FastAPI:
             expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After", "X-Request-ID"],
             max_age=600,
         )
-    for part in (routes, routes_jobs, routes_simulation, routes_batches, routes_operations):
+    for part in (routes, routes_jobs, routes_batches, routes_operations):
         app.include_router(part.router)
     app.include_router(routing.router, include_in_schema=False)
     app.openapi = lambda: described(app)  # type: ignore[method-assign]

@@ -1,15 +1,113 @@
-"""Who asks: the name of an API key, or the address where no keys are asked for."""
+"""Who asks: the name of an API key, of the settings or of a file, or the address where no keys are asked for."""
 
 from __future__ import annotations
 
 import base64
 import binascii
+import datetime
+import hmac
+import logging
+import os
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
 
 from starlette.requests import Request
 
-from inverse_service.service.jobs.ownership import Viewer
-from inverse_service.web.keys import LARGEST_KEY, Keys
+from inverse_service.errors import InputError
+from inverse_service.service.jobs.identity import Viewer
+from inverse_service.settings import Settings, hash_of_key, read_key
 from inverse_service.web.problems import Refusal
+
+log = logging.getLogger(__name__)
+LARGEST_KEY = 200
+LARGEST_FILE = 1_000_000
+# How often the file is looked at, s.
+LOOK = 1.0
+PLACE = "The file INVERSE_SERVICE_API_KEYS_FILE"
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """SHA-256 of a key, the client who has it, and the last day on which it counts (UTC)."""
+
+    client: str
+    digest: str
+    last_day: datetime.date | None = None
+
+    def counts(self) -> bool:
+        """Whether it has not expired."""
+        return self.last_day is None or datetime.datetime.now(datetime.UTC).date() <= self.last_day
+
+
+class Keys:
+    """Which client has a key. Raises InputError at the start where the file cannot be used."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._fixed = tuple(Key(client, digest) for client, digest in settings.api_keys)
+        self._file = None if settings.api_keys_file is None else Path(settings.api_keys_file)
+        self._lock = threading.Lock()
+        self._looked, self._mark = time.monotonic(), self._marked()
+        self._keys = self._fixed + self._of_file()
+
+    @property
+    def are_asked(self) -> bool:
+        """Whether clients need a key; it stays so while the file is empty, for nobody has one then."""
+        return bool(self._fixed) or self._file is not None
+
+    def client_of(self, key: str) -> str | None:
+        """The client whose key this is, None where it is nobody's; takes as long for a wrong key as for a right one."""
+        self._look()
+        digest = hash_of_key(key[:LARGEST_KEY])
+        found = [each for each in self._keys if hmac.compare_digest(digest, each.digest)]
+        return found[0].client if found and key and found[0].counts() else None
+
+    def _look(self) -> None:
+        """Read the file again where it changed; one that cannot be read leaves the keys as they are, and says so."""
+        if self._file is None or time.monotonic() - self._looked < LOOK:
+            return
+        with self._lock:
+            self._looked = time.monotonic()
+            if (mark := self._marked()) == self._mark:
+                return
+            self._mark = mark
+            try:
+                self._keys = self._fixed + self._of_file()
+                log.info("keys read again", extra={"keys": len(self._keys)})
+            except InputError as error:
+                log.error("the keys stay as they were: %s", error.detail)
+
+    def _marked(self) -> tuple[int, int, int] | None:
+        """What changes with the file."""
+        try:
+            found = os.stat(self._file or "")
+        except OSError:
+            return None
+        return found.st_mtime_ns, found.st_size, found.st_ino
+
+    def _of_file(self) -> tuple[Key, ...]:
+        if self._file is None:
+            return ()
+        try:
+            with self._file.open("rb") as stream:
+                lines = stream.read(LARGEST_FILE).decode().splitlines()
+        except (OSError, ValueError) as error:
+            raise InputError(f"{PLACE} cannot be read: {getattr(error, 'strerror', None) or 'not UTF-8'}.") from None
+        return tuple(_key(number, line) for number, line in enumerate(lines, 1) if line.partition("#")[0].strip())
+
+
+def _key(number: int, line: str) -> Key:
+    """`name:HASH`, and the last day after it, as 2030-12-31, where the key expires."""
+    text, _, day = line.partition("#")[0].strip().partition(" ")
+    try:
+        client, digest = read_key(text)
+        return Key(client, digest, datetime.date.fromisoformat(day.strip()) if day.strip() else None)
+    except (ValueError, InputError):
+        raise InputError(
+            f"{PLACE} is wrong in line {number}; a line is 'alice:HASH' or 'alice:HASH 2030-12-31'."
+        ) from None
+
 
 # Holds the key after a person logged in on the page; scripts cannot read it, and other sites never send it.
 COOKIE = "inverse-service-key"

@@ -15,25 +15,24 @@ from typing import Any, ParamSpec, TypeVar
 from inverse_service import __version__
 from inverse_service.service.documents.answers import value_of
 from inverse_service.service.documents.refusals import DocumentRefused
-from inverse_service.service.jobs import body_tasks, tasks
-from inverse_service.service.jobs.batch_lines import BatchTerms
+from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.batch_files import BatchTerms
 from inverse_service.service.jobs.cleaning import Cleaner
 from inverse_service.service.jobs.finishing import LIMITS
-from inverse_service.service.jobs.identity import batch_id
+from inverse_service.service.jobs.identity import Viewer, batch_id
 from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.model import NO_BOUND, Batch, BatchLine, Bounds, Job, JobRequest, StoreUnavailable
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.outcome import Call, Outcome
-from inverse_service.service.jobs.ownership import Viewer
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.worker_process import preload
 from inverse_service.service.jobs.workers import Executor, Workers
 from inverse_service.settings import Settings
-from inverse_service.web.budget import LARGEST_FACTOR, ByteBudget
+from inverse_service.web.bodies import LARGEST_FACTOR, ByteBudget
+from inverse_service.web.clients import Keys
 from inverse_service.web.hub import Hub, until_set
-from inverse_service.web.keys import Keys
 from inverse_service.web.problems import Refusal
 
 log = logging.getLogger(__name__)
@@ -243,7 +242,7 @@ class Engine:
 
     async def read_batch(self, client: str, body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
         """The lines of a batch; raises DocumentRefused or Refusal."""
-        found = await self.read_body(client, body_tasks.batch_task, body, is_array, terms, seconds=LONG_DEADLINE)
+        found = await self.read_body(client, tasks.batch_task, body, is_array, terms, seconds=LONG_DEADLINE)
         lines: list[BatchLine] = found
         return lines
 
@@ -264,9 +263,9 @@ class Engine:
 
     async def check(self, client: str, body: bytes) -> dict[str, Any]:
         """The checker's verdict; a long check goes on among the jobs, and is incomplete at its limit there."""
-        outcome = await self.run_quick(client, body_tasks.check_task, body, seconds=QUICK_DEADLINE)
+        outcome = await self.run_quick(client, tasks.check_body_task, body, seconds=QUICK_DEADLINE)
         if outcome.status == "deadline":
-            call = Call(body_tasks.check_task, (body,), self.settings.time_limit, client=client)
+            call = Call(tasks.check_body_task, (body,), self.settings.time_limit, client=client)
             outcome = await self._run(self._working, call)
         if outcome.status in LIMITS:
             return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
@@ -378,6 +377,6 @@ def _executor(settings: Settings) -> Executor:
     """The pool of this machine, or a cluster where the settings name one."""
     if settings.cluster is None:
         return Workers(settings.workers, settings.memory_limit)
-    from inverse_service.service.cluster.opening import open_cluster
+    from inverse_service.service.jobs.opening import open_cluster
 
     return open_cluster(settings.cluster, settings.memory_limit)

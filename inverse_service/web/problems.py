@@ -15,10 +15,10 @@ from starlette.responses import Response
 
 from inverse_service.errors import InputError, NoWorker, WorkerFailed
 from inverse_service.service.documents.problem_documents import as_bytes, problem_document
-from inverse_service.service.jobs.body_tasks import UNREADABLE
 from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
 from inverse_service.service.jobs.outcome import Place, faults_of
-from inverse_service.web.headers import HEADERS
+from inverse_service.service.jobs.tasks import UNREADABLE
+from inverse_service.web.middleware import HEADERS
 
 log = logging.getLogger(__name__)
 MEDIA_TYPE = "application/problem+json"

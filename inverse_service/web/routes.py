@@ -13,11 +13,10 @@ from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, Limi
 from inverse_service import catalogue
 from inverse_service.expressions.limits import LIMITS
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
-from inverse_service.service.jobs.body_tasks import parse_task
-from inverse_service.web.bodies import json_body_of
-from inverse_service.web.budget import FACTORS
+from inverse_service.service.jobs.tasks import parse_task
+from inverse_service.web.bodies import FACTORS, json_body_of
 from inverse_service.web.clients import client_of, require_client
-from inverse_service.web.describing import BAD_BODY, PARSED, SYSTEM_BODY, refusals
+from inverse_service.web.openapi import BAD_BODY, PARSED, SYSTEM_BODY, refusals
 from inverse_service.web.preferences import DEFAULT_WAIT, MAX_WAIT
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of

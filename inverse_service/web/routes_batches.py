@@ -14,19 +14,17 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.batch_lines import BatchTerms
+from inverse_service.service.jobs.batch_files import BatchTerms
 from inverse_service.service.jobs.model import Batch, StoreUnavailable
-from inverse_service.web.bodies import body_of, content_type, is_json
-from inverse_service.web.budget import FACTORS
+from inverse_service.web.bodies import FACTORS, body_of, content_type, is_json
 from inverse_service.web.clients import client_of, require_client, viewer_of
-from inverse_service.web.describing import BAD_BODY, BATCH_PARAMETERS, JOB_HEADERS, KEY_AND_RATE, refusals
 from inverse_service.web.engine import Engine
 from inverse_service.web.hub import ANY, until_set
-from inverse_service.web.job_answers import RETRY_AFTER, batch_fields
+from inverse_service.web.job_answers import AT_ONCE, RETRY_AFTER, SMALL, batch_fields, lines_of
+from inverse_service.web.openapi import BAD_BODY, BATCH_PARAMETERS, JOB_HEADERS, KEY_AND_RATE, refusals
 from inverse_service.web.preferences import batch_key_of, time_limit_of, wants_fresh
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
-from inverse_service.web.streaming import AT_ONCE, SMALL, lines_of
 
 router = APIRouter(dependencies=[Depends(require_client)])
 NDJSON = "application/x-ndjson"

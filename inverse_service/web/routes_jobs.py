@@ -1,11 +1,11 @@
-"""Questions that become jobs, and the jobs themselves."""
+"""Questions and scenes as jobs: asked, looked at, followed, cancelled."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 from collections.abc import AsyncIterator
-from typing import Literal
+from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, Query
 from starlette.requests import Request
@@ -13,26 +13,27 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from api_schemas.job import Job as JobDocument
 from api_schemas.job import JobList
-from inverse_service.service.jobs.body_tasks import AskingTerms, ask_task
 from inverse_service.service.jobs.event_log import last_event
+from inverse_service.service.jobs.identity import Viewer
 from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
-from inverse_service.service.jobs.ownership import Viewer
-from inverse_service.web.bodies import json_body_of
-from inverse_service.web.budget import FACTORS
+from inverse_service.service.jobs.tasks import AskingTerms, ask_task
+from inverse_service.web.bodies import FACTORS, json_body_of
 from inverse_service.web.clients import client_of, require_client, viewer_of
-from inverse_service.web.describing import (
+from inverse_service.web.engine import LOOK_AGAIN, Engine
+from inverse_service.web.hub import until_set
+from inverse_service.web.job_answers import job_fields, job_response, result_response, whole_job
+from inverse_service.web.openapi import (
     BAD_BODY,
     JOB_HEADERS,
     KEY_AND_RATE,
+    OBJECT,
     SOLVED,
     SYSTEM_BODY,
     TIME_LIMIT_QUERY,
     WRITTEN,
+    body_of,
     refusals,
 )
-from inverse_service.web.engine import LOOK_AGAIN, Engine
-from inverse_service.web.hub import until_set
-from inverse_service.web.job_answers import job_fields, job_response, result_response, whole_job
 from inverse_service.web.preferences import preference_of, time_limit_of, wants_fresh
 from inverse_service.web.problems import Refusal
 
@@ -198,3 +199,26 @@ def _known(found: Job | None) -> Job:
     if found is None:
         raise Refusal(404, "not-found", "There is no job of this id; it may have been forgotten. Ask again.")
     return found
+
+
+SCENE = body_of("SceneDocument") | TIME_LIMIT_QUERY
+ANSWERS: dict[int | str, dict[str, Any]] = {
+    200: OBJECT,
+    202: {"model": JobDocument, "headers": JOB_HEADERS},
+    **BAD_BODY,
+}
+
+
+@router.post("/v1/simulate", responses=ANSWERS, openapi_extra=SCENE)
+async def simulate(request: Request) -> Response:
+    """A scene to its result: each method's outcome, the observed quantities, thinned points.
+
+    A method still running near the time limit is stopped there, and its outcome says so.
+    """
+    return await ask(request, "simulate")
+
+
+@router.post("/v1/work-precision", responses=ANSWERS, openapi_extra=SCENE)
+async def work_precision(request: Request) -> Response:
+    """A scene to error against time for every method, at many step sizes."""
+    return await ask(request, "work-precision")

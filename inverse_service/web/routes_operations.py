@@ -14,8 +14,8 @@ from inverse_service import __version__
 from inverse_service.service.jobs.identity import engine_version
 from inverse_service.service.jobs.metrics import Labels, Metric, gauge, written
 from inverse_service.service.jobs.model import STATUSES
-from inverse_service.web.describing import refusals
 from inverse_service.web.engine import Engine
+from inverse_service.web.openapi import refusals
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.asking import request_of
 from inverse_service.service.jobs.identity import batch_id
+from inverse_service.service.jobs.kinds import request_of
 from inverse_service.service.jobs.model import BatchLine, Usage
 from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.sqlite_store import SqliteStore

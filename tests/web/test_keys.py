@@ -9,8 +9,8 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.settings import Settings, hash_of_key
-from inverse_service.web import keys as keys_module
-from inverse_service.web.keys import Keys
+from inverse_service.web import clients as keys_module
+from inverse_service.web.clients import Keys
 
 DAY = datetime.timedelta(days=1)
 

@@ -10,17 +10,17 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.asking import request_of
-from inverse_service.service.jobs.line_answers import answer_line
+from inverse_service.service.jobs.batch_output import answer_line
+from inverse_service.service.jobs.kinds import request_of
 from inverse_service.service.jobs.model import BatchLine, StoreUnavailable, Usage
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.settings import Settings
-from inverse_service.web import streaming
+from inverse_service.web import job_answers
 from inverse_service.web.engine import Engine
 
-SIZES = (1, 3, streaming.SMALL, streaming.PART // 2, streaming.PART, 3 * streaming.PART + 7)
+SIZES = (1, 3, job_answers.SMALL, job_answers.PART // 2, job_answers.PART, 3 * job_answers.PART + 7)
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_parts_make_the_whole_and_the_length_is_told(store: SqliteStore) -> None
     engine = engine_with(store)
 
     async def sent(id: str) -> tuple[bytes, str]:
-        response: Any = await streaming.stored_response(engine, id, {}, (b"<", b">"))
+        response: Any = await job_answers.stored_response(engine, id, {}, (b"<", b">"))
         body = await joined(response.body_iterator) if hasattr(response, "body_iterator") else response.body
         return body, response.headers["content-length"]
 
@@ -70,16 +70,16 @@ def test_parts_make_the_whole_and_the_length_is_told(store: SqliteStore) -> None
 def test_lines_in_parts_are_those_at_once(store: SqliteStore) -> None:
     answered(store, SIZES)
     whole = b"".join(answer_line(answer) for answer in store.batch_answers("b"))
-    answers = store.batch_answers("b", largest=streaming.SMALL)
+    answers = store.batch_answers("b", largest=job_answers.SMALL)
     assert [answer.body is None for answer in answers] == [False, False, True, True, True, True]
-    assert asyncio.run(joined(streaming.lines_of(engine_with(store), answers))) == whole
+    assert asyncio.run(joined(job_answers.lines_of(engine_with(store), answers))) == whole
 
 
 def test_an_answer_that_changes_while_it_is_read_ends_the_stream(store: SqliteStore) -> None:
     (found,) = answered(store, SIZES[-1:])
 
     async def read() -> None:
-        response: Any = await streaming.stored_response(engine_with(store), found[0], {})
+        response: Any = await job_answers.stored_response(engine_with(store), found[0], {})
         parts = response.body_iterator
         await anext(parts)
         store.submit([request_of("solve", json.loads(store.job(found[0]).document), JobOptions(), fresh=True)])  # type: ignore[union-attr]

@@ -24,8 +24,7 @@ from distributed.scheduler import KilledWorker
 
 from inverse_service.errors import InputError
 from inverse_service.service.cluster import remote
-from inverse_service.service.cluster.fingerprint import Fingerprint, difference, fingerprint
-from inverse_service.service.cluster.orders import Order
+from inverse_service.service.cluster.orders import Fingerprint, Order, difference, fingerprint
 from inverse_service.service.cluster.remote import Terms
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.worker_process import Report

@@ -18,8 +18,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from inverse_service.service.cluster.fingerprint import Fingerprint, difference, fingerprint
-from inverse_service.service.cluster.orders import DONE, Cancel, Order
+from inverse_service.service.cluster.orders import DONE, Cancel, Fingerprint, Order, difference, fingerprint
 from inverse_service.service.jobs.outcome import Outcome
 
 # A cold machine loads the engine and its kernels first; the deadline itself is the host's.

@@ -1,7 +1,7 @@
 """Many systems: every line of a file answered exactly once, in parallel, also after a kill.
 
 The output file is the truth of what is done. The jobs run on the same supervisor as those of the
-service, over a store in the temporary folder that lives as long as the run (`jobs/temporary.py`).
+service, over a store in the temporary folder that lives as long as the run (`jobs/opening.py`).
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ from pathlib import Path
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents.problem_documents import of_input_error
-from inverse_service.service.jobs.asking import request_of
 from inverse_service.service.jobs.batch_files import Line, open_source, read_lines
-from inverse_service.service.jobs.batch_output import Known, Output, key_of, open_output
-from inverse_service.service.jobs.line_answers import answer_line, error_line
+from inverse_service.service.jobs.batch_output import Known, Output, answer_line, error_line, key_of, open_output
+from inverse_service.service.jobs.kinds import request_of
 from inverse_service.service.jobs.model import BULK, BatchAnswer, Job
+from inverse_service.service.jobs.opening import temporary_database
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import Supervisor
-from inverse_service.service.jobs.temporary import temporary_database
 from inverse_service.service.jobs.workers import Executor, Workers
 
 # Jobs that are open at the same time, for each worker: enough that none waits for a line to be read.
@@ -209,7 +208,7 @@ def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
 def _executor(plan: BatchPlan) -> Executor:
     if plan.cluster is None:
         return Workers(plan.workers, plan.options.memory_limit)
-    from inverse_service.service.cluster.opening import open_cluster
+    from inverse_service.service.jobs.opening import open_cluster
 
     return open_cluster(plan.cluster, plan.options.memory_limit)
 

@@ -1,6 +1,7 @@
-"""The id of a job: a hash of the engine, the canonical document and the options; a batch's, of its jobs.
+"""Ids and owners: a job's id is a hash of engine, canonical document and options; a batch's, of its jobs.
 
-The same question has the same id, so it is answered from the store, and its link is permanent.
+The same question has the same id, so it is answered from the store, and its link is permanent. Every call, page,
+picture and stream asks `Viewer.seen` whose a job or a batch is, and nothing else.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ import functools
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from inverse_service import __version__
-from inverse_service.service.jobs.model import BatchLine
+from inverse_service.service.jobs.model import Batch, BatchLine, Job, JobRequest
 
 DIGITS = 40
 # A new page or command does not make an answer another one.
@@ -77,3 +79,38 @@ def _order(document: Any) -> list[str]:
         return []
     equations = document.get("equations")
     return list(equations) if isinstance(equations, Mapping) else []
+
+
+Owned = TypeVar("Owned", Job, Batch)
+
+
+@dataclass(frozen=True, slots=True)
+class Viewer:
+    """Who asks: the client of a key, or an address. `sees_all` where nobody has a key."""
+
+    name: str = ""
+    sees_all: bool = True
+
+    def seen(self, found: Owned | None) -> Owned | None:
+        """What was found, where it is this client's; None, as for what is not there, where it is another's."""
+        return found if found is not None and (self.sees_all or found.client == self.name) else None
+
+    @property
+    def listed(self) -> str | None:
+        """Of which client jobs are listed; None: of all."""
+        return None if self.sees_all else self.name
+
+    def own(self, request: JobRequest) -> JobRequest:
+        """The request as the store takes it.
+
+        With keys each client has jobs of its own, also for the same question: otherwise the time of an answer would
+        tell what another one asked, and one could cancel or renew what is another's.
+        """
+        if self.sees_all:
+            return request
+        id = hashlib.sha256(f"{self.name}\x00{request.id}".encode()).hexdigest()[: len(request.id)]
+        return replace(request, id=id)
+
+    def own_line(self, line: BatchLine) -> BatchLine:
+        """The line of a batch as the store takes it."""
+        return line if line.request is None else replace(line, request=self.own(line.request))

@@ -8,6 +8,8 @@ from typing import Any, Final
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.jobs.identity import job_id, write_json
+from inverse_service.service.jobs.model import INTERACTIVE, JobRequest
 from inverse_service.service.jobs.options import JobOptions
 
 Report = Callable[[Any], None]
@@ -88,3 +90,12 @@ KINDS: Final[dict[str, Kind]] = {
     "simulate": Kind("simulate", _simulate, _look_at_scene),
     "work-precision": Kind("work-precision", _work_precision, _look_at_scene),
 }
+
+
+def request_of(
+    kind: str, document: Any, options: JobOptions, client: str = "", priority: int = INTERACTIVE, fresh: bool = False
+) -> JobRequest:
+    """The request. Raises InputError where the document has not the shape that the kind asks for."""
+    KINDS[kind].look(document)
+    chosen = options.canonical()
+    return JobRequest(job_id(kind, document, chosen), kind, write_json(document), chosen, client, priority, fresh)

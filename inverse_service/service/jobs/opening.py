@@ -1,4 +1,4 @@
-"""Which store the settings ask for, and what a worker process reads of one by itself."""
+"""Which store and which cluster the settings ask for; stores in the temporary folder; answers for worker processes."""
 
 from __future__ import annotations
 
@@ -7,15 +7,70 @@ import contextlib
 import importlib
 import logging
 import os
+import shutil
 import sqlite3
+import stat
+import tempfile
+import time
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
-from inverse_service.service.jobs.sqlite_store import SqliteStore, connect
+from inverse_service.service.jobs.sqlite_store import SqliteStore, SupervisorLock, connect
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.jobs.temporary import temporary_database
+from inverse_service.service.jobs.workers import Executor
+
+PREFIX = "inverse-service-"
+NAME = "jobs.sqlite"
+# A new folder has its lock within a moment; s.
+YOUNG = 60.0
+
+
+@contextlib.contextmanager
+def temporary_database() -> Iterator[Path]:
+    """The path of a database in a new folder, which is removed at the end; so is what killed processes left."""
+    remove_abandoned()
+    folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+    try:
+        yield folder / NAME
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def remove_abandoned() -> None:
+    """Remove this user's temporary stores whose process is gone: the kernel has given their locks back."""
+    with contextlib.suppress(OSError):
+        for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+            if _is_ours(folder) and _is_abandoned(folder / NAME):
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_ours(folder: Path) -> bool:
+    """A folder, not a link to one, of this user, that is no other program's."""
+    with contextlib.suppress(OSError):
+        found = folder.lstat()
+        names = {path.name for path in folder.iterdir()} if stat.S_ISDIR(found.st_mode) else set()
+        is_store = all(name.startswith(NAME) for name in names)
+        return is_store and _user_has(found) and time.time() - found.st_mtime > YOUNG
+    return False
+
+
+def _user_has(found: os.stat_result) -> bool:
+    return not hasattr(os, "getuid") or found.st_uid == os.getuid()
+
+
+def _is_abandoned(database: Path) -> bool:
+    if os.name != "posix" or not database.exists():
+        return False  # without flock nobody can tell
+    try:
+        SupervisorLock(database).release()
+    except (OSError, DatabaseTaken):
+        return False
+    return True
+
 
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
@@ -113,3 +168,20 @@ def _postgres_row(address: str, id: str) -> Any:
     with contextlib.closing(module.connect(address)) as connection:
         row = connection.execute(ANSWER.format("%s"), (id,)).fetchone()
     return None if row is None else (row["document"], row["body"])
+
+
+SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
+
+
+def open_cluster(address: str, memory_limit: int) -> Executor:
+    """The executor, which connects when it is started; `memory_limit` is in MiB a process.
+
+    Raises InputError: the address is none, or the extra `dask` is not installed.
+    """
+    if not address.startswith(SCHEMES):
+        raise InputError("The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786.")
+    if find_spec("distributed") is None:
+        raise InputError("A cluster needs the extra: pip install 'inverse-service[dask]'.")
+    from inverse_service.service.cluster.front import Cluster
+
+    return Cluster(address, memory_limit)

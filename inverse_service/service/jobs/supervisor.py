@@ -13,21 +13,59 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 
 from inverse_service.errors import InverseServiceError
 from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, with_understood
 from inverse_service.service.jobs import finishing, tasks
 from inverse_service.service.jobs.event_log import EventLog
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import MAX_RESTARTS, NO_BOUND, Job, StoreUnavailable
+from inverse_service.service.jobs.model import INTERACTIVE, MAX_RESTARTS, NO_BOUND, Job, StoreUnavailable
 from inverse_service.service.jobs.options import stored_options
 from inverse_service.service.jobs.outcome import Call, Outcome
-from inverse_service.service.jobs.short_lane import AHEAD, ShortLane
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.worker_process import Report
 from inverse_service.service.jobs.workers import FIRST, Executor, Running
+
+# Longer questions wait for their turn like all others, s.
+SHORT = 0.5
+# Jobs that are claimed for clients with nothing running although no worker is free.
+AHEAD = 32
+ENDED = ("done", "refused")
+
+
+@dataclass(slots=True)
+class ShortLane:
+    """Tries jobs that wait for a worker for a moment on processes of another pool; each once.
+
+    A job that ends there is done, and its place among the others is given up; any other goes on waiting.
+    """
+
+    executor: Executor
+    _tried: set[tuple[str, int]] = field(default_factory=set)
+
+    def look(self, claimed: Iterable[tuple[Job, Running]], end: Callable[[Job, Outcome], None]) -> None:
+        """Try what waits; `end` is called with each job that ended, from another thread."""
+        claimed = list(claimed)
+        busy = {job.client for job, task in claimed if task.has_begun}
+        self._tried &= {(job.id, job.attempt) for job, _ in claimed}
+        for job, task in claimed:
+            key = (job.id, job.attempt)
+            if job.priority == INTERACTIVE and job.client not in busy and key not in self._tried:
+                self._tried.add(key)
+                self._try(job, task, end)
+
+    def _try(self, job: Job, task: Running, end: Callable[[Job, Outcome], None]) -> None:
+        call = replace(task.call, deadline=min(SHORT, task.call.deadline))
+        running = self.executor.submit(call, task.report)
+        running.outcome.add_done_callback(lambda done: _ended(job, done.result(), end))
+
+
+def _ended(job: Job, outcome: Outcome, end: Callable[[Job, Outcome], None]) -> None:
+    if outcome.status in ENDED:
+        end(job, outcome)
+
 
 log = logging.getLogger(__name__)
 FINISHERS = 4

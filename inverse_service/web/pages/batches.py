@@ -13,9 +13,9 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.mechanics.document_names import GUESS
-from inverse_service.service.jobs.line_answers import answer_line
+from inverse_service.service.jobs.batch_output import answer_line
 from inverse_service.service.jobs.model import BatchAnswer
-from inverse_service.web.budget import FACTORS
+from inverse_service.web.bodies import FACTORS
 from inverse_service.web.clients import viewer_of
 from inverse_service.web.pages.answers import proof_of
 from inverse_service.web.pages.calls import call

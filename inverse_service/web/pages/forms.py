@@ -9,8 +9,8 @@ from urllib.parse import parse_qs
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents.refusals import DocumentRefused
-from inverse_service.service.jobs.body_tasks import UNREADABLE
 from inverse_service.service.jobs.outcome import Place
+from inverse_service.service.jobs.tasks import UNREADABLE
 
 MAX_FIELDS = 120
 _BOUNDARY = re.compile(r'boundary="?([^";]{1,70})"?', re.IGNORECASE)

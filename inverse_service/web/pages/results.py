@@ -19,7 +19,7 @@ from inverse_service.service.jobs.model import Job
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
-from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known
+from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import figures, simulations
 from inverse_service.web.pages.calls import Answer, call
 from inverse_service.web.pages.exports import LANGUAGES
@@ -38,7 +38,6 @@ from inverse_service.web.pages.result_tasks import (
 )
 from inverse_service.web.pages.visitor import VISITOR
 from inverse_service.web.problems import Refusal
-from inverse_service.web.streaming import stored_response
 
 router = APIRouter()
 IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")

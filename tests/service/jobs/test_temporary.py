@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
+from inverse_service.service.jobs.opening import YOUNG, temporary_database
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.temporary import YOUNG, temporary_database
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs flock")
 HOLD = """
 import sys
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.temporary import temporary_database
+from inverse_service.service.jobs.opening import temporary_database
 with temporary_database() as database:
     store = SqliteStore(database, durable=False)
     print(database.parent, flush=True)

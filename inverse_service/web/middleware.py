@@ -1,0 +1,171 @@
+"""What every request passes: strict headers for the browser, HEAD as GET, work that stops when nobody waits."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Sequence
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from inverse_service.service.documents.problem_documents import as_bytes, problem_document
+
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; style-src 'self'; img-src 'self'; form-action 'self'; "
+        "base-uri 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "X-Frame-Options": "DENY",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Cache-Control": "no-store",
+}
+
+LARGEST_HEADERS = 32_768
+
+
+class SecurityHeaders:
+    """Adds HEADERS to every response that does not set them itself.
+
+    Refuses requests with too large ones (431), and those to another host than `hosts` (421): a page elsewhere may let
+    its own name point to this machine. No `hosts`: any is taken.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: Sequence[str] = ()) -> None:
+        self.app = app
+        self._hosts = frozenset(host.lower() for host in hosts)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > LARGEST_HEADERS:
+            detail = f"The headers have more than {LARGEST_HEADERS} bytes; send less."
+            await _refuse(431, "headers-too-large", detail, (scope, receive, send))
+            return
+        if self._hosts and not self._hosts & {host_of(scope), "*"}:
+            detail = "This service does not answer to this host name; its operator lists them in INVERSE_SERVICE_HOSTS."
+            await _refuse(421, "host", detail, (scope, receive, send))
+            return
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        await self.app(scope, receive, send_with_headers)
+
+
+def host_of(scope: Scope) -> str:
+    """The name in the Host header, in small letters and without its port."""
+    text = Headers(scope=scope).get("host", "").lower()
+    name, _, port = text.rpartition(":")
+    return name if name and port.isdigit() else text
+
+
+async def _refuse(status: int, kind: str, detail: str, call: tuple[Scope, Receive, Send]) -> None:
+    content = as_bytes(problem_document(status, kind, detail))
+    await Response(content, status, headers=HEADERS, media_type="application/problem+json")(*call)
+
+
+STREAMS = ("/events", "/results")
+
+
+class HeadAsGet:
+    """Middleware for all routes that are read with GET."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["method"] != "HEAD" or scope["path"].endswith(STREAMS):
+            await self.app(scope, receive, send)
+            return
+
+        async def send_head(message: Message) -> None:
+            await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
+
+        await self.app({**scope, "method": "GET"}, receive, send_head)
+
+
+GONE: Message = {"type": "http.disconnect"}
+
+
+class StopWhenLeft:
+    """Middleware that cancels the work on a request when its client closes the connection before the answer is out.
+
+    What was stored for it by then, such as a job, stays.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        visit = _Visit(receive)
+        work = asyncio.ensure_future(self.app(scope, visit.receive, send))
+        watch = asyncio.ensure_future(visit.left.wait())
+        try:
+            await asyncio.wait((work, watch), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            visit.close()
+            watch.cancel()
+            if not work.done():
+                work.cancel()
+        if visit.left.is_set() and not work.done():
+            with contextlib.suppress(asyncio.CancelledError):
+                await work
+        else:
+            await work
+
+
+class _Visit:
+    """The messages of one request; from the end of its body on the connection is watched."""
+
+    def __init__(self, receive: Receive) -> None:
+        self._receive = receive
+        self._first: asyncio.Task[Message] | None = asyncio.ensure_future(self._begun())
+        self._watch: asyncio.Task[None] | None = None
+        self.left = asyncio.Event()
+
+    async def receive(self) -> Message:
+        """What the application asks for."""
+        if self._first is not None:
+            message, self._first = await self._first, None
+            return message
+        if self._watch is not None:
+            await self.left.wait()
+            return GONE
+        return self._noted(await self._receive())
+
+    def close(self) -> None:
+        """The request is answered."""
+        for task in (self._first, self._watch):
+            if task is not None:
+                task.cancel()
+
+    async def _begun(self) -> Message:
+        """The first part of the body, taken before anybody asks: most requests have no other."""
+        return self._noted(await self._receive())
+
+    def _noted(self, message: Message) -> Message:
+        if message["type"] == GONE["type"]:
+            self.left.set()
+        elif not message.get("more_body", False):
+            self._watch = asyncio.ensure_future(self._until_left())
+        return message
+
+    async def _until_left(self) -> None:
+        while (await self._receive())["type"] != GONE["type"]:
+            pass
+        self.left.set()
