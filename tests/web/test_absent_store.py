@@ -152,7 +152,10 @@ def test_a_store_that_can_be_read_and_not_written_is_not_ready() -> None:
     class ReadOnly:
         written = 0
 
-        def counts(self) -> dict[str, int]:
+        def is_drained(self) -> bool:
+        return False
+
+    def counts(self) -> dict[str, int]:
             return {}
 
         def try_to_write(self) -> None:
