@@ -153,9 +153,9 @@ def test_a_store_that_can_be_read_and_not_written_is_not_ready() -> None:
         written = 0
 
         def is_drained(self) -> bool:
-        return False
+            return False
 
-    def counts(self) -> dict[str, int]:
+        def counts(self) -> dict[str, int]:
             return {}
 
         def try_to_write(self) -> None:
