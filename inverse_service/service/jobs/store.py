@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar, TypeVar
 
-from inverse_service.service.jobs import statements
+from inverse_service.service.jobs import statements, upkeep
 from inverse_service.service.jobs.model import (
     NO_BOUND,
     Batch,
@@ -202,7 +202,7 @@ class JobStore(ABC):
         while (step := self._forget(oldest))[0]:
             forgotten += step[1]
         while self._used_bytes() > largest:
-            moment = self._read(lambda s: statements.oldest_moment(s, OLDEST))
+            moment = self._read(lambda s: upkeep.oldest_moment(s, OLDEST))
             step = (0, 0) if moment is None else self._forget(moment)
             if not step[0]:
                 break
@@ -210,7 +210,7 @@ class JobStore(ABC):
         return forgotten
 
     def _forget(self, before: float) -> tuple[int, int]:
-        return self._write(lambda s: statements.forget(s, before, STEP), durable=False)
+        return self._write(lambda s: upkeep.forget(s, before, STEP), durable=False)
 
     # What follows is for an operator; a service that runs over the same store hears of it within seconds.
 
@@ -220,27 +220,27 @@ class JobStore(ABC):
 
     def drain(self, drained: bool) -> None:
         """Let no job begin any more, or let them begin again."""
-        self._write(lambda s: statements.drain(s, drained), lambda _: [""])
+        self._write(lambda s: upkeep.drain(s, drained), lambda _: [""])
 
     def clients(self) -> list[ClientUse]:
         """Who has something in the store, or a rank."""
-        return self._read(statements.clients)
+        return self._read(upkeep.clients)
 
     def rank_client(self, client: str, rank: int) -> None:
         """The jobs of a client, also those to come, begin before (-1), with (0) or after (1) those of the others."""
-        self._write(lambda s: statements.rank_client(s, client, rank))
+        self._write(lambda s: upkeep.rank_client(s, client, rank))
 
     def prioritise_batch(self, id: str, priority: int) -> int:
         """Give the open jobs of a batch this priority; below 0 goes before all others, above 10 after them."""
-        return self._write(lambda s: statements.prioritise_batch(s, id, priority))
+        return self._write(lambda s: upkeep.prioritise_batch(s, id, priority))
 
     def dismiss_client(self, client: str) -> list[str]:
         """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for, which stop."""
-        return self._write(lambda s: statements.leave_all(s, client), lambda ids: [*ids, ""])
+        return self._write(lambda s: upkeep.leave_all(s, client), lambda ids: [*ids, ""])
 
     def erase_client(self, client: str) -> int:
         """Forget all jobs, answers and batches of a client that no other one asked for; how many jobs."""
-        return self._write(lambda s: statements.erase(s, client), lambda _: [""])
+        return self._write(lambda s: upkeep.erase(s, client), lambda _: [""])
 
 
 def _ids(jobs: Iterable[Job]) -> list[str]:

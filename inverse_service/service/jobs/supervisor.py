@@ -68,6 +68,7 @@ def _ended(job: Job, outcome: Outcome, end: Callable[[Job, Outcome], None]) -> N
 
 
 log = logging.getLogger(__name__)
+DEATHS = ("inverse_service_worker_deaths_total", "Workers that died.")
 FINISHERS = 4
 TICK = 0.1
 HEARTBEAT = 5.0
@@ -97,6 +98,8 @@ class Supervisor:
         quick: Executor | None = None,
     ) -> None:
         self.counters = counters or Counters()
+        for how in ("crash", "killed"):  # an alert on what grows needs a beginning
+            self.counters.add(*DEATHS, 0.0, how=how)
         self.events = EventLog(store)
         self._store, self._executor = store, executor
         self._client_running = client_running or NO_BOUND
@@ -256,7 +259,7 @@ class Supervisor:
         label = finishing.finish(self._store, job, outcome)
         self.events.end(job)
         if outcome.status in ("crash", "killed"):
-            self.counters.add("inverse_service_worker_deaths_total", "Workers that died.", how=outcome.status)
+            self.counters.add(*DEATHS, how=outcome.status)
         spent = outcome.spent
         about = {"kind": job.kind, "outcome": label}
         self.counters.add("inverse_service_jobs_total", "Runs of jobs by how they ended.", kind=job.kind, outcome=label)
