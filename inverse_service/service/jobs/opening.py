@@ -19,7 +19,7 @@ from typing import Any
 
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
-from inverse_service.service.jobs.sqlite_store import SqliteStore, SupervisorLock, connect
+from inverse_service.service.jobs.sqlite_store import Damaged, SqliteStore, SupervisorLock, connect
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.workers import Executor
 
@@ -142,7 +142,7 @@ def _store_at(path: Path) -> SqliteStore:
 
 
 def _reason(error: Exception) -> str:
-    if isinstance(error, WrongVersion):
+    if isinstance(error, WrongVersion | Damaged):
         return str(error)
     return getattr(error, "strerror", None) or "it is no database of this program"
 

@@ -104,6 +104,10 @@ def connect(path: str, read_only: bool = False) -> sqlite3.Connection:
     return connection
 
 
+class Damaged(sqlite3.DatabaseError):
+    """A database of this program that cannot be worked with."""
+
+
 def prepare(connection: sqlite3.Connection) -> None:
     """Write-ahead log, tables, those of an older version brought to this one; all of it or nothing.
 
@@ -112,11 +116,17 @@ def prepare(connection: sqlite3.Connection) -> None:
     found = _number(connection, "user_version")
     script = schema.script(found, schema.SQLITE)
     _refuse_other_tables(connection, found)
+    is_small = _number(connection, "page_count") * _number(connection, "page_size") < REWRITTEN
+    if is_small and connection.execute("PRAGMA quick_check(1)").fetchone()[0] != "ok":
+        raise Damaged("it is damaged; put a backup in its place")
     connection.execute("PRAGMA auto_vacuum = INCREMENTAL")  # heard by a new file, and by VACUUM
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute(f"PRAGMA journal_size_limit = {REWRITTEN // 4}")
     connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {schema.VERSION}; COMMIT;")
-    is_small = _number(connection, "page_count") * _number(connection, "page_size") < REWRITTEN
+    with contextlib.closing(connect(":memory:")) as fresh:
+        fresh.executescript(schema.script(0, schema.SQLITE))
+        if missing := _columns(fresh) - _columns(connection):
+            raise Damaged(f"it lacks {' '.join(min(missing))}; put a backup in its place")
     if _number(connection, "auto_vacuum") == 0 and is_small:
         connection.execute("VACUUM")
 
@@ -134,6 +144,12 @@ def _refuse_other_tables(connection: sqlite3.Connection, version: int) -> None:
         raise sqlite3.DatabaseError("tables are missing")
     if not version and tables - {"sqlite_sequence"}:
         raise sqlite3.DatabaseError("the tables are those of another program")
+
+
+def _columns(connection: sqlite3.Connection) -> set[tuple[str, str]]:
+    """All (table, column)."""
+    query = "SELECT t.name, c.name FROM sqlite_schema AS t, pragma_table_info(t.name) AS c WHERE t.type = 'table'"
+    return {(row[0], row[1]) for row in connection.execute(query) if row[0] != "sqlite_sequence"}
 
 
 def _number(connection: sqlite3.Connection, name: str) -> int:

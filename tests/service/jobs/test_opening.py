@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import sqlite3
 from pathlib import Path
 
 import pytest
 
 from inverse_service.errors import InputError
+from inverse_service.service.jobs.model import JobRequest
 from inverse_service.service.jobs.opening import default_path, open_store
+from inverse_service.service.jobs.sqlite_store import SqliteStore
 
 
 def test_a_path_is_made_with_its_folders(tmp_path: Path) -> None:
@@ -48,3 +52,21 @@ def test_without_a_name_it_is_the_file_of_the_user_or_else_a_temporary_one(
     assert "temporary folder" in caplog.text
     second.close()
     first.close()
+
+
+def test_a_damaged_database_is_refused_at_the_start_with_what_to_do(tmp_path: Path) -> None:
+    lacking, flipped = tmp_path / "lacking.sqlite", tmp_path / "flipped.sqlite"
+    for path in (lacking, flipped):
+        store = SqliteStore(path)
+        store.submit([JobRequest(f"{k}", "solve", "x" * 1000) for k in range(200)])
+        store.close()
+    with contextlib.closing(sqlite3.connect(lacking)) as connection:
+        connection.execute("ALTER TABLE jobs DROP COLUMN wall")
+    data = bytearray(flipped.read_bytes())
+    for place in range(4096 * 4, len(data), 3 * 4096):
+        data[place : place + 4096] = bytes(4096)
+    flipped.write_bytes(data)
+    with pytest.raises(InputError, match="it lacks jobs wall; put a backup"):
+        open_store(str(lacking))
+    with pytest.raises(InputError, match="it is damaged; put a backup"):
+        open_store(str(flipped))
