@@ -47,6 +47,7 @@ from .series import Count, Elimination, Expansion, Row, Step, followed, symbol_o
 
 PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
 MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
+LOOKS = 24  # for points at which a formula is not defined
 MAX_ATOMS = 40  # between which all linear relations are looked for
 # Of each kind the order of the condition on g, that of the derivatives of f in it, and the places i, j of its rows.
 KindsOfRows = dict[str, tuple[int, int, list[tuple[int, ...]]]]
@@ -69,6 +70,11 @@ class Claims:
     regular: list[tuple[list[list[Number]], str]]
 
 
+def no_claims(ring: Expansion) -> Claims:
+    ring.question.read(ring)
+    return Claims([(tie, "") for tie in ring.ties], [])
+
+
 class Question:
     """A system q'' = f as read, whether L may depend on t, and the checks of certificates that answer this.
 
@@ -88,6 +94,8 @@ class Question:
         self.set_of_claim(claim)
         self.integrals = dict[str, tuple[list[str], tuple[str, tuple[str, ...]]]]()
         self.kinds_of_rows = self.listed_rows()
+        self.held = False
+        self.claimed: tuple[Callable[[Expansion], Claims], int] = (no_claims, 0)
         self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
 
     def read_system(self, document: Any) -> None:
@@ -118,13 +126,8 @@ class Question:
         require({*near} <= self.names, "near holds a name that the system does not know.")
         self.near = {name: Fraction(value) for name, value in near.items()}
         check_shape(claim, shape, "certificate")
-        self.conditions, self.roots = list[tuple[tuple[str, ...], ...]](), list[tuple[tuple[str, ...], ...]]()
-        for text in claim.get("conditions") or []:
-            sides = re.split("[<>]", text)
-            require(len(sides) == 2, "A condition has to be of the form A > B or A < B.")
-            self.conditions.append(
-                tuple(read_tokens(side, "conditions") for side in sides[:: 1 if ">" in text else -1])
-            )
+        self.conditions = [read_condition(text) for text in claim.get("conditions") or []]
+        self.roots = list[tuple[tuple[str, ...], tuple[str, ...]]]()
         for entry in claim.get("roots") or []:
             check_shape(entry, {"root": TEXT, "is": TEXT}, "roots")
             self.roots.append((read_tokens(entry["root"], "roots.root"), read_tokens(entry["is"], "roots.is")))
@@ -143,6 +146,7 @@ class Question:
         degree, ring.degree = ring.degree, 0
         for more, less in self.conditions if hinted else ():
             ring.elementary("log", ring.add([Reader(ring, more).value, Reader(ring, less).value], [1, -1]))
+        self.held = True  # the conditions
         for root, said in self.roots if hinted else ():
             ring.elementary("log", value := Reader(ring, said).value)
             ring.ties.append(
@@ -186,6 +190,27 @@ class Question:
             except (Undefined, Unsettled):
                 self.check_time()
         raise Ended("incomplete", "No point was found at which every formula is defined and every condition holds.")
+
+    def look_around(self) -> int:
+        """At random points where the conditions hold, near and far, every formula has a value and all zeros hold."""
+        (claims, degree), seen = self.claimed, 0
+        for attempt in range(LOOKS):
+            self.check_time()
+            start = self.place.values if attempt % 2 else dict.fromkeys(self.names, Fraction(0))
+            values = {name: start[name] + Fraction(self.generator.randrange(-9999, 9999), 7 << attempt % 16)
+                      for name in sorted(self.names)}  # fmt: skip
+            with ctx.workprec(PRECISIONS[0]):
+                try:
+                    self.held, arithmetic = False, Balls(self, Place(self.generator, values), None)
+                    zeros = claims(self.expansion(arithmetic, degree)).zeros
+                    good = all(value.contains(0) for zero, _ in zeros for value in zero.values())
+                    require(good, "What is claimed does not hold wherever the conditions hold.")
+                    seen += 1
+                except Undefined:
+                    require(not self.held, "The formulas are not defined wherever the conditions hold.")
+                except Unsettled:
+                    pass
+        return seen
 
     def traced(self, ring: Expansion) -> list[tuple[bool, bool, arb]]:
         self.read(ring)
@@ -265,7 +290,7 @@ class Question:
 
     def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
         """Zeros by algebra, regular matrices by balls; what is not zero in the ring may be refuted by balls."""
-        doubts = dict[int, str]()
+        doubts, self.claimed = dict[int, str](), (claims, degree)
 
         def exact(ring: Expansion) -> None:
             found = claims(ring)
@@ -505,14 +530,25 @@ def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> 
     return (check_certificate if kind in (FORMAT, OLD_FORMAT) else check_result)(document, time_limit, seed)
 
 
+def read_condition(text: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The tokens of A and B, for A > B and for B < A."""
+    sides = re.split("[<>]", text)
+    require(len(sides) == 2, "A condition has to be of the form A > B or A < B.")
+    more, less = (read_tokens(side, "conditions") for side in sides[:: 1 if ">" in text else -1])
+    return more, less
+
+
 def check_certificate_shape(document: Any) -> None:
     if isinstance(document, dict) and document.get("format") == OLD_FORMAT:
         raise Ended("incomplete", OLD)
     check_shape(document, CERTIFICATE, "certificate")
 
 
-def certified(document: Any, tools: Tools) -> str:
-    """Check a certificate; the sentence that says what was found."""
+def certified(document: Any, tools: Tools, everywhere: bool = False) -> str:
+    """Check a certificate; the sentence that says what was found.
+
+    `everywhere`: also look whether the formulas are defined wherever the conditions hold.
+    """
     check_certificate_shape(document)
     kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
@@ -525,4 +561,7 @@ def certified(document: Any, tools: Tools) -> str:
     about = Motion if moving else Question if among is None else Definite if among == "positive_definite" else OfKind
     asked = about(tools, document["system"], document["question"] == "time_dependent", document)
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
-    return checks[kind](document) + (f" Only Lagrangians of a kind are meant: {among}." if among is not None else "")
+    sentence = checks[kind](document)
+    if everywhere and not asked.rational:
+        asked.look_around()
+    return sentence + (f" Only Lagrangians of a kind are meant: {among}." if among is not None else "")

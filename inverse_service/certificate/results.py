@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from .checker import Question, Tools, certified, check_certificate_shape
-from .formulas import RESULT, VERDICTS, Ended, check_shape, read_tokens, require
+from .checker import Question, Tools, certified, check_certificate_shape, read_condition
+from .formulas import MAX_LISTED, RESULT, TEXT, VERDICTS, Ended, check_shape, read_tokens, require
 from .kinds import named
 
 DIFFERENT = "The {} of an answer is not the one that its certificate proves."
@@ -43,7 +43,7 @@ def compared(result: Any, tools: Tools) -> list[str]:
     certificates = [agreed(shown, system, tools) for shown in main]
     others = [agreed(shown, system, tools) for shown in of_kinds(result, system)]
     others += on_constraints(result, timed, tools)
-    found = [certified(one, tools) for one in (*certificates, *others) if one]
+    found = [certified(one, tools, everywhere=True) for one in (*certificates, *others) if one]
     proven = later is None or any(one and proves(one, "time_dependent", later) for one in certificates)
     if not proven or None in certificates or "undetermined" in (verdict, later):
         raise Ended("incomplete", "A verdict is undetermined, or no certificate proves it.")
@@ -113,6 +113,18 @@ def agreed(shown: Shown, system: Question, tools: Tools) -> Any:
     for key in ("lagrangian", "dissipation"):
         proven = formula_of(certificate, key) if certificate["kind"] == "lagrangian" else None
         require(formula_of(answer, key) == proven, DIFFERENT.format(key))
+    part, held = answer.get("lagrangian"), [read_condition(text) for text in certificate.get("conditions") or []]
+    for holder in (answer, part if isinstance(part, dict) else {}):
+        listed = holder.get("domain")
+        check_shape(listed or [], [TEXT, MAX_LISTED], "domain")
+        same = listed is None or {read_condition(text) for text in listed if "!=" not in text} == {*held}
+        require(same, "The domain of an answer is not that of its certificate.")
+    good = answer.get("checked") in (None, "valid") and (
+        answer.get("near") or certificate.get("near")
+    ) == certificate.get("near")
+    require(good, "An answer does not show what its certificate says.")
+    same = not answer.get("integrals") or answer["integrals"] == certificate.get("integrals")
+    require(same, DIFFERENT.format("integrals"))
     return certificate
 
 

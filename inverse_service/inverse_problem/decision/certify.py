@@ -12,6 +12,7 @@ from inverse_service.algebra.components import component
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined, requirements
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     Apply,
@@ -179,16 +180,10 @@ def _head(analysis: Analysis, domain: Domain, with_time: bool, claim: str, kind:
     system = analysis.system
     parts = {
         "near": _near(system, domain.point),
-        "conditions": _conditions(analysis, domain),
+        "conditions": [*dict.fromkeys(map(inequality_text, domain.positive))][:_MOST_CONDITIONS],
         "roots": _roots(system),
     }
     return head | {key: part for key, part in parts.items() if part}
-
-
-def _conditions(analysis: Analysis, domain: Domain) -> list[str]:
-    """The domain, and which factors of radicands are positive in it: so sqrt(u^2) is u or -u."""
-    signs = [f"{to_text(factor)} {'>' if sign > 0 else '<'} 0" for factor, sign in analysis.tower.signs]
-    return list(dict.fromkeys([*(f"{to_text(tree)} > 0" for tree in domain.positive), *signs]))[:_MOST_CONDITIONS]
 
 
 def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:

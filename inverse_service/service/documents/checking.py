@@ -7,18 +7,31 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text
-from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT
+from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT, RESULT_FORMAT
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.mechanics.agreement import Canonical
+from inverse_service.mechanics.branches import branches_of
+from inverse_service.service.documents import translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
-from inverse_service.service.documents.preparing import inward
+from inverse_service.service.documents.document_kinds import is_motion, is_nonholonomic
+from inverse_service.service.documents.hamiltonians import compared_hamiltonians
+from inverse_service.service.documents.kinds import to_kinds
+from inverse_service.service.documents.preparing import inward, prepared
 from inverse_service.service.documents.reading import read_json
 
 TIME_LIMIT = 60.0  # of processor time: what a busy machine does decides no verdict
 OPEN_MOTION = "Whether this motion can be hamiltonised by any associated system is open."
+NEVER_CHECKED = "LaTeX, names and sentences of any part, where det g is 0 (conditions A != 0), the branch that H has"
 NOT_COMPARED = "The equations as given were not compared."
 _SYSTEM: Final[dict[str, Any]] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
 _NOTHING: Final = dict.fromkeys(("certificate", "lagrangian", "with_time", "verdict_with_time"))  # of another branch
+# What the check compares with the certificates, as FORMAT.md says.
+_COVERED: Final = {
+    "format", "system", "question", "verdict", "verdict_with_time", "certificate", "certificate_with_time", "checked",
+    "lagrangian", "hamiltonian", "integrals", "domain", "branches", "with_time", "kinds", "instead", "any_associated",
+    "with_clock", "guessed", "id", "near", "kind", "factor", "equations", "dissipation",
+}  # fmt: skip
+_PARTS = ("with_time", "instead", "with_clock")  # answers beside the main one
 _FROM_BEST = ("valid", "incomplete", "invalid")
 
 
@@ -124,7 +137,7 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
     if changed:
         from inverse_service.service.documents.clock import compared_clock  # brings the engine
 
-        clock = compared_clock(given, changed, end - time.monotonic())
+        clock = compared_clock(given, changed, end - time.thread_time())
         found = clock if clock is not None and (found is None or clock.verdict != "valid") else found
     reduced = _object(result.get("reduced")) if isinstance(result, dict) and given is not None else {}
     if reduced:
@@ -137,10 +150,60 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
 
         other = compared_instead(given, result, end - time.thread_time())
         found = other if other is not None and (found is None or other.verdict != "valid") else found
-    if found is None:
-        return alone
-    worst = max(alone.verdict, found.verdict, key=_FROM_BEST.index)
-    return CheckResult(worst, (*(reason for reason in alone.reasons if reason != NOT_COMPARED), *found.reasons))
+    energy = compared_hamiltonians(result, end) if isinstance(result, dict) else CheckResult("valid")
+    if energy.verdict == "invalid":
+        return energy
+    if energy.verdict != "valid" and (found is None or found.verdict == "valid"):
+        found = energy
+    if found is not None:
+        worst = max(alone.verdict, found.verdict, key=_FROM_BEST.index)
+        reasons = (*(reason for reason in alone.reasons if reason != NOT_COMPARED), *found.reasons)
+        alone = CheckResult(worst, reasons)
+    lacks = _answers_all(result, given) if alone.verdict == "valid" and _is_result(result) and given else None
+    if lacks is not None:
+        return lacks
+    left = _not_checked(result, bool(energy.reasons))
+    told = f"Not checked: {', '.join(left)}; {NEVER_CHECKED}."
+    return CheckResult(alone.verdict, (*alone.reasons, told)) if left and alone.verdict == "valid" else alone
+
+
+def _is_result(result: Any) -> bool:
+    return bool(_object(result).get("format") == RESULT_FORMAT)
+
+
+def _not_checked(result: Any, hamiltonian: bool) -> list[str]:
+    """The keys of a result and of its parts that the check says nothing of."""
+    if not _is_result(result):
+        return []
+    kinds, branches = _object(result.get("kinds")), result.get("branches")
+    parts = [result, *kinds.values(), *(branches if isinstance(branches, list) else [])]
+    parts += [part.get(key) for part in (result, *parts) for key in _PARTS if isinstance(part, dict)]
+    named = [(part, key) for part in map(_object, parts) for key in part if key not in _COVERED]
+    motion = _object(result.get("any_associated"))
+    found = [key for part, key in named if part[key] not in (None, "", [], {})]
+    found += [f"any_associated.{key}" for key in motion if key not in _COVERED - {"hamiltonian"} and motion[key]]
+    found += ["hamiltonian"] * hamiltonian
+    return list(dict.fromkeys(found))
+
+
+def _answers_all(result: dict[str, Any], given: object) -> CheckResult | None:
+    """What is wrong where a result does not answer on every branch, or for the vector fields, that the document has."""
+    try:
+        document = prepared(given).document
+        if is_nonholonomic(document) or is_motion(document):
+            return None
+        schema = translate.to_schema(document)
+        system = translate.to_system(schema)
+        kinds = {kind.name: translate.plain(kind.among) for kind in to_kinds(schema, system)}
+    except InputError:
+        return CheckResult("invalid", ("The document as given cannot be read.",))
+    if len(branches_of(system)) != max(1, len(result.get("branches") or [])):
+        return CheckResult("invalid", ("The branches are not those of the document as given.",))
+    for name, answer in _object(result.get("kinds")).items():
+        among = _object(_object(answer).get("certificate")).get("among")
+        if name not in kinds or (among is not None and among != kinds[name]):
+            return CheckResult("invalid", (f"The kind {ascii(name)[1:-1]} is not that of the document as given.",))
+    return None
 
 
 def _compared(result: dict[str, Any], given: object, end: float) -> CheckResult | None:
