@@ -327,7 +327,8 @@ class Question:
 
         self.prepare(lambda ring: Reader(ring, formula).value, [tokens])
         self.settle(self.jet, claims, 3 if self.rational else 2)
-        return f"The Euler-Lagrange equations of the Lagrangian hold{self.where}; its Hessian is regular{self.where}."
+        there = self.where and " there"
+        return f"The Euler-Lagrange equations of the Lagrangian hold{self.where} and its Hessian is regular{there}."
 
     def residuals(self, ring: Expansion, lagrangian: Series) -> Iterator[tuple[Series, str]]:
         """What has to be zero at the point, and what is wrong otherwise."""

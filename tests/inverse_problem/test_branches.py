@@ -11,6 +11,7 @@ from inverse_service.cli import solving
 from inverse_service.cli.exits import ExitCode
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_plain
+from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.documents.solving import solve_document
 from inverse_service.service.documents.text_page import text_page
 from tests.inverse_problem.all_over import assert_holds_all_over
@@ -130,6 +131,12 @@ def test_the_text_page_begins_with_all_cases_and_says_where_each_holds() -> None
     assert "2 cases:\n  x > 0: variational\n  x < 0: variational\n" in page
     assert "Variational on x > 0, at generic points: a regular Lagrangian L(q, q') exists." in page
     assert "Variational on x < 0, at generic points" in page
+
+
+def test_the_latex_page_begins_with_all_cases_too() -> None:
+    page = latex_page(solved({"x": "-sqrt(x^2)"}), explain=False)
+    cases = page.index("2 cases: \\begin{itemize}\n\\item x $>$ 0: variational\n\\item x $<$ 0: variational\n")
+    assert cases < page.index("Variational on x $>$ 0, at generic points")
 
 
 @pytest.mark.parametrize(("verdict", "code"), [("variational", ExitCode.DONE), ("undetermined", ExitCode.OPEN)])

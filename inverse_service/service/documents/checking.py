@@ -6,8 +6,9 @@ import time
 from collections.abc import Iterator
 from typing import Any, Final
 
-from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text
+from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text, judged
 from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT, RESULT_FORMAT
+from inverse_service.certificate.identities import checked_identities
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.branches import branches_of
@@ -40,7 +41,8 @@ def check_document(text: str) -> dict[str, Any]:
 
     The document is that of the user; without one, a result is compared with the document that it
     carries as `system.given`. {"system": …, "lagrangian": "…"} asks whether a Lagrangian of the user has the equations
-    of a document (`own_lagrangian`); InputError where one of these cannot be read.
+    of a document (`own_lagrangian`). What `solve --format identities` writes is checked exactly. InputError where
+    one of these cannot be read.
     """
     end = time.thread_time() + TIME_LIMIT
     try:
@@ -51,6 +53,8 @@ def check_document(text: str) -> dict[str, Any]:
         from inverse_service.service.documents.own_lagrangian import check_lagrangian  # brings the engine
 
         return check_lagrangian(found["system"], found["lagrangian"], end - time.thread_time())
+    if isinstance(found, dict) and "theorems" in found:
+        return answer(judged(lambda tools: checked_identities(found), TIME_LIMIT, None))
     if isinstance(found, dict) and "document" in found and "result" in found:
         from inverse_service.service.jobs.identity import write_json  # brings all that jobs are made of
 

@@ -38,6 +38,7 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
         lines += nonholonomic_latex(result["nonholonomic"])
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
+    lines += _cases(result)
     for branch in branches_of(result):
         for answer, with_time in ((branch, asks_for_time(result)), (branch["with_time"], True)):
             if answer is not None:
@@ -46,6 +47,17 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
     if result.get("special_cases") is not None:
         lines += special_cases_latex(result["special_cases"])
     return "\n".join([*lines, r"\end{document}"]) + "\n"
+
+
+def _cases(result: dict[str, Any]) -> Iterator[str]:
+    """All cases with their verdicts, before the answers, where there are several."""
+    branches = branches_of(result)
+    if len(branches) > 1:
+        yield rf"{len(branches)} cases: \begin{{itemize}}"
+        for branch in branches:
+            verdict = f"{', '.join(branch['domain'])}: {branch['verdict'].replace('_', ' ')}"
+            yield r"\item " + _in_formula_mode(escaped(verdict))
+        yield r"\end{itemize}"
 
 
 def _in_formula_mode(text: str) -> str:
