@@ -95,7 +95,8 @@ def raised(base: Expression, exponent: Expression, column: int, limits: Limits) 
 
 def _check_exponent(exponent: Fraction, column: int, limits: Limits) -> None:
     if abs(exponent.numerator) > limits.exponent or exponent.denominator > limits.exponent:
-        raise limit_passed("the exponent is too large", column, limits.exponent)
+        sentence = f"the exponent is too large at column {column}: the limit is {limits.exponent:,}; declare a"
+        raise LimitError(f"{sentence} parameter and write it in its place.", column=column)
 
 
 def _check_numbers(base: Fraction, exponent: Fraction, column: int, limits: Limits) -> None:

@@ -20,7 +20,7 @@ class Limits:
     tokens: int = 5_000
     depth: int = 100
     digits: int = 200
-    exponent: int = 1_000
+    exponent: int = 4_096
     decimal_exponent: int = 150
     name_characters: int = 40
     derivative_order: int = 20

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text, judged
 from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT, RESULT_FORMAT
-from inverse_service.certificate.identities import checked_identities
 from inverse_service.errors import CertificateRefused, InputError
+from inverse_service.inverse_problem.proofs.checked import checked_identities
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.branches import branches_of
 from inverse_service.service.documents import translate

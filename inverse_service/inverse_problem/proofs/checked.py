@@ -7,7 +7,7 @@ from typing import Any
 
 from flint import fmpq_mpoly, fmpq_mpoly_ctx
 
-from .formulas import MAX_MEMBERS, Ended, check_shape, require
+from inverse_service.certificate.formulas import MAX_MEMBERS, Ended, check_shape, require
 
 TEXT, WORD = r"(?s:.*)", r"[A-Za-z_][A-Za-z0-9_]*"
 POWER = rf"(?:[0-9]+|{WORD}(?:\^[0-9]{{1,4}})?)"
