@@ -38,7 +38,7 @@ BATCH_BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
         "content": {
-            "application/json": {"schema": {"type": "array", "minItems": 1}},
+            "application/json": {"schema": {"type": "array", "minItems": 1, "items": {"type": "object"}}},
             NDJSON: {"schema": {"type": "string"}},
         },
     }

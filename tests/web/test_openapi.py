@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -163,6 +164,49 @@ def test_a_typescript_client_compiles(description: dict[str, Any], tmp_path: Pat
     run(["npx", "openapi-typescript", "openapi.json", "-o", "schema.d.ts"], tmp_path)
     options = ["--strict", "--noEmit", "--module", "es2022", "--moduleResolution", "bundler", "--target", "es2022"]
     run(["npx", "tsc", *options, "--lib", "es2022,dom", "--skipLibCheck", "calls.ts"], tmp_path)
+
+
+PYTHON_CALLS = """
+from generated import Client
+from generated.api.batches import batch
+from generated.api.catalogue import catalogue_entry, list_catalogue
+from generated.api.jobs import dismiss_jobs, job, list_jobs
+from generated.api.operations import limits
+from generated.api.systems import check, parse, solve
+from generated.models import CheckBody, LagrangianDocument, ProblemDocument, ResultDocument, SystemDocument
+
+client = Client(base_url="ADDRESS")
+solved = solve.sync(client=client, body=SystemDocument.from_dict({"equations": "x'' = -x", "id": 1}), prefer="wait=20")
+assert isinstance(solved, ResultDocument), solved
+print(solved.verdict)
+refused = parse.sync(client=client, body=SystemDocument.from_dict({"equations": "x'' = -kx"}))
+assert isinstance(refused, ProblemDocument), refused
+print(refused.detail)
+parse.sync(client=client, body=LagrangianDocument.from_dict({"lagrangian": "x'^2/2"}))
+checked = check.sync_detailed(client=client, body=CheckBody.from_dict(solved.to_dict()))
+print(checked.status_code)
+jobs = list_jobs.sync(client=client)
+print(jobs)
+print(job.sync_detailed("a", client=client).status_code)
+print(dismiss_jobs.sync_detailed("a", client=client).status_code)
+print(list_catalogue.sync_detailed(client=client).status_code)
+print(catalogue_entry.sync_detailed("sho", client=client).status_code, limits.sync_detailed(client=client).status_code)
+print(batch.sync_detailed("a", client=client).status_code)
+"""
+
+
+@pytest.mark.nightly
+def test_a_python_client_is_generated_type_checked_and_asks(
+    description: dict[str, Any], tmp_path: Path, service: str
+) -> None:
+    run([sys.executable, "-m", "venv", "venv"], tmp_path)
+    run(["venv/bin/pip", "install", "--quiet", "openapi-python-client", "mypy", "ruff"], tmp_path)
+    (tmp_path / "openapi.json").write_text(json.dumps(description))
+    generate = ["venv/bin/openapi-python-client", "generate", "--path", "openapi.json", "--meta", "none"]
+    run([*generate, "--output-path", "generated"], tmp_path)
+    (tmp_path / "calls.py").write_text(PYTHON_CALLS.replace("ADDRESS", service))
+    run(["venv/bin/mypy", "calls.py"], tmp_path)
+    run(["venv/bin/python", "calls.py"], tmp_path)
 
 
 def run(command: list[str], folder: Path) -> None:
