@@ -69,7 +69,7 @@ def motion_of(result: Mapping[str, Any]) -> Motion | None:
     names, found, lines = typesetting.names_of(result["system"]), part["lagrangian"], list[tuple[str, str]]()
     if found:
         lines += [("L", found["text"]), ("l", found["on_constraints"]["text"])]
-        lines += [(f"lambda_{k}", one["text"]) for k, one in enumerate(found["transverse_momenta"], 1)]
+        lines += [(f"\u03bb{chr(0x2080 + k)}", one["text"]) for k, one in enumerate(found["transverse_momenta"], 1)]
     if part["hamiltonian"]:
         lines.append(("H", part["hamiltonian"]["text"]))
     return Motion(
