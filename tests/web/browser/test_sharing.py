@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import httpx
 import pytest
 from playwright.sync_api import expect
@@ -10,6 +12,15 @@ from .conftest import Visit
 from .test_every_page import is_too_wide, violations
 
 EXERCISE = "/?equations=x''+%3D+-9*x&reveal=hint,answer"
+
+
+@pytest.fixture
+def light(visit: Visit) -> Iterator[Visit]:
+    """The pages without the figures of the gallery, which are jobs of their own."""
+    empty = '<svg xmlns="http://www.w3.org/2000/svg"/>'
+    visit.page.route("**/gallery/**.svg", lambda route: route.fulfill(body=empty, content_type="image/svg+xml"))
+    yield visit
+    visit.page.unroute("**/gallery/**.svg")
 
 
 @pytest.mark.parametrize("scripts", [True, False])
@@ -43,27 +54,27 @@ def test_what_is_no_lagrangian_is_told_in_an_exercise(plain: Visit) -> None:
     expect(plain.page.locator("#exercise .hint").last).to_contain_text("not accepted")
 
 
-def test_two_results_are_compared_side_by_side(visit: Visit) -> None:
+def test_two_results_are_compared_side_by_side(light: Visit) -> None:
     paths = []
     for equation in ("x'' = -2*x", "x'' = -2*x - x'"):
-        visit.go("/")
-        visit.page.get_by_label("Equations", exact=True).fill(equation)
-        visit.page.get_by_role("button", name="Find out").click()
-        expect(visit.page.locator(".verdict").first).to_be_visible()
-        paths.append(visit.page.url.removeprefix(visit.address))
-    visit.page.get_by_role("link", name="Compare with another").click()
-    visit.page.get_by_label("Second result").fill(visit.address + paths[0])
-    visit.page.get_by_role("button", name="Compare").click()
+        light.go("/")
+        light.page.get_by_label("Equations", exact=True).fill(equation)
+        light.page.get_by_role("button", name="Find out").click()
+        expect(light.page.locator(".verdict").first).to_be_visible()
+        paths.append(light.page.url.removeprefix(light.address))
+    light.page.get_by_role("link", name="Compare with another").click()
+    light.page.get_by_label("Second result").fill(light.address + paths[0])
+    light.page.get_by_role("button", name="Compare").click()
     for k in (0, 1):
-        frame = visit.page.frame_locator("iframe").nth(k)
+        frame = light.page.frame_locator("iframe").nth(k)
         expect(frame.locator(".formula").first).to_be_visible()
-    visit.go("/gallery")
-    expect(visit.page.get_by_role("heading", name="Your questions")).to_be_visible()
-    assert visit.page.locator("[data-history-list] li").count() >= 2
-    visit.page.get_by_role("button", name="Forget them").click()
-    expect(visit.page.get_by_role("heading", name="Your questions")).to_be_hidden()
-    visit.go("/compare?a=nope")
-    expect(visit.page.locator("main")).to_contain_text("There is no result at this address.")
+    light.go("/gallery")
+    expect(light.page.get_by_role("heading", name="Your questions")).to_be_visible()
+    assert light.page.locator("[data-history-list] li").count() >= 2
+    light.page.get_by_role("button", name="Forget them").click()
+    expect(light.page.get_by_role("heading", name="Your questions")).to_be_hidden()
+    light.go("/compare?a=nope")
+    expect(light.page.locator("main")).to_contain_text("There is no result at this address.")
 
 
 def test_other_sites_frame_an_answer_only_where_they_are_listed(visit: Visit) -> None:
@@ -76,16 +87,16 @@ def test_other_sites_frame_an_answer_only_where_they_are_listed(visit: Visit) ->
     assert "frame-ancestors 'none'" in httpx.get(visit.page.url, timeout=30).headers["content-security-policy"]
 
 
-def test_the_gallery_is_searched_by_name_equation_and_verdict(visit: Visit) -> None:
-    visit.go("/gallery")
-    box = visit.page.get_by_label("Search the systems")
+def test_the_gallery_is_searched_by_name_equation_and_verdict(light: Visit) -> None:
+    light.go("/gallery")
+    box = light.page.get_by_label("Search the systems")
     box.fill("kepler")
-    expect(visit.page.locator("[data-found]")).to_have_text("3 systems")
-    expect(visit.page.locator("tr[data-text]:visible").first).to_contain_text("r''")
-    expect(visit.page.get_by_role("heading", name="Figures of the paper")).to_be_hidden()
+    expect(light.page.locator("[data-found]")).to_have_text("3 systems")
+    expect(light.page.locator("tr[data-text]:visible").first).to_contain_text("r''")
+    expect(light.page.get_by_role("heading", name="Figures of the paper")).to_be_hidden()
     box.fill("")
-    expect(visit.page.get_by_role("heading", name="Figures of the paper")).to_be_visible()
-    assert not is_too_wide(visit)
+    expect(light.page.get_by_role("heading", name="Figures of the paper")).to_be_visible()
+    assert not is_too_wide(light)
 
 
 def test_plain_equations_are_a_batch_and_its_table_is_csv(visit: Visit) -> None:
