@@ -106,7 +106,7 @@ def solve(
             "or the equations themselves: \"x'' = -k*x\"."
         ),
     ],
-    format: Annotated[Format, typer.Option(help="How to write the result.")] = Format.json,
+    format: Annotated[Format, typer.Option("--format", "-f", help="How to write the result.")] = Format.json,
     time_limit: Seconds = None,
     seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
     explain: Annotated[bool, typer.Option("--explain", help="With text and latex: conditions and every step.")] = False,
@@ -162,7 +162,7 @@ def check(
 def batch(
     file: Annotated[Path, typer.Argument(help="NDJSON or .gz of it: one System a line, each with its own id; - too.")],
     output: Annotated[
-        Path, typer.Option("--output", help="NDJSON of results, or .gz of it, that a run goes on; - too.")
+        Path, typer.Option("--output", "-o", help="NDJSON of results, or .gz of it, that a run goes on; - too.")
     ],
     workers: Annotated[int | None, typer.Option(help="Processes; default one a core.", min=1, max=256)] = None,
     time_limit: Seconds = None,
@@ -192,7 +192,7 @@ def table(
 def simulate(
     scene: Annotated[str, typer.Argument(help="A Scene document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")],
     output: Annotated[
-        Path | None, typer.Option("--output", help="Directory for CSV, NPZ, figures and summary.json.")
+        Path | None, typer.Option("--output", "-o", help="Directory for CSV, NPZ, figures and summary.json.")
     ] = None,
     time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 600.")] = None,
     figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
@@ -206,7 +206,7 @@ def simulate(
 @application.command("work-precision")
 def work_precision(
     scene: Annotated[str, typer.Argument(help="A Scene document; its methods are run at many steps.")],
-    output: Annotated[Path | None, typer.Option("--output", help="Directory for table, JSON and figure.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Directory for table, JSON and figure.")] = None,
     time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 300.")] = None,
 ) -> None:
     """Error against time for every method of a scene."""
