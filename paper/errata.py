@@ -12,7 +12,7 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, 
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
-from inverse_service.inverse_problem.hamiltonisation.identities import vanish
+from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.mechanics.conditions import Matrix, conditions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

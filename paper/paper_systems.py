@@ -23,7 +23,7 @@ from inverse_service.expressions.tree import (
     power,
     subtract,
 )
-from inverse_service.inverse_problem.hamiltonisation.identities import vanish
+from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.nonholonomic import solve_nonholonomic
 

@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra import montgomery
+from inverse_service.algebra import modular
 from inverse_service.algebra.echelon_kernels import (
     ENTRIES,
     LATER,
@@ -80,7 +80,7 @@ class Echelon:
 
     @property
     def _field(self) -> Field:
-        return montgomery.constants(self.prime)[:3]
+        return modular.constants(self.prime)[:3]
 
     @property
     def _basis(self) -> Basis:

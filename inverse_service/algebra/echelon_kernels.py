@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra.montgomery import GOLDEN, compiled, leading_zeros, mixed, multiply, power
+from inverse_service.algebra.modular import GOLDEN, compiled, leading_zeros, mixed, multiply, power
 
 Words = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]

@@ -1,6 +1,6 @@
 """Formulas into an exact ring: their functions become generators, level by level of nesting.
 
-Within a level the arguments of exp, log and the circular functions are first written in a basis over
+Within a level the arguments of exp, log and the trigonometric functions are first written in a basis over
 Q, so that exp(x + y), exp(x) and exp(y) or sin(2x) and cos(x) share generators.
 
 Arbitrary functions: each partial derivative of each one is a generator of its own.
@@ -15,14 +15,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
-from inverse_service.algebra.exact_circular import (
-    CIRCULAR,
-    HYPERBOLIC,
-    adjoin_pairs,
-    argument_basis,
-    coordinates_of,
-    factor_coordinates,
-)
 from inverse_service.algebra.exact_ring import (
     ExactRing,
     add_symbols,
@@ -30,6 +22,14 @@ from inverse_service.algebra.exact_ring import (
     is_integer_power,
     polynomial_tree,
     scaled_tree,
+)
+from inverse_service.algebra.exact_trigonometric import (
+    HYPERBOLIC,
+    TRIGONOMETRIC,
+    adjoin_pairs,
+    argument_basis,
+    coordinates_of,
+    factor_coordinates,
 )
 from inverse_service.algebra.rational_functions import Budget, Quotient, QuotientField
 from inverse_service.expressions.tree import (
@@ -257,7 +257,7 @@ def _adjoin_level(ring: ExactRing, level: Sequence[Expression], orders: int, nam
     by_exponentials = bool(names & {"exp", "power"})
     exponentials = _applied(level, {"exp"}) + (hyperbolic if by_exponentials else [])
     _adjoin_exponentials(ring, exponentials, symbolic)
-    adjoin_pairs(ring, _applied(level, CIRCULAR), -1)
+    adjoin_pairs(ring, _applied(level, TRIGONOMETRIC), -1)
     if not by_exponentials:
         adjoin_pairs(ring, hyperbolic, 1)
     for node in _applied(level, INVERSE):

@@ -15,7 +15,7 @@ from fractions import Fraction
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
-from inverse_service.algebra.primes import prime_factors
+from inverse_service.algebra.modular import prime_factors
 from inverse_service.algebra.tower import (
     RADIAN,
     AngleRule,
@@ -244,7 +244,7 @@ def _atom(ring: Generators, atom: Apply) -> Quotient:
     for rule in ring.tower.rules:
         if isinstance(rule, AngleRule):
             if rule.angle == atom.argument and atom.function in ("sin", "cos"):
-                cosine, sine = _circular(ring, rule)
+                cosine, sine = _sine_cosine(ring, rule)
                 return sine if atom.function == "sin" else cosine
         elif rule.atom == atom:
             if isinstance(rule, ExponentialRule) and not rule.free:
@@ -280,7 +280,7 @@ def _constant_logarithm(ring: Generators, rule: LogarithmRule) -> Quotient:
     return Quotient(total, ring.constant(Fraction(1)))
 
 
-def _circular(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]:
+def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]:
     """(cos, sin) as fractions in tan(half angle)."""
     if rule.turns or rule.arctangents:
         raise IrreducibleAtoms("an angle with pi or an arctangent stands under a root")

@@ -9,7 +9,7 @@ from functools import lru_cache
 from hashlib import blake2b
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.primes import is_positive, positive_power, prime_factors
+from inverse_service.algebra.modular import is_positive, positive_power, prime_factors
 from inverse_service.algebra.series import Series, SeriesRing, SingularPoint
 from inverse_service.expressions.tree import (
     Apply,

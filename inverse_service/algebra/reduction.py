@@ -27,8 +27,8 @@ from inverse_service.algebra.generators import (
     used_generators,
 )
 from inverse_service.algebra.kernels import is_even_root, is_root
+from inverse_service.algebra.modular import is_positive
 from inverse_service.algebra.point import Variable, evaluate
-from inverse_service.algebra.primes import is_positive
 from inverse_service.algebra.real_point import RealTable, real_sign, turns
 from inverse_service.algebra.relations import build_tower
 from inverse_service.algebra.tower import Tower, draw_point

@@ -17,8 +17,8 @@ from fractions import Fraction
 from flint import nmod_mat
 
 from inverse_service.algebra.kernels import is_even_root, is_root
+from inverse_service.algebra.modular import is_positive, prime_factors, reconstruct
 from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, number_value
-from inverse_service.algebra.primes import is_positive, prime_factors, reconstruct
 from inverse_service.algebra.series import SingularPoint, derivative, value_at_point
 from inverse_service.algebra.tower import (
     RADIAN,

@@ -3,7 +3,7 @@
 A series of order D in m displacements is the tuple (y_0, …, y_D) of its homogeneous components,
 each a python-flint nmod_mpoly; products cost no terms beyond degree D. Functions come from the
 Euler operator E y = (0 y_0, 1 y_1, 2 y_2, …): for y = exp(u), E y = y E u reads
-k y_k = sum_j j u_j y_{k-j}; powers, logarithms and circular functions alike (Knuth, TAOCP 2, 4.7).
+k y_k = sum_j j u_j y_{k-j}; powers, logarithms and trigonometric functions alike (Knuth, TAOCP 2, 4.7).
 The constant y_0 of a transcendental function is an argument: who calls chooses it consistently.
 """
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra.montgomery import compiled, multiply, power
+from inverse_service.algebra.modular import compiled, multiply, power
 
 Words = npt.NDArray[np.uint64]
 Integers = npt.NDArray[np.int64]
@@ -26,7 +26,7 @@ WITHOUT_CONSTANT = 5  # out := out less its constant term
 INVERSE = 6  # out := 1/a
 POWER = 7  # out := a^c with the constant term c + 1
 EXPONENTIAL = 8  # out := exp a with the constant term c
-CIRCULAR = 9  # out, b := sin a, cos a with the constant terms c, c + 1
+TRIGONOMETRIC = 9  # out, b := sin a, cos a with the constant terms c, c + 1
 PRIMITIVE = 10  # out := y with b E y = E a (log a for b = a) and the constant term c
 WIDTH = 6
 
@@ -163,7 +163,7 @@ def _exponential(values: Words, tops: Integers, out: int, a: int, layout: Layout
 
 
 @compiled
-def _circular(values: Words, tops: Integers, sine: int, cosine: int, a: int, layout: Layout, field: Field) -> None:
+def _sine_cosine(values: Words, tops: Integers, sine: int, cosine: int, a: int, layout: Layout, field: Field) -> None:
     """k s_k = sum_j j a_j c_(k-j), k c_k = -sum_j j a_j s_(k-j), the constant terms being there."""
     prime, _, small, inverses = field
     for k in range(1, layout[1] + 1 if tops[a] > 0 else 1):
@@ -246,10 +246,10 @@ def run(
         elif operation == EXPONENTIAL:
             _start(values, tops, out, constants[c], layout)
             _exponential(values, tops, out, a, layout, field)
-        elif operation == CIRCULAR:
+        elif operation == TRIGONOMETRIC:
             _start(values, tops, out, constants[c], layout)
             _start(values, tops, b, constants[c + 1], layout)
-            _circular(values, tops, out, b, a, layout, field)
+            _sine_cosine(values, tops, out, b, a, layout, field)
         elif not _divide(operation, out, a, b, c, constants, values, tops, one, layout, field):
             return number
     return -1

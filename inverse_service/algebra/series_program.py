@@ -16,11 +16,11 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra import montgomery
+from inverse_service.algebra import modular
 from inverse_service.algebra import series_kernels as machine
+from inverse_service.algebra.modular import positive_power
 from inverse_service.algebra.monomials import SeriesTables, coefficients, products, series_tables
 from inverse_service.algebra.point import Point, Variable, evaluate, number_value
-from inverse_service.algebra.primes import positive_power
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.expressions.tree import (
     Apply,
@@ -187,14 +187,14 @@ class SeriesProgram:
             slope = self.write(machine.CONSTANT, self.register())
             self.write(machine.PRODUCT, slope, inner, inner)
             return self.write(machine.PRIMITIVE, self.register(), inner, slope, start)
-        return self._circular(tree, inner)
+        return self._sine_cosine(tree, inner)
 
-    def _circular(self, tree: Apply, inner: int) -> int:
+    def _sine_cosine(self, tree: Apply, inner: int) -> int:
         pair = Apply("sin", tree.argument), Apply("cos", tree.argument)
         first = self.constant(lambda point, known: point.atoms[pair[0]])
         self.constant(lambda point, known: point.atoms[pair[1]])
         sine, cosine = self.register(), self.register()
-        self.write(machine.CIRCULAR, sine, inner, cosine, first)
+        self.write(machine.TRIGONOMETRIC, sine, inner, cosine, first)
         self.known.update(zip(pair, (sine, cosine), strict=True))
         return sine if tree.function == "sin" else cosine
 
@@ -279,10 +279,10 @@ def run(program: SeriesProgram, instructions: Integers, constants: Words, prime:
     t, stride = series_tables(size, order), coefficients(size, order)
     values = np.empty(program.registers * stride, np.uint64)
     tops = np.full(program.registers, -1, np.int64)
-    modulus, negative_inverse, one, _ = montgomery.constants(prime)
+    modulus, negative_inverse, one, _ = modular.constants(prime)
     stopped = machine.run(
         instructions, constants, values, tops, size, stride, order, t.counts, t.starts, t.product_starts, t.products,
-        t.raised_starts, t.raised, t.exponents, montgomery.small_numbers(prime, order + 2), _inverses(prime, order + 1),
+        t.raised_starts, t.raised, t.exponents, modular.small_numbers(prime, order + 2), _inverses(prime, order + 1),
         modulus, negative_inverse, one,
     )  # fmt: skip
     if stopped >= 0:

@@ -1,7 +1,7 @@
 """Independent generators of all atoms of a system, and points at which all atoms have values.
 
 A tower lists, innermost first, how the value of each transcendental atom follows from free
-generators (`relations.py` finds the rules). Roots need no rule (`primes.py`) but for the
+generators (`relations.py` finds the rules). Roots need no rule (`modular.py`) but for the
 branch: `signs` lists the quantities that must have the residue symbol that is their sign at a real
 point of the domain (`reduction.py` finds them).
 
@@ -21,8 +21,8 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service.algebra.kernels import is_root
+from inverse_service.algebra.modular import is_positive, positive_power, safe_prime
 from inverse_service.algebra.point import Point, Variable, constant_value, evaluate, number_value
-from inverse_service.algebra.primes import is_positive, positive_power, safe_prime
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (

@@ -152,10 +152,10 @@ class Emitter:
 
     def _function(self, name: str, argument: Formula) -> str:
         special: Mapping[str, Callable[[], str]] = {
-            "sin": lambda: self._circular(argument)[0],
-            "cos": lambda: self._circular(argument)[1],
-            "tan": lambda: self.writer.binary("/", *self._circular(argument)),
-            "cot": lambda: self.writer.binary("/", self._circular(argument)[1], self._circular(argument)[0]),
+            "sin": lambda: self._sine_cosine(argument)[0],
+            "cos": lambda: self._sine_cosine(argument)[1],
+            "tan": lambda: self.writer.binary("/", *self._sine_cosine(argument)),
+            "cot": lambda: self.writer.binary("/", self._sine_cosine(argument)[1], self._sine_cosine(argument)[0]),
             "log": lambda: self.writer.call("log", self._value(argument)),
             "abs": lambda: self.writer.absolute(self._value(argument)),
         }
@@ -167,10 +167,10 @@ class Emitter:
             return self.writer.call(_LIBRARY[name], self._value(argument))
         raise InputError(f"A simulation cannot compute the function {name}.")
 
-    def _circular(self, argument: Formula) -> tuple[str, str]:
+    def _sine_cosine(self, argument: Formula) -> tuple[str, str]:
         known = self._pairs.get(argument)
         if known is None:
-            known = self._pairs[argument] = self.writer.circular(self._value(argument))
+            known = self._pairs[argument] = self.writer.sine_cosine(self._value(argument))
         return known
 
 

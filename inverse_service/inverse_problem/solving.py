@@ -31,9 +31,8 @@ from inverse_service.inverse_problem.explanation.finding import (
 )
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import explain_negative
-from inverse_service.inverse_problem.explanation.printed_conditions import printed_conditions
-from inverse_service.inverse_problem.explanation.shared_letters import with_shared_letters
-from inverse_service.inverse_problem.explanation.steps import said
+from inverse_service.inverse_problem.explanation.steps import said, with_shared_letters
+from inverse_service.inverse_problem.explanation.wording import printed_conditions
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra import montgomery
+from inverse_service.algebra import modular
 from inverse_service.algebra.echelon_kernels import Words
-from inverse_service.algebra.montgomery import compiled, multiply
+from inverse_service.algebra.modular import compiled, multiply
 from inverse_service.algebra.series import Series
 from inverse_service.linear_pde.unknowns import Places, Unknowns, known_places, row_tables
 
@@ -127,10 +127,10 @@ class Rows:
 def rows_of_degree(table: TermTable, degree: int, prime: int) -> Rows:
     """The coefficients of all monomials of one degree, equation after equation."""
     t = row_tables(table.unknowns, degree)
-    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    modulus, negative_inverse, _, _ = modular.constants(prime)
     # A factor is a product of one exponent more than the order, of a monomial of that much more degree.
     most = table.unknowns.most + 1
-    small = montgomery.small_numbers(prime, (degree + most + 1) ** most)
+    small = modular.small_numbers(prime, (degree + most + 1) ** most)
     starts = np.zeros(table.equations * int(t.counts[degree]) + 2, np.int64)
     head = (
         degree, table.starts, table.places, table.values, table.degrees, table.terms, t.counts, t.product_starts,

@@ -10,10 +10,10 @@ from functools import lru_cache
 import numpy as np
 from flint import nmod_mat
 
-from inverse_service.algebra import montgomery
+from inverse_service.algebra import modular
 from inverse_service.algebra.echelon import Echelon, SparseRows
 from inverse_service.algebra.echelon_kernels import Indices, Words
-from inverse_service.algebra.montgomery import GOLDEN, compiled, mixed, multiply
+from inverse_service.algebra.modular import GOLDEN, compiled, mixed, multiply
 from inverse_service.linear_pde.prolongation import Prolongation
 from inverse_service.linear_pde.unknowns import Derivative, Unknowns, column_of, count_of_degree, raised_unknowns
 
@@ -129,10 +129,10 @@ def _prolonged(prolongation: Prolongation, degree: int, rows: SparseRows) -> int
     """dim {y of degree d + 1 : all partial derivatives lie in M_d}."""
     size, prime = prolongation.size, prolongation.local.prime
     step = raised_unknowns(prolongation.unknowns, degree)
-    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    modulus, negative_inverse, _, _ = modular.constants(prime)
     entries = len(rows.columns)
     columns, values = np.empty(size * entries, np.int64), np.empty(size * entries, np.uint64)
-    small = montgomery.small_numbers(prime, degree + prolongation.unknowns.most + 2)
+    small = modular.small_numbers(prime, degree + prolongation.unknowns.most + 2)
     _raise(rows.columns, rows.values, step.places, step.factors, small, modulus, negative_inverse, columns, values)
     starts = rows.starts[None, :-1] + entries * np.arange(size)[:, None]
     echelon = Echelon(prime)
@@ -164,9 +164,9 @@ def _characters(prolongation: Prolongation, degree: int, rows: SparseRows, seed:
     """
     prime, size = prolongation.local.prime, prolongation.size
     step = raised_unknowns(prolongation.unknowns, degree - 1)
-    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    modulus, negative_inverse, _, _ = modular.constants(prime)
     values, directions = np.empty((size, *step.places.shape), np.uint64), np.empty((size, size), np.uint64)
-    small = montgomery.small_numbers(prime, degree + prolongation.unknowns.most + 1)
+    small = modular.small_numbers(prime, degree + prolongation.unknowns.most + 1)
     _derive(np.uint64(seed), step.factors, small, directions, values, modulus, negative_inverse)
     echelon = Echelon(prime)
     echelon.widen(count_of_degree(prolongation.unknowns, degree))

@@ -15,8 +15,8 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
+from inverse_service.machine_code.kernels import Kinds, array_of
 from inverse_service.machine_code.loading import ENTRY, target_machine
-from inverse_service.machine_code.signatures import Kinds, array_of
 from inverse_service.machine_code.sources import Unstorable, used
 
 _NUMBERS = {"int64": types.int64, "uint64": types.uint64, "bool": types.boolean}

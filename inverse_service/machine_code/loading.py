@@ -11,7 +11,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from inverse_service.machine_code.signatures import Kinds, array_of
+from inverse_service.machine_code.kernels import Kinds, array_of
 
 ENTRY = "entry"
 _ANSWERS: dict[str, Callable[[int], Any]] = {"none": lambda answer: None, "int64": int, "uint64": int, "bool": bool}

@@ -17,8 +17,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from inverse_service.machine_code.kernels import Kinds
 from inverse_service.machine_code.loading import processor_name
-from inverse_service.machine_code.signatures import Kinds
 
 _CONSTANTS = (bool, int, float, np.generic)
 

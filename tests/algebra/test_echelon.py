@@ -11,7 +11,7 @@ from flint import nmod_mat
 
 from inverse_service.algebra import echelon as room
 from inverse_service.algebra.echelon import Echelon, Flags
-from inverse_service.algebra.primes import safe_prime
+from inverse_service.algebra.modular import safe_prime
 
 P = safe_prime(4)
 Rows = list[dict[int, int]]

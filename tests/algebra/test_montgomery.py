@@ -7,20 +7,20 @@ import random
 import numpy as np
 import pytest
 
-from inverse_service.algebra import montgomery
-from inverse_service.algebra.primes import safe_prime
+from inverse_service.algebra import modular
+from inverse_service.algebra.modular import safe_prime
 
 RADIX = 1 << 64
 
 
 @pytest.mark.parametrize("prime", [3, 101, safe_prime(1), safe_prime(2), (1 << 61) - 1, (1 << 62) - 57])
 def test_products_are_those_of_integers(prime: int) -> None:
-    word, negative_inverse, one, square = montgomery.constants(prime)
+    word, negative_inverse, one, square = modular.constants(prime)
     generator = random.Random(prime)
     edges = [0, 1, prime - 1, prime // 2]
     for a in [*edges, *(generator.randrange(prime) for _ in range(40))]:
         for b in [*edges, generator.randrange(prime)]:
-            found = montgomery.multiply(np.uint64(a), np.uint64(b), word, negative_inverse)
+            found = modular.multiply(np.uint64(a), np.uint64(b), word, negative_inverse)
             assert int(found) == a * b * pow(RADIX, -1, prime) % prime
     assert int(one) == RADIX % prime
     assert int(square) == RADIX * RADIX % prime
@@ -29,8 +29,8 @@ def test_products_are_those_of_integers(prime: int) -> None:
 @pytest.mark.parametrize("exponent", [0, 1, 2, 63, safe_prime(1) - 2])
 def test_powers_are_those_of_integers(exponent: int) -> None:
     prime = safe_prime(1)
-    word, negative_inverse, one, square = montgomery.constants(prime)
+    word, negative_inverse, one, square = modular.constants(prime)
     # numba returns Python integers, which it would take for signed ones
-    base = np.uint64(montgomery.multiply(np.uint64(123456789), square, word, negative_inverse))
-    found = montgomery.power(base, np.uint64(exponent), one, word, negative_inverse)
+    base = np.uint64(modular.multiply(np.uint64(123456789), square, word, negative_inverse))
+    found = modular.power(base, np.uint64(exponent), one, word, negative_inverse)
     assert int(found) * pow(RADIX, -1, prime) % prime == pow(123456789, exponent, prime)

@@ -9,8 +9,8 @@ from mpmath import mp, mpf
 
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.modular import is_positive, safe_prime
 from inverse_service.algebra.point import Expansion, Point, evaluate
-from inverse_service.algebra.primes import is_positive, safe_prime
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.series import SingularPoint

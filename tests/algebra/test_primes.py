@@ -9,7 +9,7 @@ from flint import fmpz
 from hypothesis import given
 from hypothesis import strategies as st
 
-from inverse_service.algebra.primes import is_positive, positive_power, prime_factors, reconstruct, safe_prime
+from inverse_service.algebra.modular import is_positive, positive_power, prime_factors, reconstruct, safe_prime
 
 P = safe_prime(1)
 EXPONENTS = st.fractions(min_value=-7, max_value=7, max_denominator=12)

@@ -9,7 +9,7 @@ from fractions import Fraction
 import pytest
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.primes import positive_power, safe_prime
+from inverse_service.algebra.modular import positive_power, safe_prime
 from inverse_service.algebra.series import Series, SeriesRing, SingularPoint
 
 P = safe_prime(2)

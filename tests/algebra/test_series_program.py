@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from inverse_service.algebra import montgomery, series_kernels
+from inverse_service.algebra import modular, series_kernels
 from inverse_service.algebra import series as ps
 from inverse_service.algebra import series_program as room
 from inverse_service.algebra.kernels import to_kernels
@@ -156,7 +156,7 @@ def test_a_program_too_large_for_arrays_says_so(monkeypatch: pytest.MonkeyPatch)
 def test_constants_are_in_montgomery_form() -> None:
     program, point = SeriesProgram([X], 1), point_of(X)
     place = program.constant(lambda point, known: 7)
-    _, _, one, _ = montgomery.constants(point.prime)
+    _, _, one, _ = modular.constants(point.prime)
     found = constants_at(program, point)
     assert found[0] == one
     assert int(found[place]) == 7 * (1 << 64) % point.prime

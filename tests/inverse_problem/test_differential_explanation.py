@@ -12,12 +12,12 @@ import pytest
 import sympy
 
 from inverse_service import catalogue
-from inverse_service.algebra.primes import reconstruct, safe_prime
+from inverse_service.algebra.modular import reconstruct, safe_prime
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.explanation.differential_numbers import differential_numbers, sufficient_rows
 from inverse_service.inverse_problem.explanation.differentiated_equations import rows_at, variables_of_question
 from inverse_service.inverse_problem.explanation.negative import explain_negative
-from inverse_service.inverse_problem.explanation.rational_points import SmallPoint, placed
+from inverse_service.inverse_problem.explanation.numbers_at_a_point import SmallPoint, placed
 from inverse_service.mechanics.reading import read_system
 
 PENDULUM = catalogue.document("damped-double-pendulum")["equations"]

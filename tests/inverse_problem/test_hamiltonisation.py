@@ -10,8 +10,12 @@ from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, number, subtract
-from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
-from inverse_service.inverse_problem.hamiltonisation.identities import rank_at_point, vanish
+from inverse_service.inverse_problem.hamiltonisation.hamiltonise import (
+    Hamiltonisation,
+    hamiltonise,
+    rank_at_point,
+    vanish,
+)
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
 from inverse_service.mechanics.nonholonomic.associated_systems import Kind, associated
 from inverse_service.mechanics.nonholonomic.paper_lagrangians import ClassLagrangian, class_lagrangians

@@ -19,12 +19,12 @@ from inverse_service.inverse_problem.explanation.hierarchy import (
     equation_terms,
     hierarchy,
     kernel,
+    local_motion,
     smallest_sufficient_set,
     tensors_at,
     unique_direction,
     unknowns,
 )
-from inverse_service.inverse_problem.explanation.pointwise import local_motion
 from inverse_service.mechanics.conditions import (
     ExactMotion,
     connection,

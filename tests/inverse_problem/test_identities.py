@@ -9,7 +9,7 @@ import pytest
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
-from inverse_service.inverse_problem.hamiltonisation.identities import rank_at_point, values_modulo_primes, vanish
+from inverse_service.inverse_problem.hamiltonisation.hamiltonise import rank_at_point, values_modulo_primes, vanish
 
 X, Y = Symbol("x"), Symbol("y")
 

@@ -13,9 +13,8 @@ from inverse_service.expressions.tree import Apply, Expression
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import entry_symbols, explain_negative
-from inverse_service.inverse_problem.explanation.numbers_at_a_point import numbers_at_a_point
+from inverse_service.inverse_problem.explanation.numbers_at_a_point import has_points, is_real, numbers_at_a_point
 from inverse_service.inverse_problem.explanation.point_explanation import steps_in_numbers
-from inverse_service.inverse_problem.explanation.rational_points import has_points, is_real
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.reading import read_system
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from inverse_service.inverse_problem import solving
-from inverse_service.inverse_problem.explanation.printed_conditions import with_conditions
+from inverse_service.inverse_problem.explanation.wording import with_conditions
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import associated_systems, motion_report, study
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve

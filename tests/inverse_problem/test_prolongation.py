@@ -14,8 +14,8 @@ from flint import nmod_mat
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon import Echelon, Flags
 from inverse_service.algebra.echelon_kernels import Indices, Words
+from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Expansion, Point
-from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.local_system import (

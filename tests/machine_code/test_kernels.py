@@ -16,8 +16,7 @@ import pytest
 from numba.core.errors import TypingError
 
 from inverse_service.machine_code import building, kernels, store
-from inverse_service.machine_code.kernels import Kernel, compiled
-from inverse_service.machine_code.signatures import kinds_of
+from inverse_service.machine_code.kernels import Kernel, compiled, kinds_of
 from inverse_service.machine_code.sources import Unstorable, kernel_digest
 
 WEIGHT = 3

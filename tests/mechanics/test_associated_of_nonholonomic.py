@@ -24,7 +24,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.hamiltonisation.identities import vanish
+from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, Kind, associated
 from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
 from inverse_service.mechanics.nonholonomic.motion import exact_motion, written

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.algebra import montgomery
+from inverse_service.algebra import modular
 from tests.mutation.__main__ import TESTS, chosen_mutants
 from tests.mutation.children import answers
 from tests.mutation.mutants import mutants, mutated
@@ -155,4 +155,4 @@ def test_a_function_behind_a_cache_or_a_property_is_changed_where_it_is() -> Non
     with pytest.raises(TypeError, match="no code"):
         plain(len)
     with pytest.raises(TypeError, match="compiled"):
-        plain(montgomery.multiply)
+        plain(modular.multiply)

@@ -28,8 +28,8 @@ def text_of(what: Problem, choice: MethodChoice, observation: Observation = BARE
     return kernel_text(program_of(Formulas(what), choice, observation))
 
 
-def circulars(text: str) -> int:
-    return text.count("call {double, double} @circular(double")
+def pairs(text: str) -> int:
+    return text.count("call {double, double} @sine_cosine(double")
 
 
 @pytest.mark.parametrize("choice", CHOICES, ids=lambda choice: choice.method)
@@ -45,7 +45,7 @@ def test_no_potential_no_potential_term(choice: MethodChoice) -> None:
     assert not read(without)
     assert "c0" in with_it.arguments
     assert "c0" not in without.arguments
-    assert circulars(kernel_text(without)) < circulars(kernel_text(with_it))
+    assert pairs(kernel_text(without)) < pairs(kernel_text(with_it))
 
 
 @pytest.mark.parametrize("choice", [MethodChoice("variational", 0.5), MethodChoice("nonholonomic", 0.5)])

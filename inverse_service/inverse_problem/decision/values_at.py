@@ -8,15 +8,14 @@ from typing import cast
 
 from flint import nmod_mat
 
+from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Point, number_value
-from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.semidefinite import Matrix, kernel
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.local_system import RowName
-from inverse_service.inverse_problem.decision.power_series import prolonged
-from inverse_service.inverse_problem.decision.rational_series import reconstructed
+from inverse_service.inverse_problem.decision.power_series import prolonged, reconstructed
 from inverse_service.inverse_problem.kinds.helmholtz import matrix_of, unknowns_of
 from inverse_service.linear_pde.involution import consequences
 from inverse_service.linear_pde.unknowns import column_of

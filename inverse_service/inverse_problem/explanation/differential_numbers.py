@@ -17,8 +17,8 @@ from functools import partial
 
 from flint import fmpq, fmpq_mat
 
+from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Point, Variable, number_value
-from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
@@ -35,7 +35,7 @@ from inverse_service.inverse_problem.explanation.differentiated_equations import
     variables_of_question,
 )
 from inverse_service.inverse_problem.explanation.hierarchy import all_singular, kernel, unknowns
-from inverse_service.inverse_problem.explanation.rational_points import (
+from inverse_service.inverse_problem.explanation.numbers_at_a_point import (
     PlainPoint,
     are_confirmed,
     atoms_and_jets,

@@ -11,7 +11,6 @@ from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarg
 from inverse_service.expressions.notation import matrix, row
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.explanation.differential_explanation import steps_in_derivatives
 from inverse_service.inverse_problem.explanation.differential_numbers import differential_numbers
 from inverse_service.inverse_problem.explanation.differential_obstruction import contradiction, direction_matrix
 from inverse_service.inverse_problem.explanation.elimination import (
@@ -31,13 +30,13 @@ from inverse_service.inverse_problem.explanation.hierarchy import (
     SufficientSet,
     equation_terms,
     hierarchy,
+    local_motion,
     tensors_at,
     unique_direction,
     unknowns,
 )
 from inverse_service.inverse_problem.explanation.numbers_at_a_point import numbers_at_a_point
-from inverse_service.inverse_problem.explanation.point_explanation import steps_in_numbers
-from inverse_service.inverse_problem.explanation.pointwise import local_motion
+from inverse_service.inverse_problem.explanation.point_explanation import steps_in_derivatives, steps_in_numbers
 from inverse_service.inverse_problem.explanation.steps import said
 from inverse_service.inverse_problem.explanation.wording import (
     SINGULAR,

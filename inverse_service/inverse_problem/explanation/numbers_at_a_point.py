@@ -1,40 +1,235 @@
-"""The conditions of the hierarchy in numbers, at a point with rational values (`rational_points`)."""
+"""The conditions of the hierarchy in numbers, at a point with rational values (`rational_points`).
+
+Points at which variables and atoms of f have small rational values that respect all relations among them.
+
+Coordinates, velocities, parameters and the free generators of f (tan of a half angle, the root of an
+exponential, an arbitrary function and its derivatives) get small whole numbers. Roots must come out
+rational, or the next point is tried. Values are found modulo a prime and reconstructed as fractions
+(Wang 1981); a second prime confirms them.
+"""
 
 from __future__ import annotations
 
+import itertools
+import random
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
-from typing import cast
+from typing import Any, TypeVar, cast
 
-from inverse_service.algebra.point import Expansion, Point, Variable, number_value
-from inverse_service.algebra.primes import safe_prime
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from flint import fmpq, fmpq_mat
+
+from inverse_service.algebra.modular import is_positive, reconstruct, safe_prime
+from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, number_value, variables_in
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.tower import AngleRule, ExponentialRule, atoms_in_order, replay
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import (
+    PI,
+    TIME,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    children,
+    walk,
+)
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.hierarchy import (
     ConditionName,
     EquationName,
+    LocalScalar,
     SufficientSet,
     all_singular,
     hierarchy,
     kernel,
+    motion_of_series,
     tensors_at,
     unknowns,
 )
-from inverse_service.inverse_problem.explanation.pointwise import LocalScalar, motion_of_series
-from inverse_service.inverse_problem.explanation.rational_points import (
-    PlainPoint,
-    SmallPoint,
-    atoms_and_jets,
-    bare_variables,
-    has_points,
-    in_fractions,
-    is_real,
-    residues_at,
-)
 from inverse_service.mechanics.conditions import Tensor11
+
+# Small numbers first; larger ones, where roots have to come out, later.
+_SMALL, _LARGER, _PATIENCE = 5, 12, 20
+_PLAIN = tuple(tuple(map(Fraction, values.split())) for values in ("0 0 1 2", "0 0 1 2", "0 0 1 -1", "0 0 1 2"))
+_SPEEDS = tuple(map(Fraction, ("0", "3/5", "4/5", "-3/5")))
+# Numerators and denominators beyond this are no longer numbers for a person.
+_BOUND = 10**8
+
+Key = TypeVar("Key")
+
+
+@dataclass(slots=True)
+class SmallPoint(Point):
+    """A point whose free values are small whole numbers, the same modulo every prime."""
+
+    def draw(self, key: object) -> int:
+        largest = _SMALL if self.seed < _PATIENCE else _LARGER
+        return random.Random(f"{self.seed}|{key!r}").randint(1, largest)
+
+
+@dataclass(slots=True)
+class PlainPoint(Point):
+    """A point where variables and tangents of half angles are 0 as often as not: fewer terms remain.
+
+    Every fourth has velocities such as 3/5, at which roots like (1 - v^2)^(1/2) come out.
+    """
+
+    def draw(self, key: object) -> int:
+        source = random.Random(f"{self.seed}|{key!r}")
+        if not (isinstance(key, tuple) and isinstance(key[0], Symbol | Velocity | Sum | Product)):
+            return source.randint(1, 2)
+        fractions = isinstance(key[0], Velocity) and self.seed % 4 == 3
+        return number_value(source.choice(_SPEEDS if fractions else _PLAIN[self.seed % 4]), self.prime)
+
+
+def has_points(analysis: Analysis) -> bool:
+    """Whether values can be put for all atoms: not where numbers such as pi, sin(1) or exp(2) occur."""
+    radians = any(isinstance(rule, AngleRule) and rule.radians for rule in analysis.tower.rules)
+    bare = {name for f in analysis.accelerations for name in bare_variables(f)}
+    numbers = any(isinstance(atom, Apply) and not variables_in(atom) for atom in atoms_in_order(analysis.accelerations))
+    return not radians and PI not in bare and not numbers
+
+
+def is_real(analysis: Analysis) -> bool:
+    """Whether the values drawn for variables and free generators are those of one real point.
+
+    They are where each free generator is the exponential, sine or cosine of a rational combination of
+    variables that occur nowhere else, and these combinations are independent: they can then be chosen to fit.
+    Else they are values that the same algebraic relations allow.
+    """
+    bare = {name for f in analysis.accelerations for name in bare_variables(f)}
+    arguments: list[Mapping[Variable, Fraction]] = []
+    for rule in analysis.tower.rules:
+        if isinstance(rule, ExponentialRule) and rule.constant:
+            return False  # e has a value of its own
+        if not rule.free:
+            continue
+        found = _combination(rule.angle if isinstance(rule, AngleRule) else rule.atom.argument)
+        if found is None or not isinstance(rule, AngleRule | ExponentialRule) or bare & set(found):
+            return False
+        arguments.append(found)
+    names = sorted({name for found in arguments for name in found}, key=repr)
+    flat = [fmpq(*found.get(name, Fraction(0)).as_integer_ratio()) for found in arguments for name in names]
+    return not flat or fmpq_mat(len(arguments), len(names), flat).rref()[1] == len(arguments)
+
+
+def _combination(expression: Expression) -> dict[Variable, Fraction] | None:
+    """The coefficients of a rational combination of variables; None for another expression."""
+    match expression:
+        case Symbol() | Velocity():
+            return {expression: Fraction(1)}
+        case Product((Number(value), Symbol() | Velocity() as name)):
+            return {name: value}
+        case Sum(terms):
+            total: dict[Variable, Fraction] = {}
+            for part in map(_combination, terms):
+                if part is None:
+                    return None
+                for name, value in part.items():
+                    total[name] = total.get(name, Fraction(0)) + value
+            return total
+    return None
+
+
+def bare_variables(expression: Expression) -> set[Variable]:
+    """Variables that occur outside transcendental atoms."""
+    if isinstance(expression, Apply):
+        return set()
+    if isinstance(expression, Symbol | Velocity):
+        return {expression}
+    return {name for child in children(expression) for name in bare_variables(child)}
+
+
+def atoms_and_jets(analysis: Analysis, further: int) -> list[Expression]:
+    """Transcendental atoms and roots in f, and arbitrary functions with `further` derivatives more than in f."""
+    nodes = {node for f in analysis.accelerations for node in walk(f) if isinstance(node, Arbitrary)}
+    functions: dict[tuple[str, tuple[Expression, ...]], int] = {}
+    for node in sorted(nodes, key=to_text):
+        place = (node.name, node.arguments)
+        functions[place] = max(functions.get(place, 0), sum(node.orders) + further)
+    derivatives = [
+        Arbitrary(name, arguments, orders)
+        for (name, arguments), highest in functions.items()
+        for orders in itertools.product(range(highest + 1), repeat=len(arguments))
+        if sum(orders) <= highest
+    ]
+    return [*_with_partners(atoms_in_order(analysis.accelerations)), *derivatives]
+
+
+def _with_partners(atoms: Iterable[Expression]) -> Iterator[Expression]:
+    """The atoms, with the sine of an angle its cosine too, which derivatives of f contain."""
+    seen: set[Expression] = set()
+    for atom in atoms:
+        both: list[Expression] = [atom]
+        if isinstance(atom, Apply) and atom.function in ("sin", "cos"):
+            both = [Apply(name, atom.argument) for name in ("sin", "cos")]
+        yield from (each for each in both if each not in seen)
+        seen.update(both)
+
+
+def placed(analysis: Analysis, point: Point) -> bool:
+    """Give the atoms their values at the point; whether the point is one of the domain of f."""
+    requirements = [*((radicand, 1) for radicand in analysis.tower.radicands), *analysis.tower.signs]
+    try:
+        for rule in analysis.tower.rules:
+            replay(rule, point, analysis.tower.scale)
+        signs = [(is_positive(evaluate(tree, point), point.prime), sign) for tree, sign in requirements]
+    except (SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
+        return False
+    return all(positive == (sign > 0) for positive, sign in signs)
+
+
+def in_fractions(analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None]) -> dict[Key, Fraction] | None:
+    """`residues(prime)` as fractions of small numbers, from one prime and confirmed by another."""
+    found = fractions_of_one_prime(analysis, residues)
+    return found if found is not None and are_confirmed(analysis, residues, found) else None
+
+
+def fractions_of_one_prime(
+    analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None]
+) -> dict[Key, Fraction] | None:
+    """`residues(prime)` as fractions of small numbers, to be confirmed."""
+    prime = safe_prime(7_001, analysis.tower.residues)
+    found: dict[Key, Fraction] = {}
+    for key, residue in (residues(prime) or {}).items():
+        value = reconstruct(residue, prime, _BOUND)
+        if value is None:
+            return None
+        found[key] = value
+    return found or None
+
+
+def are_confirmed(
+    analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None], found: Mapping[Key, Fraction]
+) -> bool:
+    """Whether a second prime gives the same fractions."""
+    prime = safe_prime(7_002, analysis.tower.residues)
+    values = residues(prime)
+    return values is not None and not any(
+        (fraction.numerator - values.get(key, 0) * fraction.denominator) % prime for key, fraction in found.items()
+    )
+
+
+def residues_at(
+    analysis: Analysis, point: Point, atoms: Sequence[Expression], further: Callable[[Point], Mapping[Any, int]]
+) -> dict[Any, int] | None:
+    """Values of variables, atoms and what is `further` there; None where the point is singular."""
+    if not placed(analysis, point):
+        return None
+    try:
+        found: dict[Any, int] = {atom: evaluate(atom, point) for atom in atoms}
+        return {**found, **further(point), **point.variables}
+    except (SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
+        return None
+
 
 _ATTEMPTS = 400
 

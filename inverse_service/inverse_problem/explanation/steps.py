@@ -1,12 +1,18 @@
-"""Steps of an explanation, put together from words and formulas."""
+"""Steps of an explanation, put together from words and formulas.
+
+Letters of the theory that a system has for names of its own: said once, before anything is explained.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from inverse_service.expressions.notation import Formula, formula_of
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.outcome import Part, Step
+from inverse_service.inverse_problem.outcome import Answer, Part, Step
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Piece = str | Formula | Expression
 
@@ -50,3 +56,44 @@ def enumerated(formulas: Sequence[Piece]) -> list[Piece]:
 def separated(formulas: Sequence[Piece], between: str = ", ") -> list[Piece]:
     """The formulas with the same words between them."""
     return [piece for k, formula in enumerate(formulas) for piece in ([between, formula] if k else [formula])]
+
+
+_MEANING = {
+    "g": "the multiplier, the Hessian of L in the velocities",
+    "L": "the Lagrangian",
+    "H": "the Hamiltonian",
+    "N": "the matrix -1/2 df/dv",
+    "Phi": "the matrix of the first conditions",
+    "R": "the curvature in the conditions",
+    "Gamma": "the derivative along the motion",
+    "f": "the right-hand sides",
+    "p": "the momenta",
+    "v": "the velocities",
+    "u": "the exponent in g = e^u G",
+    "G": "the matrix in g = e^u G",
+    "T": "any of the matrices of the conditions",
+    "L_0": "the Lagrangian without damping",
+}
+
+
+def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
+    """The answer, its explanation begun with what each letter that has two meanings is in the sentences."""
+    names = {*system.coordinates, *system.parameters, *(function.name for function in system.functions)}
+    texts = " ".join(step.text for step in answer.explanation)
+    shared = [name for name in _MEANING if name in names and _is_said(name, texts)]
+    if not shared:
+        return answer
+    meanings = ", ".join(f"{name} is {_MEANING[name]}" for name in shared)
+    also = "these names may also be those" if len(shared) > 1 else f"the name {shared[0]} may also be that"
+    step = said(f"In the sentences below, {meanings}; inside their formulas {also} of the system.")
+    return replace(answer, explanation=(step, *answer.explanation))
+
+
+# R stands in many formulas as the radius of the system; as the curvature only in these words.
+_CURVATURE = re.compile(r"\(R\)_|R\^[1-9j]|, R\)|the place of R\b|(?:nabla|components of|sums? of g) R\b|nabla\^\d R\b")
+
+
+def _is_said(name: str, text: str) -> bool:
+    if name == "R":
+        return _CURVATURE.search(text) is not None
+    return re.search(rf"(?<![\w']){re.escape(name)}(?![\w'])", text) is not None

@@ -1,9 +1,12 @@
-"""The sentences and formulas of an explanation."""
+"""The sentences and formulas of an explanation.
+
+Phi, nabla Phi and R of a solution, written out for people.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
@@ -14,8 +17,8 @@ from inverse_service.inverse_problem.explanation.differential_obstruction import
 from inverse_service.inverse_problem.explanation.elimination import Unknown
 from inverse_service.inverse_problem.explanation.hierarchy import ConditionName, EquationName, SufficientSet
 from inverse_service.inverse_problem.explanation.steps import Piece, enumerated, said, separated
-from inverse_service.inverse_problem.outcome import Step
-from inverse_service.mechanics.conditions import Tensor11, Tensor12
+from inverse_service.inverse_problem.outcome import Conditions, Solution, Step
+from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
@@ -201,3 +204,17 @@ def factor_steps(
              ", which is not zero identically. There is no Lagrangian.")
     )  # fmt: skip
     return steps
+
+
+def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, str]:
+    """The conditions, or None and why they are left out."""
+    tensors = conditions(system)
+    if tensors.Phi is None or tensors.nabla_Phi is None or tensors.R is None:
+        return None, tensors.reason
+    return Conditions(tensors.Phi, tensors.nabla_Phi, tensors.R), tensors.reason
+
+
+def with_conditions(solution: Solution) -> Solution:
+    """The solution of `solve` without conditions, with them."""
+    found, reason = printed_conditions(solution.system)
+    return replace(solution, conditions=found, provenance={**solution.provenance, "conditions_left_out": reason})

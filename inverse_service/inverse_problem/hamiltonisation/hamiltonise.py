@@ -1,4 +1,6 @@
-"""From a free Lagrangian of an associated system to its Hamiltonian, with proof that it holds the motion.
+"""Whether expressions vanish identically: their values at random points modulo primes, all relations kept.
+
+From a free Lagrangian of an associated system to its Hamiltonian, with proof that it holds the motion.
 
 The claim: the flow of H~, restricted to the image of the constraints under p = dL~/dv, is the
 nonholonomic motion. It is taken apart into identities; each is tested at random points modulo primes.
@@ -10,7 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from inverse_service.errors import InputError
+from flint import nmod_mat
+
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.point import Point, Variable, evaluate
+from inverse_service.algebra.real_point import find_real_point
+from inverse_service.algebra.reduction import reduce_atoms
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.tower import draw_point
+from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     TIME,
@@ -26,7 +36,6 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.inverse_problem.hamiltonisation.identities import rank_at_point, vanish
 from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison, Flow, compare
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.legendre.constraints import constraint_images
@@ -34,6 +43,58 @@ from inverse_service.mechanics.legendre.transform import LegendreTransform, lege
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_ATTEMPTS = 6
+
+
+def values_modulo_primes(
+    expressions: Sequence[Expression], variables: Sequence[Variable], points: int = 2, seed: int = 1
+) -> list[tuple[Point, list[int]]] | None:
+    """The residues of all expressions at `points` random points, each over a prime of its own.
+
+    None where the relations among their functions cannot be settled or no point is found.
+    """
+    kernels = [to_kernels(expression) for expression in expressions]
+    try:
+        table = find_real_point(kernels, variables, seed)
+        tower = reduce_atoms(kernels, variables, table)
+        found = []
+        for attempt in range(_ATTEMPTS):
+            point = draw_point(tower, seed * _ATTEMPTS + attempt)
+            known: dict[Expression, int] = {}
+            try:
+                found.append((point, [evaluate(kernel, point, known) for kernel in kernels]))
+            except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
+                continue
+            if len(found) == points:
+                return found
+    except (IrreducibleAtoms, KeyError):
+        return None
+    return None
+
+
+def vanish(expressions: Sequence[Expression], variables: Sequence[Variable], seed: int = 1) -> bool | None:
+    """True where all vanish at two points, False where one does not, None where it was not settled.
+
+    A nonzero rational function of degree d vanishes at a random point with probability about d/2^61.
+    """
+    if not expressions:
+        return True
+    found = values_modulo_primes(expressions, variables, 2, seed)
+    return None if found is None else all(not any(values) for _, values in found)
+
+
+def rank_at_point(matrix: Sequence[Sequence[Expression]], variables: Sequence[Variable], seed: int = 1) -> int | None:
+    """The rank of a matrix of expressions at a random point, which is its generic rank (almost surely)."""
+    flat = [entry for row in matrix for entry in row]
+    if not flat:
+        return 0
+    found = values_modulo_primes(flat, variables, 1, seed)
+    if found is None:
+        return None
+    ((point, values),) = found
+    return int(nmod_mat(len(matrix), len(matrix[0]), values, point.prime).rank())
+
 
 Verdict = Literal["holds", "fails", "not settled"]
 

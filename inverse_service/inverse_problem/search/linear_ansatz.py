@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.algebra import montgomery
+from inverse_service.algebra import modular
 from inverse_service.algebra.echelon_kernels import Words
-from inverse_service.algebra.montgomery import compiled, multiply
+from inverse_service.algebra.modular import compiled, multiply
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.null_vectors import SampledRows, kernel, vectors_of_groups
@@ -72,7 +72,7 @@ def _fill(
 
 
 def to_montgomery(array: Words, prime: int) -> Words:
-    modulus, negative_inverse, _, radix_squared = montgomery.constants(prime)
+    modulus, negative_inverse, _, radix_squared = modular.constants(prime)
     result = np.ascontiguousarray(array).copy()
     _times(result.reshape(-1), radix_squared, modulus, negative_inverse)
     return result
@@ -89,7 +89,7 @@ def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], can
     prime = table.prime
     starts, places, exponents = exponent_lists(letters, candidates, prime)
     values = monomial_values(table, letters, candidates)
-    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    modulus, negative_inverse, _, _ = modular.constants(prime)
     result = np.zeros((len(values) * table.by_velocity.shape[2], len(candidates)), np.uint64)
     arrays = (table.along, table.by_velocity, table.mixed, table.by_position)
     along, by_velocity, mixed, by_position = (to_montgomery(array, prime) for array in arrays)

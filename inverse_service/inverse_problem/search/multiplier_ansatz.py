@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.algebra import montgomery
+from inverse_service.algebra import modular
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon_kernels import Words
-from inverse_service.algebra.montgomery import compiled, multiply
+from inverse_service.algebra.modular import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.expressions.tree import Expression, walk
 from inverse_service.inverse_problem.decision.local_system import local_system
@@ -94,7 +94,7 @@ def helmholtz_matrix(
     values = monomial_values(table, letters, terms)
     n = table.by_velocity.shape[2]
     pairs = tensors_of(sampler, table)
-    modulus, negative_inverse, _, _ = montgomery.constants(prime)
+    modulus, negative_inverse, _, _ = modular.constants(prime)
     result = np.zeros((len(values) * n * n, len(terms)), np.uint64)
     arrays = (table.along, table.by_velocity, table.mixed, table.hessian, table.third)
     along, by_velocity, mixed, hessian, third = (to_montgomery(array, prime) for array in arrays)

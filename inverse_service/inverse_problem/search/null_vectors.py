@@ -15,7 +15,7 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service.algebra.echelon_kernels import Words
-from inverse_service.algebra.primes import reconstruct
+from inverse_service.algebra.modular import reconstruct
 from inverse_service.inverse_problem.search.deadline import check
 
 _LARGEST_NUMBER = 10**7

@@ -11,11 +11,10 @@ from typing import Any, TypeGuard
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra import montgomery
+from inverse_service.algebra import modular
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.montgomery import compiled, multiply
+from inverse_service.algebra.modular import compiled, multiply, positive_power
 from inverse_service.algebra.point import Point
-from inverse_service.algebra.primes import positive_power
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
@@ -175,7 +174,7 @@ def monomial_values(table: LetterTable, letters: Sequence[Expression], candidate
         [positive_power(sample[index[letter]], e, prime) * radix % prime for letter, e in pairs]
         for sample in table.values
     ]
-    modulus, negative_inverse, one, _ = montgomery.constants(prime)
+    modulus, negative_inverse, one, _ = modular.constants(prime)
     result = np.full((len(powers), len(candidates)), one, np.uint64)
     _products(
         np.array(powers, np.uint64).reshape(len(powers), -1), np.array(starts, np.int64),

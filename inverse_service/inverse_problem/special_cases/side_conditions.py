@@ -31,9 +31,8 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.elimination import eliminate
-from inverse_service.inverse_problem.explanation.hierarchy import EquationName, hierarchy, tensors_at
+from inverse_service.inverse_problem.explanation.hierarchy import EquationName, hierarchy, local_motion, tensors_at
 from inverse_service.inverse_problem.explanation.negative import exact_equations
-from inverse_service.inverse_problem.explanation.pointwise import local_motion
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, factors
 from inverse_service.mechanics.conditions import exact_motion
 

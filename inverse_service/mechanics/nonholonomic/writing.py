@@ -94,7 +94,7 @@ def _place(factor: Expression) -> int:
 
 @lru_cache(maxsize=1024)
 def tidied(tree: Expression) -> Expression:
-    """The tree as one exact quotient, roots and circular functions reduced; as it is where that is too large."""
+    """The tree as one exact quotient, roots and trigonometric functions reduced; as it is where that is too large."""
     variables = list(dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity)))
     try:
         ring = exact_ring([tree], variables, 0, Budget(_TIDIED_TERMS), spare=True, slopes=False)

@@ -6,8 +6,8 @@ from fractions import Fraction
 
 import pytest
 
+from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Expansion, Point
-from inverse_service.algebra.primes import safe_prime
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.expressions.tree import TIME, Number, Power, Symbol, Velocity
 from inverse_service.inverse_problem.search.sample_points import _logarithmic

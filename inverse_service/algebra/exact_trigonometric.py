@@ -1,6 +1,6 @@
 """sin, cos and their hyperbolic likes: one pair of generators for each basis argument.
 
-With sign = -1 for the circular and +1 for the hyperbolic pair (s, c): ds = c du, dc = sign s du and
+With sign = -1 for the trigonometric and +1 for the hyperbolic pair (s, c): ds = c du, dc = sign s du and
 c^2 - sign s^2 = 1. Where only the tangent of an argument occurs it is the generator itself:
 dT = (1 - sign T^2) du.
 
@@ -100,7 +100,7 @@ def _solve(basis: Sequence[Coordinates], target: Coordinates) -> list[Fraction] 
     return [rows[column][-1] for column in range(len(basis))]
 
 
-CIRCULAR = frozenset(["sin", "cos", "tan", "cot", "sec", "csc"])
+TRIGONOMETRIC = frozenset(["sin", "cos", "tan", "cot", "sec", "csc"])
 HYPERBOLIC = frozenset(["sinh", "cosh", "tanh", "coth", "sech", "csch"])
 
 # sin(k x) is a polynomial of degree k in sin x and cos x.
@@ -116,7 +116,7 @@ class Pair:
 
 
 def adjoin_pairs(ring: ExactRing, nodes: Sequence[Apply], sign: int) -> None:
-    """Values of the circular (sign -1) or hyperbolic (sign 1) functions in `nodes`; TooLarge for large multiples."""
+    """Values of the trigonometric (sign -1) or hyperbolic (1) functions in `nodes`; TooLarge for large multiples."""
     arguments = [ring.value(node.argument) for node in nodes]
     turns = [_quarter_turns(ring, argument) if sign < 0 else 0 for argument in arguments]
     free = [argument - _quarters(ring, count) for argument, count in zip(arguments, turns, strict=True)]
@@ -218,4 +218,4 @@ def _of_pair(function: str, pair: Pair) -> Quotient:
             return pair.cosine.inverse()
         case "csc":
             return pair.sine.inverse()
-    raise ValueError(f"{function} is not a circular or hyperbolic function")
+    raise ValueError(f"{function} is not a trigonometric or hyperbolic function")
