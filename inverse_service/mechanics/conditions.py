@@ -170,20 +170,20 @@ class Tensors:
 
 
 @dataclass(frozen=True, slots=True)
-class ExactMotion:
+class MotionInRing:
     """The ring of a system's formulas, and its motion over that ring."""
 
     ring: ExactRing
     motion: Motion[Quotient]
 
 
-def exact_motion(
+def motion_in_ring(
     system: SecondOrderSystem,
     orders: int,
     budget: Budget,
     further: Sequence[Symbol] = (),
     trees: Sequence[Expression] = (),
-) -> ExactMotion:
+) -> MotionInRing:
     """The system over an exact ring that allows `orders` derivations of f.
 
     The ring also holds the constants `further` and the formulas `trees`. Raises TooLarge
@@ -197,7 +197,7 @@ def exact_motion(
     along = ring.along([ring.constant(1), *(ring.atoms[v] for v in velocities), *accelerations])
     partials = tuple(ring.partial(index) for index in range(1, 2 * n + 1))
     motion = Motion(accelerations, partials[:n], partials[n:], along, ring.constant(0))
-    return ExactMotion(ring, motion)
+    return MotionInRing(ring, motion)
 
 
 def conditions(
@@ -212,7 +212,7 @@ def conditions(
     found: dict[str, Matrix | tuple[Matrix, ...]] = {}
     reason = ""
     try:
-        exact = exact_motion(system, depth + 2, budget)
+        exact = motion_in_ring(system, depth + 2, budget)
         _derive(exact, depth, found)
     except TooLarge as error:
         reason = f"{_first_missing(found)} and what follows is left out: {error}"
@@ -228,7 +228,7 @@ def _first_missing(found: dict[str, Matrix | tuple[Matrix, ...]]) -> str:
     return next((name for name in _NAMES if name not in found), "a higher tensor")
 
 
-def _derive(exact: ExactMotion, depth: int, found: dict[str, Matrix | tuple[Matrix, ...]]) -> None:
+def _derive(exact: MotionInRing, depth: int, found: dict[str, Matrix | tuple[Matrix, ...]]) -> None:
     """Fill the table by name, in the order of cost."""
     motion = exact.motion
     n = connection(motion)

@@ -18,7 +18,7 @@ from inverse_service.inverse_problem.hamiltonisation.hamiltonise import (
 )
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
 from inverse_service.mechanics.nonholonomic.associated_systems import Kind, associated
-from inverse_service.mechanics.nonholonomic.paper_lagrangians import ClassLagrangian, class_lagrangians
+from inverse_service.mechanics.nonholonomic.paper_lagrangians import PaperLagrangian, propose_lagrangians
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -67,9 +67,9 @@ def system_of(report: MotionReport, kind: Kind) -> SecondOrderSystem:
     return found
 
 
-def proposal_of(report: MotionReport, kind: str, place: int) -> ClassLagrangian:
+def proposal_of(report: MotionReport, kind: str, place: int) -> PaperLagrangian:
     assert report.member is not None
-    return class_lagrangians(report.member, kind)[place]
+    return propose_lagrangians(report.member, kind)[place]
 
 
 def read(text: str, document: dict[str, Any]) -> Expression:

@@ -26,11 +26,11 @@ from inverse_service.inverse_problem.explanation.hierarchy import (
     unknowns,
 )
 from inverse_service.mechanics.conditions import (
-    ExactMotion,
+    MotionInRing,
     connection,
     curvature,
-    exact_motion,
     jacobi_endomorphism,
+    motion_in_ring,
     nabla_of_curvature,
 )
 from inverse_service.mechanics.reading import read_system
@@ -162,19 +162,19 @@ WITH_LAGRANGIAN = [
 ]
 
 
-def with_multiplier(name: str, orders: int) -> tuple[ExactMotion, list[list[Quotient]]]:
+def with_multiplier(name: str, orders: int) -> tuple[MotionInRing, list[list[Quotient]]]:
     """The motion, and the velocity Hessian of the first Lagrangian listed in the catalogue."""
     given = catalogue_system(name)
     functions = {function.name: function.arguments for function in given.functions}
     parameters = tuple(document(name).get("parameters", ()))
     tree = parse(entry(name)["expected"]["lagrangians"][0], Names(given.coordinates, parameters, functions))
-    exact = exact_motion(given, orders, Budget(), trees=[tree])
+    exact = motion_in_ring(given, orders, Budget(), trees=[tree])
     value = exact.ring.value(tree)
     by = exact.motion.by_velocity
     return exact, [[by_j(by_i(value)) for by_j in by] for by_i in by]
 
 
-def residuals(exact: ExactMotion, g: Sequence[Sequence[Quotient]], depth: int) -> dict[str, list[Quotient]]:
+def residuals(exact: MotionInRing, g: Sequence[Sequence[Quotient]], depth: int) -> dict[str, list[Quotient]]:
     """Every equation of the hierarchy with the entries of g put in."""
     found: dict[str, list[Quotient]] = {}
     for condition, tensor in hierarchy(exact.motion, depth).items():

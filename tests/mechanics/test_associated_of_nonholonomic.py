@@ -27,9 +27,9 @@ from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, Kind, associated
 from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
-from inverse_service.mechanics.nonholonomic.motion import exact_motion, written
+from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers, written
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised, rotation
-from inverse_service.mechanics.nonholonomic.paper_lagrangians import class_lagrangians
+from inverse_service.mechanics.nonholonomic.paper_lagrangians import propose_lagrangians
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -51,7 +51,7 @@ def member_of(document: dict[str, Any]) -> PaperClass:
 def system_of(document: dict[str, Any], kind: Kind) -> AssociatedSystem:
     parts = geometry(read_nonholonomic(**document))
     member, reason = recognised(parts)
-    return associated(exact_motion(parts, member.frame if member else frames(parts)[0]), member, reason, kind)
+    return associated(eliminate_multipliers(parts, member.frame if member else frames(parts)[0]), member, reason, kind)
 
 
 def variables(system: SecondOrderSystem) -> list[Symbol | Velocity]:
@@ -148,7 +148,7 @@ ALL = {name: catalogue.document(name) for name in catalogue.names("nonholonomic"
 def test_every_associated_system_holds_the_motion(name: str) -> None:
     parts = geometry(read_nonholonomic(**ALL[name]))
     member, reason = recognised(parts)
-    exact = exact_motion(parts, member.frame if member else frames(parts)[0])
+    exact = eliminate_multipliers(parts, member.frame if member else frames(parts)[0])
     motion = written(exact)
     table: dict[Expression, Expression] = {
         Velocity(s): rate for s, rate in zip(motion.dependent, motion.dependent_velocities, strict=True)
@@ -207,7 +207,7 @@ def test_the_third_system_is_a_rotation_with_a_constant_direction(name: str) -> 
 )
 def test_the_checker_confirms_the_lagrangians_of_the_class(name: str, counts: tuple[int, int]) -> None:
     member = member_of(ALL[name])
-    found = {kind: class_lagrangians(member, kind) for kind in KINDS}
+    found = {kind: propose_lagrangians(member, kind) for kind in KINDS}
     assert (len(found["first"]), len(found["second"]), len(found["third"])) == (0, *counts)
     for kind in KINDS[1:]:
         system = system_of(ALL[name], kind).system
@@ -220,6 +220,6 @@ def test_the_checker_confirms_the_lagrangians_of_the_class(name: str, counts: tu
 @pytest.mark.parametrize("kind", ["second", "third"])
 def test_lagrangians_that_are_too_large_are_not_proposed(kind: str) -> None:
     member = member_of(ALL["vertically-rolling-disk"])
-    assert class_lagrangians(member, kind)
+    assert propose_lagrangians(member, kind)
     member.geometry.ring.field.budget.deadline = 0.0
-    assert class_lagrangians(member, kind) == ()
+    assert propose_lagrangians(member, kind) == ()

@@ -38,8 +38,8 @@ from inverse_service.mechanics.conditions import (
     conditions,
     connection,
     curvature,
-    exact_motion,
     jacobi_endomorphism,
+    motion_in_ring,
     nabla,
 )
 from inverse_service.mechanics.reading import read_system
@@ -244,7 +244,7 @@ def printed_nabla(motion: Motion[Quotient], tensor: tuple[tuple[Quotient, ...], 
 
 def test_the_printed_nabla_phi_refuses_hills_lunar_problem_and_the_right_one_does_not() -> None:
     # L = (x'^2 + y'^2)/2 + …: the multiplier is the identity, so the tensors must be symmetric.
-    motion = exact_motion(catalogue_system("hill-lunar"), 3, Budget()).motion
+    motion = motion_in_ring(catalogue_system("hill-lunar"), 3, Budget()).motion
     phi = jacobi_endomorphism(motion)
     right, printed = nabla(motion, connection(motion), phi), printed_nabla(motion, phi)
     assert (phi[0][1] - phi[1][0]).is_zero
@@ -254,7 +254,7 @@ def test_the_printed_nabla_phi_refuses_hills_lunar_problem_and_the_right_one_doe
 
 
 def test_r_is_antisymmetric_in_its_lower_indices() -> None:
-    motion = exact_motion(catalogue_system("lie-a3-8-sl2"), 3, Budget()).motion
+    motion = motion_in_ring(catalogue_system("lie-a3-8-sl2"), 3, Budget()).motion
     bend = curvature(motion, jacobi_endomorphism(motion))
     indices = [(i, k, m) for i in range(3) for k in range(3) for m in range(3)]
     assert all((bend[i][k][m] + bend[i][m][k]).is_zero for i, k, m in indices)

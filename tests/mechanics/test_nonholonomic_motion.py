@@ -28,7 +28,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
-from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion, equations_of_motion, exact_motion
+from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion, eliminate_multipliers, equations_of_motion
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from tests.mechanics.nonholonomic_examples import EXAMPLES
 
@@ -165,4 +165,4 @@ def test_a_large_system_is_refused_when_its_time_is_over() -> None:
     system = read_nonholonomic(names, f"{kinetic} + {mixed}", ["q0' + sin(q1*q2)*q3' + q4*q5*q6'"])
     parts = geometry(system, time_limit=1.0)
     with pytest.raises(TooLarge):
-        exact_motion(parts, frames(parts)[0])
+        eliminate_multipliers(parts, frames(parts)[0])

@@ -20,7 +20,12 @@ from inverse_service.mechanics.nonholonomic.integrals import (
     integrability,
     measure_density,
 )
-from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion, ExactMotion, exact_motion, written
+from inverse_service.mechanics.nonholonomic.motion import (
+    EliminatedMotion,
+    EquationsOfMotion,
+    eliminate_multipliers,
+    written,
+)
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from tests.mechanics.nonholonomic_examples import EXAMPLES
 from tests.mechanics.test_nonholonomic_motion import point_for
@@ -29,9 +34,9 @@ DOCUMENTS = {name: catalogue.document(name) for name in catalogue.names("nonholo
 WITHOUT_MEASURE = {"Chaplygin sleigh": "does_not_exist", "integrating factor": "not_found"}
 
 
-def exact(document: dict[str, Any]) -> ExactMotion:
+def exact(document: dict[str, Any]) -> EliminatedMotion:
     parts = geometry(read_nonholonomic(**document))
-    return exact_motion(parts, frames(parts)[0])
+    return eliminate_multipliers(parts, frames(parts)[0])
 
 
 def along(motion: EquationsOfMotion, tree: Expression) -> Expression:

@@ -27,7 +27,7 @@ from inverse_service.expressions.notation import Formula, partial_derivative, ro
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.elimination import Elimination
-from inverse_service.mechanics.conditions import ExactMotion, Tensor11, connection
+from inverse_service.mechanics.conditions import MotionInRing, Tensor11, connection
 from inverse_service.mechanics.quotient_matrices import solve_square
 
 Matrix = tuple[tuple[Quotient, ...], ...]
@@ -64,7 +64,7 @@ def direction_matrix(result: Elimination, n: int, one: Quotient) -> Matrix:
 
 
 def contradiction(
-    analysis: Analysis, exact: ExactMotion, direction: Matrix, with_time: bool, seed: int
+    analysis: Analysis, exact: MotionInRing, direction: Matrix, with_time: bool, seed: int
 ) -> Contradiction:
     """The first integrability condition of u that fails; TooLarge where none is found."""
     slopes = _slopes(exact, direction)
@@ -86,7 +86,7 @@ class _Slopes:
     by_time: Quotient
 
 
-def _slopes(exact: ExactMotion, direction: Matrix) -> _Slopes:
+def _slopes(exact: MotionInRing, direction: Matrix) -> _Slopes:
     motion, span = exact.motion, range(exact.motion.size)
     mu = tuple(_velocity_slope(exact, direction, k) for k in span)
     a = _slope_along(exact, direction)
@@ -99,7 +99,7 @@ def _slopes(exact: ExactMotion, direction: Matrix) -> _Slopes:
     return _Slopes(mu, a, tuple(nu), a - sum_of(motion.zero, products))
 
 
-def _velocity_slope(exact: ExactMotion, direction: Matrix, k: int) -> Quotient:
+def _velocity_slope(exact: MotionInRing, direction: Matrix, k: int) -> Quotient:
     motion, span = exact.motion, range(exact.motion.size)
     j = 0 if k else 1
     inverse = solve_square(direction, [exact.ring.constant(int(i == j)) for i in span])
@@ -110,7 +110,7 @@ def _velocity_slope(exact: ExactMotion, direction: Matrix, k: int) -> Quotient:
     return -sum_of(motion.zero, terms)
 
 
-def _slope_along(exact: ExactMotion, direction: Matrix) -> Quotient:
+def _slope_along(exact: MotionInRing, direction: Matrix) -> Quotient:
     motion, span = exact.motion, range(exact.motion.size)
     n: Tensor11[Quotient] = connection(motion)
     i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
@@ -119,7 +119,7 @@ def _slope_along(exact: ExactMotion, direction: Matrix) -> Quotient:
 
 
 def _conditions(
-    exact: ExactMotion, slopes: _Slopes, with_time: bool, names: tuple[str, ...]
+    exact: MotionInRing, slopes: _Slopes, with_time: bool, names: tuple[str, ...]
 ) -> Iterator[tuple[Formula, str, Quotient]]:
     """Everything that vanishes if u exists, with the reason, the simplest first."""
     motion = exact.motion

@@ -50,7 +50,7 @@ from inverse_service.inverse_problem.explanation.wording import (
     tensor_steps,
 )
 from inverse_service.inverse_problem.outcome import Step
-from inverse_service.mechanics.conditions import ExactMotion, Tensor11, Tensor12, exact_motion
+from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Tensors = Mapping[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]
@@ -116,7 +116,7 @@ def _by_elimination(analysis: Analysis, chosen: SufficientSet, seed: int, budget
 class SolvedConditions:
     """The exact elimination of a set of conditions, with its steps."""
 
-    exact: ExactMotion
+    exact: MotionInRing
     symbols: Mapping[Unknown, Symbol]
     result: Elimination
     steps: tuple[Step, ...]
@@ -126,7 +126,7 @@ class SolvedConditions:
 class ExactRows:
     """The chosen equations with ring elements as coefficients, their tensors, and their values at a point."""
 
-    exact: ExactMotion
+    exact: MotionInRing
     symbols: Mapping[Unknown, Symbol]
     tensors: Tensors
     equations: Mapping[EquationName, Linear]
@@ -142,7 +142,7 @@ def exact_rows(
     """
     depth = max(condition.order for condition in chosen.conditions) - 2
     symbols = entry_symbols(analysis.system)
-    exact = exact_motion(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
+    exact = motion_in_ring(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
     table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
     tensors = hierarchy(exact.motion, depth)
     return ExactRows(exact, symbols, tensors, exact_equations(exact, tensors, chosen.equations), table)
@@ -185,7 +185,7 @@ def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, Symbol]:
     raise TooLarge("the system uses every name for the entries of the multiplier")
 
 
-def exact_equations(exact: ExactMotion, tensors: Tensors, names: Sequence[EquationName]) -> dict[EquationName, Linear]:
+def exact_equations(exact: MotionInRing, tensors: Tensors, names: Sequence[EquationName]) -> dict[EquationName, Linear]:
     """The named equations with their coefficients as ring elements."""
     found: dict[EquationName, Linear] = {}
     for condition in dict.fromkeys(name.condition for name in names):

@@ -26,7 +26,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.explanation.steps import Piece, said, separated
 from inverse_service.inverse_problem.explanation.wording import Explanation
 from inverse_service.inverse_problem.outcome import Step
-from inverse_service.mechanics.conditions import ExactMotion, connection, exact_motion, jacobi_endomorphism
+from inverse_service.mechanics.conditions import MotionInRing, connection, jacobi_endomorphism, motion_in_ring
 from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -50,7 +50,7 @@ def explain_positive(
     try:
         if len(system.coordinates) > LARGEST_N:
             raise TooLarge("too many coordinates to write everything out")
-        exact = exact_motion(system, 2, budget, trees=[entry for row in multiplier for entry in row])
+        exact = motion_in_ring(system, 2, budget, trees=[entry for row in multiplier for entry in row])
         g = tuple(tuple(exact.ring.value(entry) for entry in row) for row in multiplier)
         return _worked_out(exact, g)
     except (TooLarge, ZeroDivisionError):
@@ -69,7 +69,7 @@ def _plan() -> tuple[Step, ...]:
     )
 
 
-def _worked_out(exact: ExactMotion, g: Matrix) -> Explanation:
+def _worked_out(exact: MotionInRing, g: Matrix) -> Explanation:
     motion, span = exact.motion, range(exact.motion.size)
     n = connection(motion)
     product = _product(exact, g, n)
@@ -100,7 +100,7 @@ def _worked_out(exact: ExactMotion, g: Matrix) -> Explanation:
     return Explanation(steps, tuple(factor_trees(exact.ring, size)))
 
 
-def _product(exact: ExactMotion, left: Matrix, right: Matrix) -> list[list[Quotient]]:
+def _product(exact: MotionInRing, left: Matrix, right: Matrix) -> list[list[Quotient]]:
     span = range(exact.motion.size)
     return [[sum_of(exact.motion.zero, [left[i][m] * right[m][j] for m in span]) for j in span] for i in span]
 
@@ -109,7 +109,7 @@ def _asymmetry(matrix: Matrix) -> list[Quotient]:
     return [matrix[i][j] - matrix[j][i] for i, j in itertools.combinations(range(len(matrix)), 2)]
 
 
-def _curl(exact: ExactMotion, g: Matrix) -> list[Quotient]:
+def _curl(exact: MotionInRing, g: Matrix) -> list[Quotient]:
     """dg_ij/dv^k - dg_ik/dv^j."""
     by, span = exact.motion.by_velocity, range(exact.motion.size)
     return [by[k](g[i][j]) - by[j](g[i][k]) for i in span for j, k in itertools.combinations(span, 2)]
@@ -120,7 +120,7 @@ def _require_zero(differences: Sequence[Quotient]) -> None:
         raise TooLarge("an identity was not recognised")
 
 
-def _matrix(exact: ExactMotion, entries: Matrix) -> Formula:
+def _matrix(exact: MotionInRing, entries: Matrix) -> Formula:
     if len(entries) > 1 and all(entry.is_zero for line in entries for entry in line):
         return theory("0")
     return matrix([[quotient_tree(exact.ring, entry) for entry in line] for line in entries])

@@ -35,14 +35,14 @@ from inverse_service.mechanics.nonholonomic.integrals import (
     measure_density,
 )
 from inverse_service.mechanics.nonholonomic.motion import (
+    EliminatedMotion,
     EquationsOfMotion,
-    ExactMotion,
     constrained_motion,
-    exact_motion,
+    eliminate_multipliers,
     written,
 )
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised
-from inverse_service.mechanics.nonholonomic.paper_lagrangians import class_lagrangians
+from inverse_service.mechanics.nonholonomic.paper_lagrangians import propose_lagrangians
 
 # Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
 _SHARE_OF_SOLVING = 0.85
@@ -53,7 +53,7 @@ T = TypeVar("T")
 class MotionReport:
     """The motion and what it keeps; `reason` says why the system is outside the paper's class, if it is."""
 
-    exact: ExactMotion
+    exact: EliminatedMotion
     motion: EquationsOfMotion
     integrability: Integrability | None
     density: MeasureDensity
@@ -105,7 +105,7 @@ def motion_report(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) ->
     parts = geometry(system, time_limit)
     try:
         member, reason = recognised(parts)
-        exact = exact_motion(parts, member.frame if member is not None else frames(parts)[0])
+        exact = eliminate_multipliers(parts, member.frame if member is not None else frames(parts)[0])
         motion = written(exact)
     except TooLarge as error:
         raise too_large(error) from None
@@ -266,7 +266,7 @@ def _known(report: MotionReport, one: AssociatedSystem, end: float) -> tuple[Kno
         return ()
     proposals = [
         Known(each.lagrangian, each.transform, each.images, each.label)
-        for each in class_lagrangians(report.member, one.kind)
+        for each in propose_lagrangians(report.member, one.kind)
     ]
     return confirmed(one.system, proposals, end) if proposals else ()
 

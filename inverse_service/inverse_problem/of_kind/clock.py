@@ -33,7 +33,7 @@ from inverse_service.inverse_problem.of_kind.rayleigh import collected
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.nonholonomic.geometry import ORDERS, TERM_LIMIT, Frame, Geometry, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.integrals import measure_density
-from inverse_service.mechanics.nonholonomic.motion import ExactMotion
+from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # Of a factor of f, and of the density of an invariant measure for n coordinates, the powers that are tried.
@@ -110,7 +110,7 @@ def _density(system: SecondOrderSystem, deadline: float) -> Expression | None:
         parts = Geometry(free, ring, unit, (zero,) * n, zero, (), ())
         frame = Frame(tuple(range(n)), (), unit, (zero,) * n)
         speeds = tuple(parts.velocity(k) for k in range(n))
-        found = measure_density(ExactMotion(parts, frame, speeds, tuple(map(ring.value, system.given)), unit, ()))
+        found = measure_density(EliminatedMotion(parts, frame, speeds, tuple(map(ring.value, system.given)), unit, ()))
     except (TooLarge, ZeroDivisionError):
         return None
     return found.velocities

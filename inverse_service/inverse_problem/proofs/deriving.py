@@ -28,7 +28,7 @@ from inverse_service.inverse_problem.proofs.identities import (
 )
 from inverse_service.inverse_problem.proofs.kernels import null_vector
 from inverse_service.inverse_problem.proofs.lettering import lettered
-from inverse_service.mechanics.conditions import ExactMotion, exact_motion
+from inverse_service.mechanics.conditions import MotionInRing, motion_in_ring
 from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -168,12 +168,12 @@ class _Elimination:
 
 def euler_lagrange_hold(system: SecondOrderSystem, lagrangian: Expression, budget: Budget) -> tuple[Theorem, ...]:
     """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognised."""
-    exact = exact_motion(system, 2, budget, trees=[lagrangian])
+    exact = motion_in_ring(system, 2, budget, trees=[lagrangian])
     value = exact.ring.value(lagrangian)
     return tuple(_vanishing(exact, system.coordinates[i], _summands(exact, value, i)) for i in range(exact.motion.size))
 
 
-def _summands(exact: ExactMotion, value: Quotient, i: int) -> list[tuple[int, tuple[Quotient, ...]]]:
+def _summands(exact: MotionInRing, value: Quotient, i: int) -> list[tuple[int, tuple[Quotient, ...]]]:
     """L_(v_i t) + L_(v_i q_j) v^j + L_(v_i v_j) f^j - L_(q_i), zeros left out."""
     ring, n = exact.ring, exact.motion.size
     slopes = [ring.partial(k) for k in range(2 * n + 1)]
@@ -184,7 +184,7 @@ def _summands(exact: ExactMotion, value: Quotient, i: int) -> list[tuple[int, tu
     return [(sign, factors) for sign, factors in found if not any(factor.is_zero for factor in factors)]
 
 
-def _vanishing(exact: ExactMotion, name: str, summands: list[tuple[int, tuple[Quotient, ...]]]) -> Theorem:
+def _vanishing(exact: MotionInRing, name: str, summands: list[tuple[int, tuple[Quotient, ...]]]) -> Theorem:
     ring, relations = exact.ring, _relations(exact.ring)
     tables = [{k: e for factor in factors for k, e in factor.exponents} for _, factors in summands]
     for table, (_, factors) in zip(tables, summands, strict=True):

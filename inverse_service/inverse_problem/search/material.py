@@ -46,7 +46,7 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
-from inverse_service.mechanics.conditions import exact_motion
+from inverse_service.mechanics.conditions import motion_in_ring
 
 _COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _TERMS, _WORK = 2_000, 150_000
@@ -89,7 +89,7 @@ def _factored(analysis: Analysis) -> list[Expression]:
     """f with numerators and denominators factored, known relations among atoms used."""
     system = analysis.system
     try:
-        exact = exact_motion(system, 0, Budget(_TERMS, end(), _WORK))
+        exact = motion_in_ring(system, 0, Budget(_TERMS, end(), _WORK))
         return [quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
     except (TooLarge, ZeroDivisionError):
         return list(system.accelerations)

@@ -45,10 +45,10 @@ from inverse_service.inverse_problem.search.terms import (
     terms_of,
 )
 from inverse_service.mechanics.conditions import (
-    ExactMotion,
+    MotionInRing,
     Tensor11,
-    exact_motion,
     jacobi_endomorphism,
+    motion_in_ring,
     velocity_slopes,
 )
 from inverse_service.mechanics.potential import potential
@@ -63,7 +63,7 @@ Matrix = list[list[Quotient]]
 class _Setting:
     """f over its ring, df/dv, Gamma(log phi), its part alpha_0 without velocities, and phi."""
 
-    exact: ExactMotion
+    exact: MotionInRing
     slopes: Tensor11[Quotient]
     rate: Quotient
     drag: Quotient
@@ -142,7 +142,7 @@ def _prepared(material: Material) -> _Prepared | None:
 
 def _multipliers(material: Material) -> _Prepared | None:
     try:
-        exact = exact_motion(material.analysis.system, 2, Budget(_TERMS, end(), _WORK))
+        exact = motion_in_ring(material.analysis.system, 2, Budget(_TERMS, end(), _WORK))
         setting = _setting(exact, material.analysis)
         if setting is None or (TIME in walk(setting.phi) and not material.motion.with_time):
             return None
@@ -152,7 +152,7 @@ def _multipliers(material: Material) -> _Prepared | None:
     return _Prepared(setting, chosen) if chosen else None
 
 
-def _setting(exact: ExactMotion, analysis: Analysis) -> _Setting | None:
+def _setting(exact: MotionInRing, analysis: Analysis) -> _Setting | None:
     """None where f is not quadratic in v, or -div_v f/n not Gamma of a function of t and q that is found."""
     motion, ring = exact.motion, exact.ring
     slopes = velocity_slopes(motion)

@@ -35,7 +35,7 @@ from inverse_service.inverse_problem.special_cases.of_lagrangian import regulari
 from inverse_service.inverse_problem.special_cases.side_conditions import Ideal, all_conditions, of_conditions
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, Stratum
 from inverse_service.linear_pde.deciding import Limits
-from inverse_service.mechanics.conditions import exact_motion
+from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 
 Progress = Callable[[str], None]
@@ -138,7 +138,7 @@ def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Ca
     try:
         if any(_has_no_value(node) for f in system.accelerations for node in walk(f)):
             raise ZeroDivisionError
-        exact_motion(system, 0, Budget())  # refuses a division by zero
+        motion_in_ring(system, 0, Budget())  # refuses a division by zero
         analysis = analyse(system)
         case = _decided(question, analysis, Case(question, stratum, functions, system, None, None))
     except IrreducibleAtoms as problem:

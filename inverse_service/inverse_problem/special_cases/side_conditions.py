@@ -34,7 +34,7 @@ from inverse_service.inverse_problem.explanation.elimination import eliminate
 from inverse_service.inverse_problem.explanation.hierarchy import EquationName, hierarchy, local_motion, tensors_at
 from inverse_service.inverse_problem.explanation.negative import exact_equations
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, factors
-from inverse_service.mechanics.conditions import exact_motion
+from inverse_service.mechanics.conditions import motion_in_ring
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def of_conditions(
 ) -> SideConditions:
     """Those of solving the named equations of the hierarchy; raises TooLarge, ZeroDivisionError."""
     depth = max((name.condition.order for name in names), default=2) - 2
-    exact = exact_motion(analysis.system, depth + 2, budget)
+    exact = motion_in_ring(analysis.system, depth + 2, budget)
     table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
     tensors = hierarchy(exact.motion, depth)
     equations = exact_equations(exact, tensors, names)

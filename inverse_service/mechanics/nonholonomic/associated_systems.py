@@ -15,7 +15,7 @@ from typing import Literal
 from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import Expression, Number, add
-from inverse_service.mechanics.nonholonomic.motion import ExactMotion
+from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
 from inverse_service.mechanics.nonholonomic.writing import velocity_parts
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -33,7 +33,7 @@ class AssociatedSystem:
     explanation: str
 
 
-def associated(motion: ExactMotion, member: PaperClass | None, reason: str, kind: Kind) -> AssociatedSystem:
+def associated(motion: EliminatedMotion, member: PaperClass | None, reason: str, kind: Kind) -> AssociatedSystem:
     """One associated system of the motion; `reason` says why the system is outside the class, if it is."""
     if kind == "first":
         return _named(motion, kind, motion.accelerations, _FIRST)
@@ -60,19 +60,21 @@ _FIRST = (
 )
 
 
-def _named(motion: ExactMotion, kind: str, accelerations: Sequence[Quotient], explanation: str) -> AssociatedSystem:
+def _named(
+    motion: EliminatedMotion, kind: str, accelerations: Sequence[Quotient], explanation: str
+) -> AssociatedSystem:
     parts = motion.geometry
     trees = tuple(parts.tree(element) for element in accelerations)
     return AssociatedSystem(kind, _system(motion, kind, trees), explanation)
 
 
-def _system(motion: ExactMotion, kind: str, accelerations: tuple[Expression, ...]) -> SecondOrderSystem:
+def _system(motion: EliminatedMotion, kind: str, accelerations: tuple[Expression, ...]) -> SecondOrderSystem:
     given = motion.geometry.system
     title = f"{given.name}, {kind} associated system" if given.name else f"{kind} associated system"
     return SecondOrderSystem(given.coordinates, accelerations, given.parameters, given.functions, title)
 
 
-def _second(motion: ExactMotion, member: PaperClass | None) -> AssociatedSystem:
+def _second(motion: EliminatedMotion, member: PaperClass | None) -> AssociatedSystem:
     parts, choice = motion.geometry, motion.frame
     names = parts.system.coordinates
     accelerations = list(motion.accelerations)
@@ -92,7 +94,7 @@ def _second(motion: ExactMotion, member: PaperClass | None) -> AssociatedSystem:
     return _named(motion, "second", accelerations, f"{plain}: r1' r2' = -r1' s'/A.")
 
 
-def _replaced(motion: ExactMotion, element: Quotient, free: int, place: int, ratio: Quotient) -> Quotient:
+def _replaced(motion: EliminatedMotion, element: Quotient, free: int, place: int, ratio: Quotient) -> Quotient:
     """One factor u_free of each term becomes s'/ratio."""
     parts = motion.geometry
     speed = parts.velocity(free)
@@ -104,7 +106,7 @@ def _replaced(motion: ExactMotion, element: Quotient, free: int, place: int, rat
     return sum_of(parts.zero, terms)
 
 
-def _third(motion: ExactMotion, member: PaperClass) -> AssociatedSystem:
+def _third(motion: EliminatedMotion, member: PaperClass) -> AssociatedSystem:
     parts = motion.geometry
     trees = [parts.tree(element) for element in motion.accelerations]
     forces = [parts.tree(_velocity_free(motion, element)) for element in motion.accelerations]
@@ -121,7 +123,7 @@ def _is_negative(mass: Expression) -> bool:
     return isinstance(mass, Number) and mass.value < 0
 
 
-def _velocity_free(motion: ExactMotion, element: Quotient) -> Quotient:
+def _velocity_free(motion: EliminatedMotion, element: Quotient) -> Quotient:
     parts = motion.geometry
     held = [
         part

@@ -24,7 +24,7 @@ from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import ONE, Expression, Velocity, multiply
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry
-from inverse_service.mechanics.nonholonomic.motion import ExactMotion
+from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.potential import Potential, constant_null_vectors, factors_of, potential
 from inverse_service.mechanics.quotient_matrices import determinant, dot, reduced_rows
 
@@ -203,7 +203,7 @@ class FirstIntegral:
     expression: Expression
 
 
-def measure_density(motion: ExactMotion) -> MeasureDensity:
+def measure_density(motion: EliminatedMotion) -> MeasureDensity:
     """N(q) with div(N X) = 0 on the constraints: X_k(log N) = -(the part of div X linear in u_k).
 
     The equations are closed under brackets; a contradiction shows that no density N(q) exists.
@@ -223,7 +223,7 @@ def measure_density(motion: ExactMotion) -> MeasureDensity:
     return MeasureDensity("found", momenta.exponential(parts.ring), found.exponential(parts.ring))
 
 
-def _divergence(motion: ExactMotion) -> Quotient:
+def _divergence(motion: EliminatedMotion) -> Quotient:
     """div X in the coordinates (q, u) of the constraint manifold."""
     parts = motion.geometry
     terms = [parts.by_coordinate(k, motion.velocities[k]) for k in range(parts.size)]
@@ -231,7 +231,7 @@ def _divergence(motion: ExactMotion) -> Quotient:
     return sum_of(parts.zero, terms)
 
 
-def _linear_parts(motion: ExactMotion, element: Quotient) -> tuple[list[Quotient] | None, Quotient]:
+def _linear_parts(motion: EliminatedMotion, element: Quotient) -> tuple[list[Quotient] | None, Quotient]:
     """(d_k, d_0) with element = d_k(q) u_k + d_0(q); None where it is not of this form."""
     parts, free = motion.geometry, motion.frame.free
     slopes = [parts.by_velocity(k, element) for k in free]
@@ -241,7 +241,7 @@ def _linear_parts(motion: ExactMotion, element: Quotient) -> tuple[list[Quotient
 
 
 def _solved(
-    motion: ExactMotion, values: Sequence[Quotient], last: Quotient, with_time: bool
+    motion: EliminatedMotion, values: Sequence[Quotient], last: Quotient, with_time: bool
 ) -> Potential | Literal["contradiction", "unknown"]:
     """phi with X_k(phi) = values[k], and (d/dt + drift)(phi) = last where the constraints move."""
     parts = motion.geometry
@@ -255,7 +255,7 @@ def _solved(
     return "unknown" if found is None else found
 
 
-def first_integrals(motion: ExactMotion) -> tuple[FirstIntegral, ...]:
+def first_integrals(motion: EliminatedMotion) -> tuple[FirstIntegral, ...]:
     """Energy, momenta of cyclic coordinates whose field respects the constraints, and multiples of free velocities.
 
     Each is verified: its derivative along the motion is zero identically.
@@ -270,7 +270,9 @@ def first_integrals(motion: ExactMotion) -> tuple[FirstIntegral, ...]:
     return tuple(integral for integral, _ in found)
 
 
-def _is_known(motion: ExactMotion, element: Quotient, found: Sequence[tuple[FirstIntegral, Quotient | None]]) -> bool:
+def _is_known(
+    motion: EliminatedMotion, element: Quotient, found: Sequence[tuple[FirstIntegral, Quotient | None]]
+) -> bool:
     """Whether it is constant, or a constant times one that is there."""
     parts = motion.geometry
     span = range(len(parts.ring.variables))
@@ -282,7 +284,7 @@ def _is_known(motion: ExactMotion, element: Quotient, found: Sequence[tuple[Firs
     return False
 
 
-def _energy(motion: ExactMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
+def _energy(motion: EliminatedMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
     """1/2 g(v, v) + V on the constraints, where it is constant (always for w_i(q) v^i = 0 without t)."""
     parts = motion.geometry
     lowered = [dot(parts.zero, row, motion.velocities) for row in parts.mass]
@@ -291,7 +293,7 @@ def _energy(motion: ExactMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
         yield FirstIntegral("energy", parts.tree(energy)), energy
 
 
-def _momenta(motion: ExactMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
+def _momenta(motion: EliminatedMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
     """sum c_i p_i over cyclic coordinates with w^a_i c_i = 0 (Noether's theorem with constraints)."""
     parts = motion.geometry
     elements = [*(entry for row in parts.mass for entry in row), *parts.linear, parts.potential]
@@ -306,12 +308,12 @@ def _momenta(motion: ExactMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
             yield FirstIntegral(name, parts.tree(total)), total
 
 
-def _momentum(motion: ExactMotion, place: int) -> Quotient:
+def _momentum(motion: EliminatedMotion, place: int) -> Quotient:
     parts = motion.geometry
     return dot(parts.zero, parts.mass[place], motion.velocities) + parts.linear[place]
 
 
-def _scaled_velocities(motion: ExactMotion) -> Iterator[tuple[FirstIntegral, Quotient | None]]:
+def _scaled_velocities(motion: EliminatedMotion) -> Iterator[tuple[FirstIntegral, Quotient | None]]:
     """exp(phi(q)) u_j where u_j' = -u_j phi', for each free velocity that only stretches along the motion."""
     parts, choice = motion.geometry, motion.frame
     if needs_time(parts, choice):
@@ -331,7 +333,7 @@ def _scaled_velocities(motion: ExactMotion) -> Iterator[tuple[FirstIntegral, Quo
         yield FirstIntegral(f"{kind} of {name}", multiply(factor, Velocity(name))), plain
 
 
-def _still_divides(motion: ExactMotion, ratio: Quotient) -> bool:
+def _still_divides(motion: EliminatedMotion, ratio: Quotient) -> bool:
     """Whether a velocity is left in the denominator."""
     owner = motion.geometry.ring.field
     elements = [Quotient(owner, owner.denominators[index], ()) for index, _ in ratio.exponents]

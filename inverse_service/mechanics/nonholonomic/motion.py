@@ -50,7 +50,7 @@ class EquationsOfMotion:
 
 
 @dataclass(frozen=True, slots=True)
-class ExactMotion:
+class EliminatedMotion:
     """The motion in exact functions: `velocities` v(t, q, u) and `accelerations` a(t, q, u), each n.
 
     `inertia` is the mass matrix G = B^T g B of the free velocities.
@@ -80,12 +80,12 @@ def equations_of_motion(system: NonholonomicSystem) -> EquationsOfMotion:
     """
     parts = geometry(system)
     try:
-        return written(exact_motion(parts, frames(parts)[0]))
+        return written(eliminate_multipliers(parts, frames(parts)[0]))
     except TooLarge as error:
         raise too_large(error) from None
 
 
-def written(motion: ExactMotion) -> EquationsOfMotion:
+def written(motion: EliminatedMotion) -> EquationsOfMotion:
     """The motion as trees."""
     parts, choice = motion.geometry, motion.frame
     names = parts.system.coordinates
@@ -101,7 +101,7 @@ def written(motion: ExactMotion) -> EquationsOfMotion:
     )
 
 
-def exact_motion(parts: Geometry, choice: Frame) -> ExactMotion:
+def eliminate_multipliers(parts: Geometry, choice: Frame) -> EliminatedMotion:
     """The motion with a given frame; InputError where B^T g B is singular."""
     n, m = parts.size, len(choice.free)
     speeds = [parts.velocity(k) for k in choice.free]
@@ -124,7 +124,7 @@ def exact_motion(parts: Geometry, choice: Frame) -> ExactMotion:
         )
     accelerations = tuple(dot(parts.zero, row, solved) + extra for row, extra in zip(choice.basis, bias, strict=True))
     multipliers = _multipliers(parts, choice, accelerations, force)
-    return ExactMotion(parts, choice, velocities, accelerations, inertia, multipliers)
+    return EliminatedMotion(parts, choice, velocities, accelerations, inertia, multipliers)
 
 
 def _rows(choice: Frame) -> list[tuple[tuple[Quotient, ...], Quotient]]:

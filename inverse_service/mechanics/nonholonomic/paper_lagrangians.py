@@ -37,7 +37,7 @@ Matrix = Sequence[Sequence[Expression]]
 
 
 @dataclass(frozen=True, slots=True)
-class ClassLagrangian:
+class PaperLagrangian:
     """A proposal: its Lagrangian, its Legendre transform, and the image of the constraints in phase space.
 
     `label` names it for people. `images` is empty where u is constant and nothing is coupled.
@@ -49,7 +49,7 @@ class ClassLagrangian:
     images: tuple[Expression, ...]
 
 
-def class_lagrangians(member: PaperClass, kind: str) -> tuple[ClassLagrangian, ...]:
+def propose_lagrangians(member: PaperClass, kind: str) -> tuple[PaperLagrangian, ...]:
     """The proposals for one kind of associated system; none for the first, and none where there is a force.
 
     None either where they would be too large or the time of the member's ring is over: nobody need propose.
@@ -62,7 +62,7 @@ def class_lagrangians(member: PaperClass, kind: str) -> tuple[ClassLagrangian, .
         return ()
 
 
-def _of_second(member: PaperClass) -> tuple[ClassLagrangian, ...]:
+def _of_second(member: PaperClass) -> tuple[PaperLagrangian, ...]:
     directions = member.directions
     if any(entry.is_zero for entry in directions):
         return ()
@@ -82,12 +82,12 @@ def _of_second(member: PaperClass) -> tuple[ClassLagrangian, ...]:
     return first, _proposal(member, "second Lagrangian of Proposition 1", form, inverse, everything[1:])
 
 
-def _of_third(member: PaperClass) -> ClassLagrangian:
+def _of_third(member: PaperClass) -> PaperLagrangian:
     turned = rotation(member)
     return _proposal(member, "Lagrangian of the rotation", turned.form, turned.inverse, turned.turning)
 
 
-def _proposal(member: PaperClass, label: str, form: Matrix, inverse: Matrix, coupled: Sequence[int]) -> ClassLagrangian:
+def _proposal(member: PaperClass, label: str, form: Matrix, inverse: Matrix, coupled: Sequence[int]) -> PaperLagrangian:
     names = member.geometry.system.coordinates
     moving = [Velocity(names[place]) for place in member.moving]
     masses = [member.geometry.tree(mass) for mass in member.masses]
@@ -98,7 +98,7 @@ def _proposal(member: PaperClass, label: str, form: Matrix, inverse: Matrix, cou
     terms = [tidied(divide(term, rate)) for term in _quadratic(form, moving, coupled)]
     lagrangian = add(*kinetic, *terms)
     transform = _transform(member, lagrangian, inverse, coupled)
-    return ClassLagrangian(label, lagrangian, transform, _images(member, form, coupled, transform))
+    return PaperLagrangian(label, lagrangian, transform, _images(member, form, coupled, transform))
 
 
 def _quadratic(matrix: Matrix, vector: Sequence[Expression], places: Sequence[int]) -> list[Expression]:

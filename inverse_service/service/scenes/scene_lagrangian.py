@@ -24,7 +24,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem, frames, geometry
-from inverse_service.mechanics.nonholonomic.motion import exact_motion
+from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers
 from inverse_service.mechanics.nonholonomic.paper_class import recognised
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.documents.solving import solve_document
@@ -188,7 +188,7 @@ def _associated(scene: Scene, which: str) -> AssociatedSystem:
     given = NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
     parts = geometry(given)
     member, reason = recognised(parts)
-    motion = exact_motion(parts, member.frame if member is not None else frames(parts)[0])
+    motion = eliminate_multipliers(parts, member.frame if member is not None else frames(parts)[0])
     kind = next(kind for kind in KINDS if kind == which)
     return associated(motion, member, reason, kind)
 
