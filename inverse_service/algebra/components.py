@@ -101,7 +101,7 @@ def component(positive: Iterable[Expression], table: RealTable, constants: Seque
     """Trees whose being positive cuts out an open connected set with the point on which all of `positive` are.
 
     `constants` are parameters: their signs are fixed before those of coordinates. IrreducibleAtoms where a sign cannot
-    be told at the point or no such set is found.
+    be determined at the point or no such set is found.
     """
     cell = _Cell(table, frozenset(constants))
     for tree in positive:

@@ -170,7 +170,7 @@ def exact_ring(
     """A ring that holds the trees and can differentiate them `orders` times by the variables.
 
     `further` are constants to be adjoined that do not occur in the trees. With `spare` the ring may keep
-    generators without use, which saves making it anew for work that is short; without `slopes` it cannot
+    generators without use, which saves making it again for work that is short; without `slopes` it cannot
     differentiate, which saves the derivatives of all generators. Raises TooLarge where the budget ends and
     ZeroDivisionError for a division by zero in a tree.
     """

@@ -67,11 +67,11 @@ def keys_of(monomials: MonomialKeys, exponents: npt.NDArray[np.int8]) -> npt.NDA
     return exponents.astype(np.int64) @ shifts
 
 
-def places_among(size: int, known: npt.NDArray[np.int8], sought: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def places_among(size: int, known: npt.NDArray[np.int8], keys_wanted: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Where monomials with these keys stand among the known ones; all are there."""
     keys = keys_of(MonomialKeys(size), known)
     order = np.argsort(keys)
-    found: npt.NDArray[np.int64] = order[np.searchsorted(keys, sought, sorter=order)]
+    found: npt.NDArray[np.int64] = order[np.searchsorted(keys, keys_wanted, sorter=order)]
     return found
 
 

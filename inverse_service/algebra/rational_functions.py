@@ -27,7 +27,7 @@ class TooLarge(ArithmeticError):
     """A computation passed its budget of terms or of time; its text is the reason for the reader."""
 
 
-# What a step costs beside its terms.
+# What a step costs besides its terms.
 _WORK_OF_A_STEP = 20
 
 

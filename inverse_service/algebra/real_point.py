@@ -104,7 +104,7 @@ def real_sign(expression: Expression, table: RealTable) -> int:
     if _may_be_tiny(expression):
         return 1
     if abs(value) < _TINY * size:
-        raise IrreducibleAtoms("the sign of an expression under a root could not be told at a real point")
+        raise IrreducibleAtoms("the sign of an expression under a root could not be determined at a real point")
     return 1 if value > 0 else -1
 
 

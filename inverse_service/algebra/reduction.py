@@ -153,7 +153,7 @@ def reduce_atoms(expressions: Sequence[Expression], variables: Sequence[Variable
     """The tower of expressions in kernels; raises IrreducibleAtoms where it cannot be settled.
 
     Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. So where a
-    function has a root in its argument they are sought again when the branches are known.
+    function has a root in its argument they are searched for again when the branches are known.
     """
     signs = {} if table is None else {name: real_sign(name, table) for name in variables}
     tower = build_tower(expressions, variables, signs, partial(turns, table))

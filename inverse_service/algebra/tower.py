@@ -267,7 +267,7 @@ def _collect(expression: Expression, found: dict[Expression, None]) -> None:
 def draw_point(tower: Tower, seed: int, prime: int | None = None) -> Point:
     """A random point at which every atom has a value and every sign is as in the tower.
 
-    The prime is chosen anew with the seed unless given. Requirements on different variables are met
+    The prime is chosen again with each seed unless given. Requirements on different variables are met
     one after another. IrreducibleAtoms when no point is found.
     """
     groups = _requirement_groups(tower)

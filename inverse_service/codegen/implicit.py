@@ -85,7 +85,7 @@ MOST_ITERATIONS = 200
 # Newton's last correction may be this large (relative): quadratic convergence squares it.
 LAST_CORRECTION = 1e-9
 ROUND_OFF = 4.5e-16
-# A correction that no longer falls is noise if it is this small beside the greatest increments of the run so far.
+# A correction that no longer falls is noise if it is this small compared with the greatest increments so far.
 NOISE = 1e-6
 EARLIEST_NOISE = 4  # iterations after which quadratic convergence has come to its end
 HUGE = 1.7e308
@@ -261,7 +261,7 @@ class Blocks:
 
         The round-off of every state variable of the block counts for every unknown: an angle of 1e5 is known to 1e-11
         only, and so is a change of momentum that passes 0 there. Corrections are noise where they no longer fall
-        (Hairer, Lubich, Wanner, VIII.6) and are small beside the greatest increments of the run so far: a stiff force
+        (Hairer, Lubich, Wanner, VIII.6) and are small compared with the greatest increments so far: a stiff force
         is known to its stiffness times the round-off of the place, however small it is itself.
         """
         w = self.writer

@@ -31,14 +31,14 @@ def cache_directory(environment: Mapping[str, str] = os.environ, platform: str =
 
 
 def program_directory() -> Path:
-    """A place beside the program: an installation that is filled once serves all its users."""
+    """A place next to the program: an installation that is filled once serves all its users."""
     return Path(__file__).parent / "__pycache__"
 
 
 def read(digest: str, kind: str = "kernel", with_program: bool = False) -> tuple[dict[str, Any], bytes] | None:
     """(what was noted, object code) of an entry, None where there is none that is whole.
 
-    It is sought in the cache, and `with_program` also beside the program.
+    It is looked up in the cache, and `with_program` also next to the program.
     """
     name = f"{digest}.{kind}"
     content = _content(program_directory(), name, _owner_of_program(), 0) if with_program else None
@@ -111,7 +111,7 @@ def _seal(digest: str, body: bytes) -> bytes:
 def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel", with_program: bool = False) -> None:
     """Keep an entry; a disk that is full or read-only costs time only. Kinds do not push each other out.
 
-    `with_program` beside the program, where it is the user's own and no cache was named.
+    `with_program` next to the program, where it is the user's own and no cache was named.
     """
     text = json.dumps(noted).encode()
     body = len(text).to_bytes(8, "little") + text + code

@@ -148,7 +148,7 @@ def antisymmetric(motion: Motion[S], entry: Callable[[int, int, int], S]) -> Ten
 
 Matrix = tuple[tuple[Expression, ...], ...]
 
-# What a reader can still use, and what a warm worker can spare beside the decision.
+# What a reader can still use, and what a warm worker can spare besides the decision.
 TERM_LIMIT = 4_000
 TIME_LIMIT = 2.0
 

@@ -172,7 +172,7 @@ class Guess:
 def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
     """What the texts, given by their pointers, use beyond what is declared and the coordinates.
 
-    A text that cannot be read adds nothing: its fault is told where it is read. InputError, with what may
+    A text that cannot be read adds nothing: its fault is reported where it is read. InputError, with what may
     have been meant, for a suspect name.
     """
     lines = {pointer: _tokens(text, declared) for pointer, text in texts.items()}

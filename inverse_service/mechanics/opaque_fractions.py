@@ -1,7 +1,7 @@
 """Trees as quotients of exact polynomials in opaque atoms (python-flint), and back.
 
 An atom is a symbol, a velocity, an elementary or arbitrary function, a root or a power that is
-not a whole number; whatever relations hold among atoms are not known here. So an identity proven
+not an integer; whatever relations hold among atoms are not known here. So an identity proven
 in these polynomials is true, but a polynomial that is not zero may still be the zero function.
 """
 

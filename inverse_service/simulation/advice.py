@@ -27,7 +27,7 @@ from inverse_service.simulation.scene import Observation, Problem, Requested, Sc
 from inverse_service.simulation.schemes import program_of
 
 STIFF = 1e3  # decay times that a run is long, beyond which an explicit method spends its steps on what has decayed
-SHARE = 10.0  # real parts beside imaginary ones
+SHARE = 10.0  # real parts compared with imaginary ones
 ENERGY = "and the energy does not drift; where a single trajectory is to be exact, adaptive costs less."
 
 
@@ -44,7 +44,7 @@ def advice(scene: Scene, accelerations: tuple[Expression, ...] | None) -> dict[s
     return _advice("variational", 8, f"L is not separable; the steps are symplectic, {ENERGY}", "1/2")
 
 
-def told(taken: dict[str, Any]) -> str:
+def sentence_of(taken: dict[str, Any]) -> str:
     """The advice as a sentence."""
     order = f" of order {taken['order']}" if taken["order"] else ""
     return f"For long runs take {taken['method']}{order}: {taken['reason']}"
@@ -63,7 +63,7 @@ def is_separable(lagrangian: Expression, coordinates: tuple[str, ...]) -> bool:
 
 
 def is_stiff(scene: Scene, accelerations: tuple[Expression, ...]) -> bool:
-    """Whether a real eigenvalue of the linearised motion at the start is fast beside the length of the run."""
+    """Whether a real eigenvalue of the linearised motion at the start is fast compared with the length of the run."""
     n = len(scene.coordinates)
     table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
     names: list[Expression] = [*map(Symbol, scene.coordinates), *map(Velocity, scene.coordinates)]

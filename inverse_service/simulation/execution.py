@@ -36,7 +36,7 @@ _SECONDS_PER_PIECE = 0.1
 _REMEDY = "take a smaller step"
 _UNDEFINED = "a formula of the scene ends there: begin elsewhere, stop before, or leave the quantity out of observe"
 _ENDS = "the motion has a singular point there: stop before it; or take a larger tolerance, or the method stiff"
-_BENT = "the third difference of the path beside its steps, squared: fewer than five steps in a turn"
+_BENT = "the third difference of the path compared with its steps, squared: fewer than five steps in a turn"
 _KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
 NEARLY_SINGULAR = 0.25

@@ -178,7 +178,9 @@ def _first_steps(
     apart, moved = (float(np.linalg.norm(difference)) for difference in (ends[0] - ends[1], ends[1]))
     if not apart > HALF * moved:
         return None
-    return Outcome("unresolved", 0, grid.begin, f"the first {FEW} steps beside {MANY} shorter ones", apart, RESOLVE)
+    return Outcome(
+        "unresolved", 0, grid.begin, f"the first {FEW} steps compared with {MANY} shorter ones", apart, RESOLVE
+    )
 
 
 def _is_monotone(formulas: Formulas, choice: MethodChoice, grid: Grid, parameters: Mapping[str, float]) -> bool:

@@ -296,7 +296,7 @@ def seconds_to(curve: Sequence[Setting], error: float) -> float | None:
 
 
 def reached_at_once(measured: Precision) -> dict[str, list[str]]:
-    """For each error the methods whose coarsest setting is better already: their time is at most what is told."""
+    """For each error the methods whose coarsest setting is better already: their time is at most what is reported."""
     drawn = curves(measured)
     return {
         f"{target:g}": [

@@ -20,7 +20,7 @@ class Problem:
     velocities, `free_lagrangian` the L~ of an associated second-order system or the L of a free one,
     `free_hamiltonian` its H~(q, p) in Symbol("p_x") for each coordinate x, `free_constants` names among the
     parameters that L~ may choose freely (C2, a_x, ...), `accelerations` all n accelerations of the true motion,
-    `forces` Q_i(t, q, q') that act beside `lagrangian` or `free_lagrangian`.
+    `forces` Q_i(t, q, q') that act with `lagrangian` or `free_lagrangian`.
     """
 
     coordinates: tuple[str, ...]
@@ -133,7 +133,7 @@ class FreeLagrangian:
 
     `constants` are names of parameters that L~ may choose freely, with the values used; `source` says where L~ comes
     from. `start_momenta` gives p_0 from q_0 and v_0 where dL~/dv is 0/0 at the start. `forced`: the forces of the scene
-    act beside it.
+    act with it.
     """
 
     lagrangian: Expression
@@ -190,7 +190,7 @@ class Scene:
     """`lagrangian` holds the effects named and no other; None for a system given by `accelerations`.
 
     `values` gives every parameter a number. `positions` and `velocities` (n,) are on the constraints.
-    `forces` (n,) act beside L and the constraints, empty where there are none; `own` are observables by formula.
+    `forces` (n,) act with L and the constraints, empty where there are none; `own` are observables by formula.
     `circle` are the places of the two coordinates whose path is matched by circles. `without` gives (Lagrangian,
     constraints) without each effect, where the cost of parts is observed, and is empty elsewhere.
     """

@@ -28,7 +28,7 @@ RANK_REMEDY = "divide the constraints by what vanishes there, begin elsewhere, o
 MAP_LIMIT = 1e-12
 RESOLVE = f"{SMALLER_STEP}, or go on with guard = false, unchecked"
 REGULAR_MOTION = "the equations of motion end there: use coordinates in which they are regular, or stop before"
-RESOLUTION = "the error of a step beside its change of the velocity, squared"
+RESOLUTION = "the error of a step compared with its change of the velocity, squared"
 # The ratio squared; that of a force which acts in the last stage alone is a tenth.
 RESOLVED = 0.05
 ROUND_OFF, SMALLEST = 1e-18, 1e-300

@@ -8,7 +8,7 @@ the polynomial is the beginning of the series of an actual solution.
 
 A power series of a regular Lagrangian with rational coefficients, for people to read.
 
-Coefficients are found modulo several primes at a point with small whole numbers, joined by the Chinese
+Coefficients are found modulo several primes at a point with small integers, joined by the Chinese
 remainder theorem and reconstructed as fractions (Wang 1981); a further prime confirms them.
 """
 

@@ -46,7 +46,7 @@ from inverse_service.inverse_problem.explanation.numbers_at_a_point import (
     residues_at,
 )
 
-# The sums are sought among the equations of the lowest order that suffices, if they are not more than this.
+# The sums are searched for among the equations of the lowest order that suffices, if they are not more than this.
 MOST_ROWS, HIGHEST_ORDER = 500, 3
 # So many equations are gone through for those that can be left out.
 PRUNED = 60
@@ -248,12 +248,12 @@ def _whole(rows: Mapping[RowName, FractionRow], factors: Mapping[RowName, Fracti
 
 
 def _excludes(sums: Sequence[Sum], n: int) -> bool:
-    """Whether every symmetric matrix that fulfils the sums is singular."""
+    """Whether every symmetric matrix that satisfies the sums is singular."""
     return all_singular(_left(sums, n), n, safe_prime(7_003))
 
 
 def _left(sums: Sequence[Sum], n: int) -> list[tuple[int, ...]]:
-    """A basis of the symmetric matrices that fulfil the sums, modulo a prime."""
+    """A basis of the symmetric matrices that satisfy the sums, modulo a prime."""
     prime = safe_prime(7_003)
     rows = [tuple(number_value(entry, prime) for entry in each.result) for each in sums]
     return kernel(rows, len(unknowns(n)), prime)

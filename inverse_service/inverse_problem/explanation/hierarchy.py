@@ -6,7 +6,7 @@ condition g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
     Phi, nabla Phi, nabla^2 Phi, …;   R, nabla R, …;   R[nabla Phi], R[nabla^2 Phi], …
 
 with the tensors of `mechanics.curvature`. At a point each is a linear condition on the n(n+1)/2
-entries of g. A set suffices when every symmetric g that fulfils it at a generic point is singular.
+entries of g. A set suffices when every symmetric g that satisfies it at a generic point is singular.
 Values are taken at random points modulo a prime, from Taylor series of f.
 
 A system's motion in Taylor series about a random point modulo a prime.
@@ -169,7 +169,7 @@ class EquationName:
 class SufficientSet:
     """Conditions that leave only singular g, the equations among them needed, and what is left.
 
-    `dimension` is that of the space of symmetric g that fulfil the equations at a generic point.
+    `dimension` is that of the space of symmetric g that satisfy the equations at a generic point.
     """
 
     conditions: tuple[ConditionName, ...]
@@ -237,7 +237,7 @@ class PointwiseConditions:
     rows: Mapping[EquationName, Row]
 
     def kernel(self, names: Sequence[EquationName]) -> list[Row]:
-        """A basis of the g that fulfil the named equations."""
+        """A basis of the g that satisfy the named equations."""
         return kernel([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
 
 

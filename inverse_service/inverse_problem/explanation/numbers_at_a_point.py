@@ -3,7 +3,7 @@
 Points at which variables and atoms of f have small rational values that respect all relations among them.
 
 Coordinates, velocities, parameters and the free generators of f (tan of a half angle, the root of an
-exponential, an arbitrary function and its derivatives) get small whole numbers. Roots must come out
+exponential, an arbitrary function and its derivatives) get small integers. Roots must come out
 rational, or the next point is tried. Values are found modulo a prime and reconstructed as fractions
 (Wang 1981); a second prime confirms them.
 """
@@ -68,7 +68,7 @@ Key = TypeVar("Key")
 
 @dataclass(slots=True)
 class SmallPoint(Point):
-    """A point whose free values are small whole numbers, the same modulo every prime."""
+    """A point whose free values are small integers, the same modulo every prime."""
 
     def draw(self, key: object) -> int:
         largest = _SMALL if self.seed < _PATIENCE else _LARGER
@@ -273,7 +273,7 @@ def numbers_at_a_point(
 
 
 def _leaves_singular_only(rows: Mapping[EquationName, tuple[Fraction, ...]], size: int) -> bool:
-    """Whether every symmetric matrix that fulfils the rows is singular."""
+    """Whether every symmetric matrix that satisfies the rows is singular."""
     prime = safe_prime(7_003)
     residues = [tuple(number_value(entry, prime) for entry in row) for row in rows.values()]
     return all_singular(kernel(residues, len(unknowns(size)), prime), size, prime)

@@ -1,7 +1,7 @@
 """Why every admissible multiplier is singular, in numbers at one point: for conditions too long to write out.
 
 A minor that is not zero at one point is not zero on an open dense set (f is analytic), so g = 0 at the point is g = 0
-at every generic point. The same holds for values that no real point has but that fulfil all algebraic relations among
+at every generic point. The same holds for values that no real point has but that satisfy all algebraic relations among
 the functions: the minor is not the zero element of their field. Where some g are left, all singular, the numbers show
 how; that it is so generically was found by `hierarchy` at random points.
 

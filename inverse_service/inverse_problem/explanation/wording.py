@@ -45,7 +45,7 @@ def indices(system: SecondOrderSystem) -> list[Piece]:
 
 
 def opening(system: SecondOrderSystem, chosen: SufficientSet) -> Step:
-    """What a multiplier has to fulfil."""
+    """What a multiplier has to satisfy."""
     kinds = {condition.cyclic for condition in chosen.conditions}
     return said(
         "Suppose that there is a Lagrangian. Its Hessian `g` in the velocities is symmetric and nonsingular, and ",
@@ -165,7 +165,7 @@ def summary_steps(system: SecondOrderSystem, chosen: SufficientSet) -> tuple[Ste
     closing = said(
         "The linear equations ", *enumerated([equation_name(name) for name in chosen.equations]),
         f" on the {n * (n + 1) // 2} entries of `g` have rank {chosen.rank} at a generic point; the symmetric matrices "
-        f"that fulfil them form a space of dimension {chosen.dimension}, {end}: there is no Lagrangian.",
+        f"that satisfy them form a space of dimension {chosen.dimension}, {end}: there is no Lagrangian.",
         shown=[SINGULAR],
     )  # fmt: skip
     middle = said("For each `T` the equation is `g_11 T^1_2 + g_12 (T^2_2 - T^1_1) - g_22 T^2_1 = 0`.")

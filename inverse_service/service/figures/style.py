@@ -1,4 +1,4 @@
-"""How figures look: colours that everyone can tell apart, and beside them line styles and markers."""
+"""How figures look: colours that everyone can tell apart, with line styles and markers."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[Grid, tuple[st
             "/step",
         )
     if (schema.steps is None) == (schema.time is None):
-        raise InputError("give either 'steps' or 'time' beside 'step'.", "")
+        raise InputError("give either 'steps' or 'time' with 'step'.", "")
     steps = schema.steps or _steps_of(schema, step)
     notes: tuple[str, ...] = ()
     length = None if schema.time is None else number_of(schema.time, "/time")

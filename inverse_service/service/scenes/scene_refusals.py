@@ -40,9 +40,9 @@ EXPECTED = {
     ("initial", "momenta"): "an object with a number for each coordinate",
     ("initial", "project"): "true or false",
     ("step",): "a positive number, the size of a step",
-    ("steps",): f"a whole number from 1 to {MAX_STEPS}",
+    ("steps",): f"an integer from 1 to {MAX_STEPS}",
     ("time",): "a positive number, the length of time",
-    ("record_every",): f"a whole number from 1 to {MAX_STEPS}",
+    ("record_every",): f"an integer from 1 to {MAX_STEPS}",
     ("methods",): f'a list of 1 to {MAX_METHODS} methods such as {{"method": "variational", "alpha": "1/2"}}',
     ("methods", "*"): 'an object such as {"method": "variational", "alpha": "1/2"}',
     ("methods", "*", "method"): "one of " + ", ".join(get_args(MethodName)),
@@ -70,7 +70,7 @@ EXPECTED = {
     ("constants",): 'an object with numbers, such as {"C_x": "1/100"}',
     ("circle",): 'two coordinates such as ["x", "y"]',
     ("step_sizes",): "a list of positive numbers",
-    ("repeats",): "a whole number from 1 to 50",
+    ("repeats",): "an integer from 1 to 50",
 }
 
 

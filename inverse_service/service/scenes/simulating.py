@@ -99,7 +99,7 @@ def simulate(document: Any, progress: Progress | None = None, time_limit: float 
 
 
 def simulate_tables(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
-    """The result document beside all recorded points: {"result": ..., "tables": {label: {column: array}}}."""
+    """The result document with all recorded points: {"result": ..., "tables": {label: {column: array}}}."""
     found, seconds = run_document(document, progress, time_limit)
     scene = found.scene
     tables = {run.requested.label: table_of_run(scene, run) for run in found.runs if run.trajectory is not None}
@@ -114,7 +114,7 @@ def simulate_tables(document: Any, progress: Progress | None = None, time_limit:
 
 def run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
     """Read, derive and run; with the seconds of each stage."""
-    # Values that are not finite are told as such in the numbers; numpy need not warn of them.
+    # Values that are not finite are reported as such in the numbers; numpy need not warn of them.
     with np.errstate(all="ignore"):
         return _run_document(document, progress, time_limit)
 

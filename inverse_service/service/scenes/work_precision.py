@@ -21,7 +21,7 @@ from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.service.scenes.simulating import as_plain, catalogue_name
-from inverse_service.simulation.advice import advice, told
+from inverse_service.simulation.advice import advice, sentence_of
 from inverse_service.simulation.derivation import derive
 from inverse_service.simulation.precision import (
     Precision,
@@ -94,7 +94,7 @@ def _document(measured: Precision) -> dict[str, Any]:
         "scale": measured.scale,
         "error": "greatest distance of a coordinate from the true motion at 8 common times; relative is over scale",
         "truth": {"against": measured.truth.against, "uncertainty": measured.truth.uncertainty},
-        "conclusion": f"{conclusion(measured)} {told(taken)}",
+        "conclusion": f"{conclusion(measured)} {sentence_of(taken)}",
         "advice": taken,
         "methods": [
             {
