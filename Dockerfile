@@ -1,25 +1,34 @@
-# The base image by its tag; to pin it: docker buildx imagetools inspect python:3.11-slim --format '{{.Manifest.Digest}}',
-# and then --build-arg BASE=python:3.11-slim@sha256:...
+# The base by its tag. To pin it:
+#   docker buildx imagetools inspect python:3.11-slim --format '{{.Manifest.Digest}}'
+#   docker build --build-arg BASE=python:3.11-slim@sha256:... .
 ARG BASE=python:3.11-slim
-# Two stages: wheels are built where there is a compiler's worth of tools, the image that runs has none.
+# Two stages: the first has pip, the second what runs.
 FROM ${BASE} AS build
 WORKDIR /source
-COPY pyproject.toml constraints.txt README.md LICENSE ./
-COPY inverse_service inverse_service
-COPY api_schemas api_schemas
-COPY docs/*.md docs/
+COPY deploy/image deploy/image
+RUN python -m venv /build \
+    && /build/bin/pip install --no-cache-dir --require-hashes -r deploy/image/requirements-build.txt \
+    && python -m venv --without-pip /opt/inverse-service
 # docker build --build-arg EXTRAS=dask,postgres
 ARG EXTRAS=""
-RUN python -m venv /opt/inverse-service \
-    && /opt/inverse-service/bin/pip install --no-cache-dir -c constraints.txt ".${EXTRAS:+[$EXTRAS]}"
+RUN for extra in $(echo "$EXTRAS" | tr , ' '); do chosen="$chosen -r deploy/image/requirements-$extra.txt"; done; \
+    /build/bin/pip --python /opt/inverse-service/bin/python install --no-cache-dir --require-hashes --no-compile \
+      -r deploy/image/requirements.txt $chosen
+COPY pyproject.toml README.md LICENSE ./
+COPY docs/*.md docs/
+COPY api_schemas api_schemas
+COPY inverse_service inverse_service
+RUN /build/bin/pip wheel --no-deps --no-build-isolation --wheel-dir /build/wheels . \
+    && /build/bin/pip --python /opt/inverse-service/bin/python install --no-deps --no-compile /build/wheels/*.whl \
+    && /opt/inverse-service/bin/python -m compileall -q /opt/inverse-service
 # The modular kernels, compiled for the processor of this machine; on another one the service compiles its own.
 WORKDIR /
 RUN /opt/inverse-service/bin/inverse-service warm
-# What runs installs nothing.
-RUN /opt/inverse-service/bin/python -m pip uninstall --yes --quiet pip setuptools
 
 FROM ${BASE}
+# What runs installs nothing.
 RUN python -m pip uninstall --yes --quiet pip setuptools wheel \
+    && python -c "import ensurepip, shutil; shutil.rmtree(ensurepip.__path__[0])" \
     && groupadd --system --gid 10001 inverse \
     && useradd --system --uid 10001 --gid 10001 --home-dir /nonexistent --shell /usr/sbin/nologin inverse \
     && install -d -o 10001 -g 10001 -m 0700 /var/lib/inverse-service
@@ -32,7 +41,7 @@ ENV PATH=/opt/inverse-service/bin:$PATH \
     XDG_CACHE_HOME=/tmp/cache \
     MPLCONFIGDIR=/tmp/matplotlib \
     INVERSE_SERVICE_DATABASE=/var/lib/inverse-service/jobs.sqlite
-USER 10001
+USER 10001:10001
 VOLUME /var/lib/inverse-service
 EXPOSE 8000
 STOPSIGNAL SIGTERM

@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: install service run test nightly lint paper bench soundness coverage mutation font
+.PHONY: install service run test nightly lint paper bench bench-service soundness coverage mutation font
 
 # What the service and the command line need; what tests and development need besides.
 service: $(SERVICE)
@@ -39,6 +39,7 @@ test: install
 	.venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 nightly: install
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,manifests]'
 	.venv/bin/python -m pytest -m 'slow or nightly'
 
 lint: install
@@ -55,6 +56,12 @@ bench: install
 	.venv/bin/python -m benchmarks --limit 10 --random 2 --largest 7 --output build/bench
 	.venv/bin/python -m benchmarks lagrangians --count 60 --seed 1
 	.venv/bin/python -m benchmarks simulation
+
+# The service under load, pool and cluster, the stores; the tables of docs/reliability.md and docs/scaling.md are written anew.
+bench-service: install
+	.venv/bin/python -m benchmarks service --page docs/reliability.md
+	.venv/bin/python -m benchmarks cluster --lines 200 --rounds 3 --page docs/scaling.md
+	.venv/bin/python -m tests.store.measure_store docs/scaling.md
 
 # 26,000 cases on all cores; interrupted, it goes on where it was.
 soundness: install

@@ -1,6 +1,6 @@
 """A batch on this machine's own pool and on a Dask cluster on loopback: lines a second, efficiency.
 
-    python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR]
+    python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR] [--page docs/scaling.md]
 
 The pool and the cluster take turns, so that a machine that is busy with other things is so for both.
 """
@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks import families
+from benchmarks.measured import conditions, put
 from benchmarks.tables import table
 
 LIMIT = 1800.0
@@ -175,13 +176,16 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--lines", type=int, default=500, help="lines of the small load (default 500)")
     parser.add_argument("--rounds", type=int, default=3, help="turns; the median counts (default 3)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="most workers (default: cores)")
+    parser.add_argument("--page", type=Path, help="page whose place `cluster` gets the table")
     parser.add_argument("--output", type=Path, help="folder for cluster.md and cluster.json")
     chosen = parser.parse_args(arguments)
     rows = measure(chosen.lines, chosen.rounds, chosen.workers)
-    load = f"load average of the machine {os.getloadavg()[1]:.1f}\n" if hasattr(os, "getloadavg") else ""
-    print(markdown(rows) + load)
+    text = f"{conditions()}, the medians of {chosen.rounds} rounds.\n\n{markdown(rows)}"
+    print(text)
+    if chosen.page:
+        put(chosen.page, "cluster", text)
     if chosen.output:
         chosen.output.mkdir(parents=True, exist_ok=True)
-        (chosen.output / "cluster.md").write_text(markdown(rows), encoding="utf-8")
+        (chosen.output / "cluster.md").write_text(text, encoding="utf-8")
         found = [dataclasses.asdict(row) for row in rows]
         (chosen.output / "cluster.json").write_text(json.dumps(found, indent=1), encoding="utf-8")

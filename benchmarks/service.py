@@ -1,6 +1,7 @@
 """The service under load: many clients at once, the cost of a request, and how busy a batch keeps the cores.
 
     python -m benchmarks service [--clients 200] [--seconds 60] [--lines 1000] [--output DIR]
+                                [--page docs/reliability.md]
 
 Starts a service of its own on loopback with an empty store in a temporary folder.
 """
@@ -25,6 +26,9 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+
+from benchmarks.measured import conditions, put
+from benchmarks.tables import table
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
 SHARE_OF_FRESH = 0.05
@@ -65,6 +69,7 @@ class Overhead:
 class Busy:
     """A batch: seconds, and the share of the cores' time that the processes of the service used."""
 
+    workers: int
     lines: int
     seconds: float
     lines_per_second: float
@@ -151,7 +156,7 @@ def _computed(client: httpx.Client, place: str) -> float:
     return float(client.get(place).json()["usage"]["wall"])
 
 
-def busy(address: str, pid: int, lines: int) -> Busy:
+def busy(address: str, pid: int, lines: int, workers: int) -> Busy:
     """A batch of fresh systems, with the time of all processes below the service."""
     dice = random.Random(11)
     body = "".join(json.dumps(fresh_system(dice)) + "\n" for _ in range(lines))
@@ -164,7 +169,7 @@ def busy(address: str, pid: int, lines: int) -> Busy:
     used, (total, free) = _cpu_below(pid) - before, (b - a for a, b in zip(idle, _machine(), strict=True))
     cores = len(os.sched_getaffinity(0))
     shares = (round(used / seconds / cores, 3), round(1 - free / total, 3))
-    return Busy(lines, round(seconds, 2), round(lines / seconds, 1), *shares)
+    return Busy(workers, lines, round(seconds, 2), round(lines / seconds, 1), *shares)
 
 
 def _cpu_below(pid: int) -> float:
@@ -199,18 +204,51 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--lines", type=int, default=1000)
     parser.add_argument("--count", type=int, default=200, help="questions for the overhead")
+    parser.add_argument("--workers", type=int, default=2, help="most workers of the batch")
     parser.add_argument("--output", type=Path, help="folder for service.json")
+    parser.add_argument("--page", type=Path, help="page whose place `load` gets the tables")
     chosen = parser.parse_args(arguments)
-    found: dict[str, Any] = {}
-    with service() as (address, pid):
+    found: dict[str, Any] = {"batch": []}
+    for workers in range(1, chosen.workers + 1):
+        with service(WORKERS=str(workers)) as (address, pid):
+            found["batch"].append(asdict(busy(address, pid, chosen.lines, workers)))
+    with service() as (address, _):
         found["overhead"] = asdict(overhead(address, chosen.count))
-        found["batch"] = asdict(busy(address, pid, chosen.lines))
         found["load"] = [sort.row() for sort in asyncio.run(load(address, chosen.clients, chosen.seconds))]
+    found["conditions"] = conditions()
     text = json.dumps(found, indent=1)
     print(text)
     if chosen.output:
         chosen.output.mkdir(parents=True, exist_ok=True)
         (chosen.output / "service.json").write_text(text, encoding="utf-8")
+    if chosen.page:
+        put(chosen.page, "load", markdown(found, chosen.clients, chosen.seconds))
+
+
+def markdown(found: dict[str, Any], clients: int, seconds: float) -> str:
+    """The tables of docs/reliability.md."""
+    asked = [
+        [row["sort"], str(row["count"]), f"{row['p50_ms']:.3g}", f"{row['p99_ms']:.3g}",
+         ", ".join(f"{count} of {status}" for status, count in row["statuses"].items())]
+        for row in found["load"]
+    ]  # fmt: skip
+    batches = [
+        [
+            str(row["workers"]),
+            str(row["lines"]),
+            f"{row['lines_per_second']:.3g}",
+            f"{100 * row['busy_by_service']:.0f} %",
+        ]
+        for row in found["batch"]
+    ]
+    one = found["overhead"]
+    return (
+        f"{found['conditions']}. {clients} clients for {seconds:g} s, each asks about once a second:\n\n"
+        + table(["question", "answers", "p50, ms", "p99, ms", "statuses"], asked)
+        + f"\nOne client, one question after the other, medians: {one['cached_ms']:.2g} ms from the store, "
+        f"{one['fresh_ms']:.3g} ms for a new system of which its worker spent {one['compute_ms']:.3g} ms.\n\n"
+        + table(["workers", "lines of a batch", "lines a second", "of all cores' time, the service"], batches)
+    )
 
 
 if __name__ == "__main__":

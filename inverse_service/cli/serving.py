@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import ipaddress
 import logging
 import os
@@ -82,6 +83,8 @@ def serve_http(host: str, port: int) -> ExitCode:
     log.info("started", extra={"version": __version__, "address": address, "workers": settings.workers})
     server.run(sockets=[listener])
     log.info("stopped")
+    # Collecting what is left would take longer than all that stopped before, and nothing could end it.
+    gc.freeze()
     return ExitCode.DONE
 
 

@@ -16,6 +16,8 @@ from pathlib import Path
 from inverse_service.service.jobs.isolation import die_with_parent
 
 DASK = [sys.executable, "-m", "dask"]
+# Dask's nanny needs semaphores, which live there; without one a worker is started again by who started it.
+NANNY = [] if os.access("/dev/shm", os.W_OK) else ["--no-nanny"]
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
 
@@ -36,7 +38,7 @@ class Cluster:
         self.scheduler = self._start([*DASK, "scheduler", *options])
 
     def start_worker(self, threads: int = 1) -> None:
-        options = ["--nthreads", str(threads), "--no-dashboard", "--local-directory", str(self._folder)]
+        options = ["--nthreads", str(threads), "--no-dashboard", "--local-directory", str(self._folder), *NANNY]
         self.workers.append(self._start([*DASK, "worker", self.address, "--host", "127.0.0.1", *options]))
 
     def kill_scheduler(self) -> None:
@@ -44,7 +46,7 @@ class Cluster:
         end(self.scheduler)
 
     def kill_worker(self, index: int = 0) -> None:
-        """The nanny and its worker at once, as when a machine is lost."""
+        """The worker and its nanny at once, as when a machine is lost."""
         worker = self.workers.pop(index)
         for pid in [*processes(worker.pid)]:
             if b"cluster.host" not in command_of(pid) and b"forkserver" not in command_of(pid):

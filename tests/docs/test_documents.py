@@ -22,8 +22,8 @@ NOT_RUN = {
     "open-questions.md": (1, "the search of the robot takes minutes"),
     "reliability.md": (1, "these are the tests themselves"),
     "scaling.md": (5, "no Docker, cluster, SLURM or PostgreSQL here; tests/cluster and tests/store have theirs"),
-    "operating.md": (1, "tests/web/test_proxy.py runs the file of nginx"),
-    "operating-data.md": (2, "tests/store/test_backup.py runs them"),
+    "operating.md": (7, "tests/deploy/test_operating.py runs them in a Debian of its own"),
+    "operating-data.md": (1, "tests/store/test_backup.py runs it"),
     "CONTRIBUTING.md": (1, "these are the tests themselves"),
     "benchmarks.md": (1, "ten minutes"),
 }

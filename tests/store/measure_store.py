@@ -1,4 +1,4 @@
-"""What the two stores carry: `python -m tests.store.measure_store` prints the table of docs/scaling.md.
+"""What the two stores carry: `python -m tests.store.measure_store [docs/scaling.md]` prints the table of that page.
 
 No engine works here: jobs are accepted, claimed and answered as fast as the store allows.
 """
@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.measured import conditions, put
+from benchmarks.tables import table
 from inverse_service.service.jobs.model import BULK, BatchLine, JobRequest, Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.store import JobStore
@@ -61,7 +64,7 @@ def look(store: JobStore, thread: int) -> None:
         store.job(f"{thread}-{k}")
 
 
-def measure(name: str, store: JobStore) -> str:
+def measure(name: str, store: JobStore) -> list[str]:
     lines = [BatchLine(k, str(k), request(f"line {k}")) for k in range(LINES)]
     found = [
         rate(200, lambda: [store.submit([request(f"alone {k}")]) for k in range(200)]),
@@ -71,20 +74,23 @@ def measure(name: str, store: JobStore) -> str:
         rate(JOBS, lambda: in_threads(lambda k: look(store, k))),
     ]
     store.close()
-    return f"| {name} | " + " | ".join(f"{value:.0f}" for value in found) + " |"
+    return [name, *(f"{value:.0f}" for value in found)]
 
 
-def main() -> None:
-    print(f"| store | accepted, one caller | accepted, {THREADS} callers | lines of a batch | answered | looked up |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: |")
+def main(pages: list[str]) -> None:
+    head = ["changes a second", "accepted, one caller", f"accepted, {THREADS} callers", "lines of a batch", "answered"]
     with tempfile.TemporaryDirectory() as folder:
-        print(measure("SQLite", SqliteStore(Path(folder) / "jobs.sqlite")), flush=True)
+        rows = [measure("SQLite", SqliteStore(Path(folder) / "jobs.sqlite"))]
     if programs() is not None:
         from inverse_service.service.jobs.postgres_store import PostgresStore
 
         with server(durable=True) as started:
-            print(measure("PostgreSQL", PostgresStore(started.database("measured"))), flush=True)
+            rows.append(measure("PostgreSQL", PostgresStore(started.database("measured"))))
+    text = f"{conditions()}.\n\n{table([*head, 'looked up'], rows)}"
+    print(text)
+    for page in pages:
+        put(Path(page), "store", text)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

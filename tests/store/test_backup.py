@@ -1,4 +1,4 @@
-"""The program of docs/operating-data.md copies a store under load; a client is erased to the last trace."""
+"""deploy/backup.py copies a store under load; a client is erased to the last trace."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from pathlib import Path
 
 from inverse_service.service.jobs.model import BatchLine, JobRequest, Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from tests.docs.blocks import ROOT, blocks
 
-(BACKUP,) = (b.text for b in blocks(ROOT / "docs" / "operating-data.md") if b.language == "python")
+DEPLOY = Path(__file__).parents[2] / "deploy"
 
 
 def run(program: str, *arguments: object) -> str:
-    command = [sys.executable, "-c", program, *map(str, arguments)]
+    command = [sys.executable, str(DEPLOY / program), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
 
 
@@ -39,11 +38,12 @@ def test_a_copy_that_is_made_while_jobs_are_stored_has_all_that_was_acknowledged
     thread = threading.Thread(target=go_on)
     thread.start()
     try:
-        assert run(BACKUP, tmp_path / "jobs.sqlite", tmp_path / "copy.sqlite") == "ok\n"
+        assert run("backup.py", tmp_path / "jobs.sqlite", tmp_path / "copy.sqlite") == "ok\n"
     finally:
         stopping.set()
         thread.join()
         store.close()
+    assert (tmp_path / "copy.sqlite").stat().st_mode & 0o777 == 0o600
     restored = SqliteStore(tmp_path / "copy.sqlite")
     try:
         assert {(restored.job(f"before {k}") or store).status for k in range(20)} == {"successful"}  # type: ignore[union-attr]

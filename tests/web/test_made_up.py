@@ -29,7 +29,9 @@ def ask(service: str, lines: Iterable[bytes], kind: str = "solve") -> Counter[st
     assert len({answer["line"] for answer in answers}) == len(answers) == count
     faults = [answer for answer in answers if answer.get("status", 422) != 422]
     assert [(answer["line"], sent[answer["line"] - 1]) for answer in faults] == []
-    return Counter("refused" if "error" in answer else answer.get("verdict", "done") for answer in answers)
+    counts = Counter("refused" if "error" in answer else answer.get("verdict", "done") for answer in answers)
+    print(kind, dict(counts))
+    return counts
 
 
 def made(count: int, seed: int, make: Callable[[random.Random], Any]) -> list[bytes]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import socket
 import ssl
 import subprocess
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +17,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.attacks.harness import Attacked, attacked
+from tests.attacks.harness import Attacked, Watch, attacked
 
 NGINX = shutil.which("nginx") or ("/usr/sbin/nginx" if Path("/usr/sbin/nginx").exists() else "")
 OPENSSL = shutil.which("openssl")
@@ -121,3 +123,71 @@ def test_what_is_too_large_or_too_much_is_refused_by_the_proxy(proxied: Proxied)
         assert large.status_code == 413
         statuses = [client.get("/livez").status_code for _ in range(300)]
         assert set(statuses) <= {200, 429}
+
+
+@pytest.mark.nightly
+def test_plain_http_and_old_or_broken_tls_are_refused(proxied: Proxied) -> None:
+    with socket.create_connection(("127.0.0.1", proxied.port), timeout=30) as plain:
+        plain.sendall(f"GET / HTTP/1.1\r\nHost: {NAME}\r\n\r\n".encode())
+        assert b" 400 " in plain.recv(65_536).partition(b"\r\n")[0]
+    with socket.create_connection(("127.0.0.1", proxied.port), timeout=30) as broken:
+        broken.sendall(b"\x16\x03\x01\x02\x00\x01" + bytes(range(200)) * 3)
+        assert b"HTTP" not in broken.recv(65_536)
+    old = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    old.check_hostname, old.verify_mode = False, ssl.CERT_NONE
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        old.minimum_version = old.maximum_version = ssl.TLSVersion.TLSv1_1
+    old.set_ciphers("ALL:@SECLEVEL=0")
+    with socket.create_connection(("127.0.0.1", proxied.port), timeout=30) as connection, pytest.raises(ssl.SSLError):
+        old.wrap_socket(connection)
+    with proxied.client() as client:
+        assert client.get("/livez").status_code == 200
+
+
+@pytest.mark.nightly
+def test_handshakes_that_do_not_end_are_not_waited_for_and_hold_up_nobody(proxied: Proxied) -> None:
+    began, seconds = time.monotonic(), []
+    hello = b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"
+    waiting = [socket.create_connection(("127.0.0.1", proxied.port)) for _ in range(200)]
+    for k, connection in enumerate(waiting):
+        connection.sendall(hello[: k % 12])
+    dripping = waiting.pop()
+    while waiting and time.monotonic() - began < 60:
+        with contextlib.suppress(OSError):
+            dripping.send(b"\x00")
+        looked = time.monotonic()
+        with proxied.client("127.0.0.9") as client:
+            assert client.get("/livez").status_code == 200
+        seconds.append(time.monotonic() - looked)
+        waiting = [connection for connection in waiting if is_open(connection)]
+        time.sleep(0.5)
+    print(f"closed after {time.monotonic() - began:.0f} s; /livez with a handshake at the longest {max(seconds):.2f} s")
+    assert not waiting
+    assert time.monotonic() - began < 25
+    assert max(seconds) < 2
+    assert not is_open(dripping), "a handshake of a byte at a time goes on"
+
+
+def is_open(connection: socket.socket) -> bool:
+    connection.setblocking(False)
+    try:
+        while connection.recv(65_536):
+            pass
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    connection.close()
+    return False
+
+
+@pytest.mark.nightly
+def test_two_hundred_handshakes_leave_the_service_alone(proxied: Proxied) -> None:
+    statuses = []
+    with Watch(proxied.service) as watch:
+        for k in range(200):
+            with proxied.client(f"127.0.1.{k % 40 + 1}") as client:
+                statuses.append(client.get("/livez").status_code)
+    assert set(statuses) == {200}
+    watch.hold()

@@ -1,0 +1,92 @@
+"""deploy/ is what its schemas say, and asks for the rights that the page promises: none."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from inverse_service.settings import read_settings
+from tests.deploy.bare import ROOT
+
+DEPLOY = ROOT / "deploy"
+COMPOSE: dict[str, Any] = yaml.safe_load((DEPLOY / "compose.yaml").read_text())
+MANIFESTS: list[dict[str, Any]] = yaml.safe_load((DEPLOY / "kubernetes.yaml").read_text())["items"]
+PODS = {one["metadata"]["name"]: one["spec"]["template"]["spec"] for one in MANIFESTS if one["kind"] == "Deployment"}
+OURS = [one for one in COMPOSE["services"].values() if one["image"] == "inverse-service"]
+
+
+def test_the_compose_file_follows_its_schema() -> None:
+    pytest.importorskip("check_jsonschema")
+    command = ["-m", "check_jsonschema", "--builtin-schema", "vendor.compose-spec", str(DEPLOY / "compose.yaml")]
+    done = subprocess.run([sys.executable, *command], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("manifest", MANIFESTS, ids=lambda one: f"{one['kind']} {one['metadata']['name']}")
+def test_each_manifest_follows_its_schema(manifest: dict[str, Any]) -> None:
+    validator = pytest.importorskip("kubernetes_validate")
+    newest = validator.latest_version()
+    assert newest.startswith(validator.validate(manifest, newest, strict=True))
+    with pytest.raises(validator.ValidationError):
+        validator.validate(manifest | {"metadate": {}}, newest, strict=True)
+
+
+@pytest.mark.parametrize("name", PODS)
+def test_a_pod_has_no_rights_and_bounds(name: str) -> None:
+    pod = PODS[name]
+    assert pod["enableServiceLinks"] is pod["automountServiceAccountToken"] is False
+    assert pod["securityContext"]["runAsNonRoot"]
+    assert pod["securityContext"]["runAsUser"] == pod["securityContext"]["runAsGroup"] == 10001
+    (container,) = pod["containers"]
+    assert container["securityContext"]["readOnlyRootFilesystem"]
+    assert not container["securityContext"]["allowPrivilegeEscalation"]
+    assert container["securityContext"]["capabilities"] == {"drop": ["ALL"]}
+    assert container["resources"]["limits"]["memory"]
+    assert "/tmp" in {mount["mountPath"] for mount in container["volumeMounts"]}
+
+
+def test_the_front_ends_are_asked_whether_they_live_and_are_ready() -> None:
+    (front,) = PODS["inverse-service"]["containers"]
+    asked = {name: front[f"{name}Probe"]["httpGet"]["path"] for name in ("startup", "liveness", "readiness")}
+    assert asked == {"startup": "/livez", "liveness": "/livez", "readiness": "/readyz"}
+
+
+def test_the_settings_in_the_manifests_are_settings(tmp_path: Path) -> None:
+    (front,) = PODS["inverse-service"]["containers"]
+    kubernetes = {one["name"]: one.get("value", "postgresql://inverse@database/inverse") for one in front["env"]}
+    compose = {
+        name: value for name, value in COMPOSE["services"]["service"]["environment"].items() if name != "PGPASSFILE"
+    }
+    for environment in (kubernetes, compose):
+        keys = tmp_path / "keys"
+        keys.write_text(f"alice:{'0' * 64}\n")
+        found = read_settings(environment | {"INVERSE_SERVICE_API_KEYS_FILE": str(keys)})
+        assert found.cluster in {"tcp://scheduler:8786", "tcp://inverse-service-scheduler:8786"}
+    for name, value in kubernetes.items():
+        if name == "INVERSE_SERVICE_CLUSTER":
+            services = {one["metadata"]["name"] for one in MANIFESTS if one["kind"] == "Service"}
+            assert value.removeprefix("tcp://").partition(":")[0] in services
+
+
+def test_every_service_and_policy_selects_pods() -> None:
+    labels = [one["spec"]["template"]["metadata"]["labels"] for one in MANIFESTS if one["kind"] == "Deployment"]
+    for one in MANIFESTS:
+        if one["kind"] == "Service":
+            wanted = one["spec"]["selector"].items()
+            assert sum(wanted <= found.items() for found in labels) == 1
+        if one["kind"] == "NetworkPolicy":
+            (rule,) = one["spec"]["podSelector"]["matchExpressions"]
+            assert set(rule["values"]) <= {found["part"] for found in labels}
+
+
+@pytest.mark.parametrize("service", OURS, ids=lambda one: str(one.get("command", "service")))
+def test_a_container_of_compose_has_no_rights(service: dict[str, Any]) -> None:
+    assert service["read_only"]
+    assert service["init"]
+    assert service["tmpfs"] == ["/tmp"]
+    assert service["cap_drop"] == ["ALL"]
