@@ -24,7 +24,7 @@ COMMAND = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
 OTHER = "127.0.0.2"
 LOOK_EVERY = 0.02
 FEWEST_LOOKS = 40
-# What the longest look may take where other programs use the same cores; a loop that is held shows seconds.
+# What the longest look may take, and longer where other programs want the same cores; a loop that is held shows many seconds.
 FREEZE = 1.0
 MEMORY = 500.0
 # 250 bytes whose exponents have a common denominator of millions: its reading does not end by itself.
@@ -33,6 +33,11 @@ ENDLESS = {
     "lagrangian": "x'^2/2+y'^2/2+z'^2/2-(" + "+".join(f"exp(x/{p})" for p in (2, 3, 5, 7, 11, 13, 17, 19, 23)) + ")",
     "constraints": ["z'=y*x'"],
 }
+
+
+def crowd() -> float:
+    """How many times more work there is than the cores can do, at least 1."""
+    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 @dataclass(frozen=True)
@@ -137,7 +142,7 @@ class Watch:
         figures = f"/livez at the longest {1e3 * self.longest:.0f} ms, 9 of 10 below {1e3 * self.usual:.0f} ms"
         # What other programs on the same cores do to a thread that only sleeps, they do to the service too.
         print(f"{figures}, a sleep late by {1e3 * self.late:.0f} ms, web process {self.memory:.0f} MiB")
-        assert self.longest < FREEZE, f"/livez took {self.longest:.2f} s"
+        assert self.longest < FREEZE * crowd(), f"/livez took {self.longest:.2f} s"
         assert self.usual < 0.1, f"/livez took {self.usual:.2f} s"
         assert self.memory < MEMORY, f"the web process had {self.memory:.0f} MiB"
 
