@@ -24,7 +24,7 @@ COMMAND = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
 OTHER = "127.0.0.2"
 LOOK_EVERY = 0.02
 FEWEST_LOOKS = 40
-# What the longest look may take, and longer where other programs want the same cores; a loop that is held shows many seconds.
+# What the longest look may take, longer where others want the same cores; a loop that is held shows many seconds.
 FREEZE = 1.0
 MEMORY = 500.0
 # 250 bytes whose exponents have a common denominator of millions: its reading does not end by itself.

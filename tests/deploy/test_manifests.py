@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -90,3 +92,20 @@ def test_a_container_of_compose_has_no_rights(service: dict[str, Any]) -> None:
     assert service["init"]
     assert service["tmpfs"] == ["/tmp"]
     assert service["cap_drop"] == ["ALL"]
+
+
+def test_the_image_has_the_versions_of_the_tests_and_all_that_is_needed() -> None:
+    pin = re.compile(r"^([\w.-]+)==(\S+)", re.MULTILINE)
+    tested = {
+        name.lower().replace("_", "-"): version for name, version in pin.findall((ROOT / "constraints.txt").read_text())
+    }
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    for extra in ("", "dask", "postgres"):
+        text = (DEPLOY / "image" / f"requirements{extra and '-' + extra}.txt").read_text()
+        pinned = dict(pin.findall(text))
+        assert pinned.items() <= tested.items(), "python deploy/image/pin.py writes them anew"
+        assert len(re.findall(r"--hash=sha256:[0-9a-f]{64}$|--hash=sha256:[0-9a-f]{64} ", text, re.MULTILINE)) >= len(
+            pinned
+        )
+        needed = project["optional-dependencies"][extra] if extra else project["dependencies"]
+        assert {re.match(r"[\w.-]+", one)[0] for one in needed} <= pinned.keys()  # type: ignore[index]
