@@ -26,13 +26,23 @@ python -m pip --version
 """
 # Asks the service that runs beside it, as a client in the container could.
 ASK = """
-import json, os, urllib.request
+import json, os, time, urllib.error, urllib.request
 def ask(path, document=None):
     data = None if document is None else json.dumps(document).encode()
     headers = {"Content-Type": "application/json", "Prefer": "wait=60"}
     request = urllib.request.Request("http://127.0.0.1:8000" + path, data, headers)
-    with urllib.request.urlopen(request, timeout=120) as answer:
-        return answer.read(), answer.headers
+    try:
+        with urllib.request.urlopen(request, timeout=120) as answer:
+            return answer.read(), answer.headers
+    except urllib.error.HTTPError as error:
+        print(error.read().decode())
+        raise
+for _ in range(240):
+    try:
+        ask("/readyz")
+        break
+    except urllib.error.HTTPError:
+        time.sleep(0.5)
 body, _ = ask("/v1/solve", {"coordinates": ["x"], "equations": {"x": "-x"}})
 scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2-x^2/2"}, "initial": {"positions": {"x": 1}},
          "step": 0.1, "steps": 20, "methods": ["variational"], "observe": ["trajectory"]}
