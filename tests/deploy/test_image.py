@@ -44,8 +44,8 @@ for _ in range(240):
     except urllib.error.HTTPError:
         time.sleep(0.5)
 body, _ = ask("/v1/solve", {"coordinates": ["x"], "equations": {"x": "-x"}})
-scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2-x^2/2"}, "initial": {"positions": {"x": 1}},
-         "step": 0.1, "steps": 20, "methods": ["variational"], "observe": ["trajectory"]}
+scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2-x^2/2"}, "step": 0.1, "steps": 20,
+         "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["variational"], "observe": ["trajectory"]}
 run, headers = ask("/v1/simulate", scene)
 place = headers["Location"].replace("/v1/jobs", "/results")
 print(json.dumps({"verdict": json.loads(body)["verdict"], "outcome": json.loads(run)["methods"][0]["outcome"],
