@@ -45,7 +45,8 @@ for _ in range(240):
         time.sleep(0.5)
 body, _ = ask("/v1/solve", {"coordinates": ["x"], "equations": {"x": "-x"}})
 scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2-x^2/2"}, "step": 0.1, "steps": 20,
-         "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["variational"], "observe": ["trajectory"]}
+         "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["variational"],
+         "observe": ["trajectory"]}
 run, headers = ask("/v1/simulate", scene)
 place = headers["Location"].replace("/v1/jobs", "/results")
 print(json.dumps({"verdict": json.loads(body)["verdict"], "outcome": json.loads(run)["methods"][0]["outcome"],
