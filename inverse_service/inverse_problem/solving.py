@@ -36,11 +36,10 @@ from inverse_service.inverse_problem.explanation.wording import printed_conditio
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
-from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.integrating import is_free_of_divergence
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.members import reading_class
-from inverse_service.inverse_problem.search.protocol import SearchOutcome
+from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.branches import MOST_BRANCHES, MOST_COUNTED, branches_of, on_branch

@@ -37,11 +37,11 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.outcome import Lagrangian
 from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until
-from inverse_service.inverse_problem.search.describe import describe
 from inverse_service.inverse_problem.search.factors import position_monomials, products
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, distinct, gather
 from inverse_service.inverse_problem.search.members import best_members
+from inverse_service.inverse_problem.search.protocol import describe
 from inverse_service.inverse_problem.search.sampling import make_sampler
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,

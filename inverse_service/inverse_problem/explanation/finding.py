@@ -16,8 +16,7 @@ from inverse_service.inverse_problem.decision.power_series import as_tree, count
 from inverse_service.inverse_problem.explanation.steps import Piece, said, separated
 from inverse_service.inverse_problem.explanation.verification import euler_lagrange_steps, explain_positive
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
-from inverse_service.inverse_problem.search.describe import describe
-from inverse_service.inverse_problem.search.protocol import SearchOutcome
+from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
 from inverse_service.inverse_problem.search.rungs import REASONS
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms

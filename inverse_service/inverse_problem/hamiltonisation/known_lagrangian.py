@@ -18,7 +18,7 @@ from inverse_service.inverse_problem.explanation.steps import said
 from inverse_service.inverse_problem.explanation.wording import printed_conditions
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Solution, Step
-from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.inverse_problem.search.protocol import describe
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

@@ -28,8 +28,8 @@ from inverse_service.inverse_problem.decision.values_at import Near, values_at
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
 from inverse_service.inverse_problem.of_kind.answering import KindAnswer, is_valid, lagrangians_of
 from inverse_service.inverse_problem.outcome import Lagrangian, Solution, Verdict
-from inverse_service.inverse_problem.search.definite import MOST_PARTS, definite_weights
-from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.inverse_problem.search.members import MOST_PARTS, definite_weights
+from inverse_service.inverse_problem.search.protocol import describe
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.euler_lagrange import hessian
 

@@ -22,7 +22,7 @@ from inverse_service.inverse_problem.kinds.restricted import BUILDERS, Lagrangia
 from inverse_service.inverse_problem.of_kind.answering import NOT_FOUND, KindAnswer, is_valid
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.completion import completed
-from inverse_service.inverse_problem.search.describe import describe
+from inverse_service.inverse_problem.search.protocol import describe
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.euler_lagrange import hessian

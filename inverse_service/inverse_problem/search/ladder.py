@@ -26,12 +26,12 @@ from inverse_service.inverse_problem.search.families import (
     with_parameters,
 )
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
-from inverse_service.inverse_problem.search.long_numbers import Lettered, views
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.members import best_members, needed_combinations
 from inverse_service.inverse_problem.search.multiplier_ansatz import occurring_terms, solve_multiplier
 from inverse_service.inverse_problem.search.numerical_verification import holds_numerically
 from inverse_service.inverse_problem.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
+from inverse_service.inverse_problem.search.reductions import Lettered, views
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms
 from inverse_service.inverse_problem.search.tidy import tidied

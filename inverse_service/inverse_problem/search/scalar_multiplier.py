@@ -27,9 +27,9 @@ from inverse_service.expressions.tree import HALF, ONE, TIME, Expression, Integr
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.deadline import end
-from inverse_service.inverse_problem.search.definite import MOST_PARTS, definite_weights
-from inverse_service.inverse_problem.search.definite import Matrix as RealMatrix
 from inverse_service.inverse_problem.search.material import Material
+from inverse_service.inverse_problem.search.members import MOST_PARTS, definite_weights
+from inverse_service.inverse_problem.search.members import Matrix as RealMatrix
 from inverse_service.inverse_problem.search.quadratures import (
     exponential,
     exponential_with_integrals,

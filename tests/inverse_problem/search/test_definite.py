@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from inverse_service.inverse_problem.search.choice import velocity_degree
-from inverse_service.inverse_problem.search.definite import definite_weights
-from inverse_service.inverse_problem.search.members import best_members
+from inverse_service.inverse_problem.search.members import best_members, definite_weights
 from inverse_service.inverse_problem.search.terms import terms_of
 from tests.inverse_problem.search.given import lagrangians, tree
 

@@ -11,8 +11,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
-from inverse_service.inverse_problem.search.complex_trees import ComplexTree, NotAnalytic, continued
-from inverse_service.inverse_problem.search.holomorphic import real_systems
+from inverse_service.inverse_problem.search.holomorphic import ComplexTree, NotAnalytic, continued, real_systems
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system

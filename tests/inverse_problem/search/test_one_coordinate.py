@@ -19,9 +19,13 @@ from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velo
 from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import Material, gather
-from inverse_service.inverse_problem.search.one_coordinate.kinetic import NotElementary, Place, double_integral
+from inverse_service.inverse_problem.search.one_coordinate.kinetic import (
+    NotElementary,
+    Place,
+    antiderivative,
+    double_integral,
+)
 from inverse_service.inverse_problem.search.one_coordinate.last_multiplier import applies, propose
-from inverse_service.inverse_problem.search.one_coordinate.potential import antiderivative
 from inverse_service.inverse_problem.search.terms import terms_of
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian

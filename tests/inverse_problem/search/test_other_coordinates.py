@@ -6,9 +6,8 @@ import pytest
 
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.search.coordinate_changes import suggested
 from inverse_service.inverse_problem.search.material import Material, gather
-from inverse_service.inverse_problem.search.other_coordinates import transformed
+from inverse_service.inverse_problem.search.other_coordinates import suggested, transformed
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 from tests.inverse_problem.search.forty_digits import defects, legendre_defects, same_value

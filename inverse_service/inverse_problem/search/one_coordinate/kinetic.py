@@ -1,9 +1,13 @@
-"""Double integrals over the velocity: K with d2K/dv2 = P_1^e_1 P_2^e_2, P_j linear or quadratic in v.
+"""L for one coordinate from its multiplier g: K with d2K/dv2 = g, and the part U without velocity.
 
-For Q = a v^2 + b v + c put u = dQ/dv and D = 4ac - b^2, so that u^2 + D = 4aQ. With J_e = int int Q^e,
+K for g = P_1^e_1 P_2^e_2, P_j linear or quadratic in v. For Q = a v^2 + b v + c put u = dQ/dv, D = 4ac - b^2, so that
+u^2 + D = 4aQ. With J_e = int int Q^e,
     J_e = (2a (e+2)(2e+3) J_(e+1) - Q^(e+2)) / ((e+1)(e+2) D)   for e < -1, e != -2,
     J_e = (Q^(e+1) + e (e+1) D J_(e-1)) / (2a (e+1)(2e+1))       for e > -1/2,
 which follow from (Q^m)''; J_(-1), J_(-2) and J_(-1/2) hold arctangents or logarithms.
+
+E(K) = f K_vv + v K_vx + K_vt - K_x has dE/dv = Gamma(g) + g df/dv = 0, so it may be taken at any v, and
+L = K + U with dU/dx = E(K) satisfies the Euler-Lagrange equation.
 """
 
 from __future__ import annotations
@@ -12,10 +16,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+import mpmath
+
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import (
     HALF,
+    TIME,
     ZERO,
     Apply,
     Expression,
@@ -28,8 +36,11 @@ from inverse_service.expressions.tree import (
     number,
     power,
     square_root,
+    substitute,
     subtract,
 )
+from inverse_service.inverse_problem.search.completion import solution
+from inverse_service.inverse_problem.search.material import antiderivatives
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     expanded,
@@ -38,7 +49,17 @@ from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     negated,
     shortest,
 )
-from inverse_service.inverse_problem.search.terms import Terms, split_content, terms_of, tree_of
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    derivative,
+    rank,
+    split_content,
+    terms_of,
+    tree_of,
+)
 
 Factor = tuple[Expression, Fraction]
 _LARGEST_EXPONENT = 6
@@ -213,3 +234,83 @@ def _with_root(form: _Quadratic, place: Place) -> Expression:
     root = extracted_root(factored(negated(a), [place.x]))
     arc = Apply("asin", divide(u, extracted_root(negate(form.d))))
     return subtract(negate(divide(multiply(u, arc), multiply(number(2), a, root))), last)
+
+
+_SPEEDS = (Fraction(0), Fraction(1), Fraction(2), Fraction(1, 2), Fraction(-1))
+_MOST_TERMS = 40
+_LONGEST_INTEGRAND = 20
+_DIGITS = 40
+_TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
+_DEPTH = 4
+
+
+def euler_lagrange(kinetic: Expression, force: Expression, x: Symbol, v: Velocity) -> Expression:
+    """f K_vv + v K_vx + K_vt - K_x."""
+    momentum = differentiate(kinetic, v)
+    return add(
+        multiply(force, differentiate(momentum, v)),
+        multiply(v, differentiate(momentum, x)),
+        differentiate(momentum, TIME),
+        negate(differentiate(kinetic, x)),
+    )
+
+
+def potential(kinetic: Expression, force: Expression, place: Place) -> Expression | None:
+    """U(t, x) with dU/dx = E(K), so that K + U is a Lagrangian; None where it is not found."""
+    residual = euler_lagrange(kinetic, force, place.x, place.v)
+    if not _is_free_of_velocity(residual, place):
+        return None
+    for speed in _SPEEDS:
+        if not _is_defined(residual, {**place.point, place.v: mpmath.mpf(speed.numerator) / speed.denominator}):
+            continue
+        try:
+            fixed = factored(substitute(residual, {place.v: number(speed)}), [place.x])
+            found = antiderivative(terms_of(fixed), place.x)
+        except TooManyTerms:
+            continue
+        if found is not None:
+            return found
+    return None
+
+
+def _is_free_of_velocity(residual: Expression, place: Place) -> bool:
+    """Seen in its values at the real point and close to it: what d2K/dv2 is no multiplier is left early."""
+    with mpmath.workdps(_DIGITS):
+        first = evaluate(residual, place.point)
+        moved = {**place.point, place.v: place.point[place.v] * _STEP}
+        second = evaluate(residual, moved)
+        return bool(abs(first - second) < _TINY * (1 + abs(first)))
+
+
+def _is_defined(tree: Expression, point: RealTable) -> bool:
+    """Asked before a velocity is put in, since 0 times an infinite factor would fold to 0."""
+    try:
+        evaluate(tree, point)
+    except NoRealValue:
+        return False
+    return True
+
+
+def antiderivative(integrand: Terms, x: Symbol) -> Expression | None:
+    """int integrand dx as a rational combination of monomials in letters, or None."""
+    if not integrand:
+        return ZERO
+    if len(integrand) > _LONGEST_INTEGRAND:
+        return None
+    columns = _columns(integrand, x)
+    found = solution(list(columns.values()), integrand)
+    return None if found is None else tree_of({m: a for m, a in zip(columns, found, strict=True) if a})
+
+
+def _columns(integrand: Terms, x: Symbol) -> dict[Monomial, Terms]:
+    """Monomials with their derivatives, closed under the antiderivatives of what is left over."""
+    found: dict[Monomial, Terms] = {}
+    fresh = list(integrand)
+    for _ in range(_DEPTH):
+        wanted = dict.fromkeys(m for key in fresh for m in antiderivatives(key, x) if m not in found)
+        fresh = []
+        for m in sorted(wanted, key=rank)[: _MOST_TERMS - len(found)]:
+            found[m] = derivative(m, x)
+            fresh += list(found[m])
+    found.pop(EMPTY, None)
+    return found

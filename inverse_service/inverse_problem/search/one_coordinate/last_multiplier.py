@@ -56,8 +56,8 @@ from inverse_service.inverse_problem.search.one_coordinate.kinetic import (
     Place,
     coefficients,
     double_integral,
+    potential,
 )
-from inverse_service.inverse_problem.search.one_coordinate.potential import potential
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
