@@ -21,6 +21,7 @@ from inverse_service.algebra.exact_ring import (
     generator_power,
     is_integer_power,
     polynomial_tree,
+    quotient_tree,
     scaled_tree,
 )
 from inverse_service.algebra.exact_trigonometric import (
@@ -181,6 +182,15 @@ def exact_ring(
     if spare or generous.free == 0:
         return generous
     return _build(trees, variables, symbols, orders, budget, used, slopes)
+
+
+def factored(trees: Sequence[Expression], symbols: Sequence[Symbol | Velocity], budget: Budget) -> list[Expression]:
+    """The trees, each over its common denominator with numerator and denominator factored.
+
+    TooLarge where the budget ends, ZeroDivisionError where a denominator vanishes, KeyError for an unknown atom.
+    """
+    ring = exact_ring(trees, symbols, 0, budget, slopes=False)
+    return [quotient_tree(ring, ring.value(tree)) for tree in trees]
 
 
 def _build(

@@ -12,10 +12,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
-from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_ring import quotient_tree
+from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Symbol, Velocity, walk
+from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.deadline import check, end
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct, oriented
 from inverse_service.inverse_problem.search.motion import MotionTerms, euler_lagrange, split_velocities
@@ -140,21 +139,15 @@ def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> lis
     """B and B v_k for the residuals of a combination; none where they are too large to be written out."""
     system = material.analysis.system
     try:
+        check()
         trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
-        point = material.analysis.real_point
-        residuals = [oriented(terms_of(tree), point) for tree in _settled(material, trees)]
+        motion, point = material.motion, material.analysis.real_point
+        symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
+        quotients = factored(list(trees), symbols, Budget(_TERMS, end(), _WORK))
+        residuals = [oriented(terms_of(tree), point) for tree in quotients]
     except (TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
         return []
     return _primitives(material, (key for terms in residuals for key in terms))[:_MOST]
-
-
-def _settled(material: Material, trees: Iterable[Expression]) -> list[Expression]:
-    """The trees over their common denominators."""
-    check()
-    given = list(trees)
-    symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
-    ring = exact_ring(given, symbols, 0, Budget(_TERMS, end(), _WORK), slopes=False)
-    return [quotient_tree(ring, ring.value(tree)) for tree in given]
 
 
 def _primitives(material: Material, keys: Iterable[Monomial]) -> list[Monomial]:

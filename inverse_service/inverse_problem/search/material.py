@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
-from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rational_functions import Budget, TooLarge
@@ -113,8 +113,7 @@ def simplified(material: Material, terms: Terms) -> Terms:
     tree = tree_of(terms)
     symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
     try:
-        ring = exact_ring([tree], symbols, 0, Budget(_TERMS, end(), _WORK), slopes=False)
-        other = terms_of(quotient_tree(ring, ring.value(tree)))
+        other = terms_of(factored([tree], symbols, Budget(_TERMS, end(), _WORK))[0])
     except (TooLarge, ZeroDivisionError, TooManyTerms):
         return terms
     return other if len(other) < len(terms) else terms

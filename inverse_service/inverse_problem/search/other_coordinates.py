@@ -16,8 +16,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 
-from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_ring import quotient_tree
+from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.expressions.collecting import collect
@@ -314,8 +313,7 @@ def _quotient(tree: Expression, names: Sequence[str]) -> Expression:
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     budget = Budget(_TERMS, end(), _WORK_TO_SIMPLIFY)
     try:
-        ring = exact_ring([tree], symbols, 0, budget, slopes=False)
-        return quotient_tree(ring, ring.value(tree))
+        return factored([tree], symbols, budget)[0]
     except (TooLarge, ZeroDivisionError):
         return tree
     finally:

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fractions import Fraction
 
-from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_ring import quotient_tree
+from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
@@ -200,8 +199,7 @@ def _part(outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrd
     names = system.coordinates
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
-        ring = exact_ring([plain], symbols, 0, budget, slopes=False)
-        quotient = quotient_tree(ring, ring.value(plain))
+        (quotient,) = factored([plain], symbols, budget)
     except (TooLarge, ZeroDivisionError):
         return whole
     if _is_sum_of(quotient, len(inner)):

@@ -21,9 +21,10 @@ from inverse_service.inverse_problem.special_cases.cases import (
     FunctionCase,
     Progress,
     Question,
+    condition_texts,
+    equation_texts,
     examine,
 )
-from inverse_service.inverse_problem.special_cases.conditions import condition_texts, equation_texts
 from inverse_service.inverse_problem.special_cases.splitting import split
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, Stratum
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

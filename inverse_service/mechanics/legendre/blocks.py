@@ -1,14 +1,17 @@
-"""A function of velocities cut into parts: free of velocities, linear, and independent blocks."""
+"""A function of velocities cut into parts, and one candidate for the inverse of the momentum map of a block.
+
+The parts are free of velocities, linear, and independent blocks; a candidate is checked by the caller.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.collecting import Expansion, expand, to_tree
 from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
-from inverse_service.expressions.tree import ZERO, Expression, Sum, Symbol, Velocity, add
+from inverse_service.expressions.tree import ZERO, Expression, Sum, Symbol, Velocity, add, substitute
 from inverse_service.mechanics.legendre.forms import simplified, velocities_in
 
 Term = tuple[Monomial, Fraction]
@@ -92,3 +95,26 @@ def _components(links: Iterable[set[str]], names: Sequence[str]) -> list[tuple[s
         groups = [group for group in groups if not group & link] + [set().union(*touched)]
     ordered = [tuple(name for name in names if name in group) for group in groups]
     return sorted(ordered, key=lambda group: names.index(group[0]))
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """v(t, q, p) and H(t, q, p) of a block, where every tree of `conditions` (in t, q, v, p) is positive.
+
+    A velocity may contain the Velocity of another name of the block whose own formula contains none;
+    `resolved` puts that formula in.
+    """
+
+    velocities: tuple[Expression, ...]
+    hamiltonian: Expression
+    conditions: tuple[Expression, ...] = ()
+
+
+Family = Callable[[Block], Iterator[Branch]]
+Solver = Callable[[Expression, Sequence[str], Mapping[str, Symbol]], Iterator[Branch]]
+
+
+def resolved(velocities: Sequence[Expression], names: Sequence[str]) -> tuple[Expression, ...]:
+    """The velocities of a branch over (t, q, p) alone: no Velocity of `names` is left."""
+    table: dict[Expression, Expression] = {Velocity(name): tree for name, tree in zip(names, velocities, strict=True)}
+    return tuple(substitute(tree, table) for tree in velocities)

@@ -1,14 +1,24 @@
-"""Solving F(v) = p for the one place where v occurs in F, from the outside to the inside."""
+"""Solving F(v) = p for one velocity.
+
+Where v occurs in F once, from the outside to the inside; else F may be a short polynomial in z, a power of v or exp(v).
+With z^d = y the equation is c_2 y^2 + c_1 y + c_0 = 0, or a cubic; its depressed form y^3 + a y = b is
+solved by y = 2 sqrt(a/3) sinh(asinh(3 sqrt(3/a) b/(2 a))/3) for a > 0 and, on the branch through
+y = 0, by y = 2 sqrt(-a/3) sin(asin(3 sqrt(-3/a) b/(2 a))/3) for a < 0 (Viete; Holmes, Math. Gazette
+86 (2002) 473).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
+from inverse_service.expressions.collecting import Expansion, expand, to_tree
+from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
 from inverse_service.expressions.tree import (
     HALF,
     PI,
+    ZERO,
     Apply,
     Expression,
     Number,
@@ -21,10 +31,13 @@ from inverse_service.expressions.tree import (
     divide,
     multiply,
     negate,
+    number,
     power,
+    square_root,
     subtract,
     walk,
 )
+from inverse_service.mechanics.legendre.forms import simplified, velocities_in
 
 Rule = Callable[[Expression], Expression]
 
@@ -116,3 +129,114 @@ def _branch_conditions(function: str, argument: Expression) -> tuple[Expression,
     """tan and sin are undone by atan and asin only for |argument| < pi/2."""
     quarter_turn = multiply(HALF, PI)
     return (subtract(quarter_turn, argument), add(quarter_turn, argument)) if function == "tan" else ()
+
+
+_NAME = "the cubic's unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Laurent:
+    """sum of coefficients[e] generator^e; the generator is the velocity or exp of a multiple of it."""
+
+    generator: Expression
+    coefficients: Mapping[Fraction, Expression]
+
+
+def polynomial_roots(tree: Expression, leaf: Velocity, target: Expression) -> Iterator[Root]:
+    """The solutions of tree = target for the leaf, where the tree is such a polynomial."""
+    laurent = laurent_polynomial(tree, leaf)
+    if laurent is None:
+        return
+    table = dict(laurent.coefficients)
+    table[Fraction(0)] = subtract(table.get(Fraction(0), ZERO), target)
+    exponents = sorted(table)
+    step = exponents[1] - exponents[0] if len(exponents) > 1 else Fraction(0)
+    generator = laurent.generator
+    if len(exponents) == 3 and exponents[2] - exponents[1] == step:
+        c = [table[exponent] for exponent in exponents]
+        for root in _quadratic(c[2], c[1], c[0], power(generator, step)):
+            yield from _unwound(power(generator, step), leaf, root)
+    elif all(exponent in (0, 1, 2, 3) for exponent in exponents) and exponents[-1] == 3:
+        c = [table.get(Fraction(e), ZERO) for e in range(4)]
+        for root in _cubic(c, generator):
+            yield from _unwound(generator, leaf, root)
+
+
+def laurent_polynomial(tree: Expression, leaf: Velocity) -> Laurent | None:
+    """The tree in powers of one generator; None where the leaf occurs in another way."""
+    generators: set[Expression] = set()
+    table: dict[Fraction, list[tuple[Monomial, Fraction]]] = {}
+    for monomial, value in expand(tree).terms:
+        moving = [(base, e) for base, e in monomial if velocities_in(base, [leaf.coordinate])]
+        rest = tuple(pair for pair in monomial if pair not in moving)
+        if len(moving) > 1 or (moving and not _is_generator(moving[0][0], leaf)):
+            return None
+        generators.update(base for base, _ in moving)
+        table.setdefault(moving[0][1] if moving else Fraction(0), []).append((rest, value))
+    if len(generators) != 1:
+        return None
+    coefficients = {e: to_tree(Expansion(tuple(terms))) for e, terms in table.items()}
+    return Laurent(generators.pop(), coefficients)
+
+
+def _is_generator(base: Expression, leaf: Velocity) -> bool:
+    match base:
+        case Apply("exp", argument):
+            terms = expand(argument).terms
+            return len(terms) == 1 and monomial_tree(terms[0][0]) == argument and _is_linear(terms[0][0], leaf)
+        case _:
+            return base == leaf
+
+
+def _is_linear(monomial: Monomial, leaf: Velocity) -> bool:
+    rest = tuple(pair for pair in monomial if pair != (leaf, Fraction(1)))
+    return len(rest) < len(monomial) and not velocities_in(monomial_tree(rest), [leaf.coordinate])
+
+
+def _unwound(tree: Expression, leaf: Velocity, known: Root) -> Iterator[Root]:
+    for root in isolate(tree, leaf, known.value):
+        yield Root(root.value, (*known.conditions, *root.conditions))
+
+
+def _quadratic(a: Expression, b: Expression, c: Expression, y: Expression) -> Iterator[Root]:
+    """Both roots of a y^2 + b y + c; `y` as a tree in v says which one it is."""
+    discriminant = simplified(subtract(power(b, 2), multiply(number(4), a, c)))
+    slope = add(multiply(number(2), a, y), b)
+    for sign in (1, -1):
+        over = add(negate(b), multiply(number(sign), square_root(discriminant)))
+        yield Root(divide(over, multiply(number(2), a)), (multiply(number(sign), slope),))
+
+
+def _cubic(c: list[Expression], y: Expression) -> Iterator[Root]:
+    """A root of c_3 y^3 + c_2 y^2 + c_1 y + c_0, in depressed form by y = z - c_2/(3 c_3)."""
+    shift = simplified(divide(c[2], multiply(number(3), c[3])))
+    unknown = Velocity(_NAME)
+    z = subtract(unknown, shift)
+    shifted = add(*(multiply(value, power(z, k)) for k, value in enumerate(c)))
+    laurent = laurent_polynomial(shifted, unknown)
+    if laurent is None:
+        return
+    a = simplified(divide(laurent.coefficients.get(Fraction(1), ZERO), c[3]))
+    b = simplified(negate(divide(laurent.coefficients.get(Fraction(0), ZERO), c[3])))
+    centred = add(y, shift)
+    if a == ZERO:
+        for root in isolate(Power(unknown, number(3)), unknown, b):
+            yield Root(subtract(root.value, shift))
+        return
+    yield Root(subtract(_hyperbolic(a, b), shift), (a,))
+    inner = subtract(negate(a), multiply(number(3), power(centred, 2)))
+    yield Root(subtract(_circular(a, b), shift), (negate(a), inner))
+
+
+def _hyperbolic(a: Expression, b: Expression) -> Expression:
+    """The root of z^3 + a z = b for a > 0."""
+    third = divide(a, number(3))
+    angle = apply("asinh", simplified(divide(b, multiply(number(2), power(third, Fraction(3, 2))))))
+    return multiply(number(2), square_root(simplified(third)), apply("sinh", multiply(number(Fraction(1, 3)), angle)))
+
+
+def _circular(a: Expression, b: Expression) -> Expression:
+    """The root of z^3 + a z = b between the turning points, for a < 0."""
+    third = divide(negate(a), number(3))
+    angle = apply("asin", simplified(divide(negate(b), multiply(number(2), power(third, Fraction(3, 2))))))
+    return multiply(number(2), square_root(simplified(third)), apply("sin", multiply(number(Fraction(1, 3)), angle)))

@@ -24,8 +24,7 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.mechanics.legendre.blocks import Block
-from inverse_service.mechanics.legendre.branch import Branch, Solver
+from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
 from inverse_service.mechanics.legendre.forms import simplified, velocities_in
 from inverse_service.mechanics.legendre.quadratic import Inverse, invert
 

@@ -27,8 +27,7 @@ from inverse_service.expressions.tree import (
     number,
     power,
 )
-from inverse_service.mechanics.legendre.blocks import Block, degrees, without
-from inverse_service.mechanics.legendre.branch import Branch
+from inverse_service.mechanics.legendre.blocks import Block, Branch, degrees, without
 from inverse_service.mechanics.legendre.forms import separated, shortest, trigonometric
 from inverse_service.mechanics.opaque_fractions import OpaqueFraction, OpaqueRing, Polynomial
 

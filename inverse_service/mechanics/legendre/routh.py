@@ -24,8 +24,7 @@ from inverse_service.expressions.tree import (
     substitute,
     subtract,
 )
-from inverse_service.mechanics.legendre.blocks import Block, degrees
-from inverse_service.mechanics.legendre.branch import Branch, Solver
+from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver, degrees
 from inverse_service.mechanics.legendre.forms import simplified
 from inverse_service.mechanics.legendre.linear import linear_coefficients
 from inverse_service.mechanics.legendre.quadratic import Inverse, form_matrix, invert, quadratic_form

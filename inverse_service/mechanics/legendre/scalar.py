@@ -1,11 +1,14 @@
-"""Blocks of one velocity: F(v) = dL/dv = p is solved where v occurs in F once, or as a short polynomial.
+"""Blocks of one velocity, and small blocks solved equation by equation.
 
-Covers c v^m, c (v + u)^r, v log v, log v, exponentials, quadratics and cubics in powers of v or exp(v).
+F(v) = dL/dv = p is solved where v occurs in F once, or as a short polynomial: c v^m, c (v + u)^r, v log v, log v,
+exponentials, quadratics and cubics in powers of v or exp(v). In a small block one velocity is isolated in one momentum
+and put into the others: for L = Re(z log z) with z = x' + i y', p_y = -atan(y'/x') gives y', and then
+p_x = log|z| + 1 gives x'.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
@@ -13,20 +16,26 @@ from inverse_service.expressions.tree import (
     ZERO,
     Expression,
     Sum,
+    Symbol,
     Velocity,
     add,
     divide,
     multiply,
     negate,
     number,
+    rebuild,
     substitute,
     subtract,
 )
-from inverse_service.mechanics.legendre.blocks import Block
-from inverse_service.mechanics.legendre.branch import Branch, Solver
-from inverse_service.mechanics.legendre.forms import quotient, shortest, simplified
-from inverse_service.mechanics.legendre.isolation import Root, isolate, occurrences
-from inverse_service.mechanics.legendre.polynomial import laurent_polynomial, polynomial_roots
+from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
+from inverse_service.mechanics.legendre.forms import quotient, shortest, simplified, velocities_in
+from inverse_service.mechanics.legendre.isolation import (
+    Root,
+    isolate,
+    laurent_polynomial,
+    occurrences,
+    polynomial_roots,
+)
 
 _MOST_TERMS = 4
 
@@ -103,3 +112,54 @@ def _balanced(slope: Expression, rate: Velocity, momentum: Expression) -> Iterat
     rest = quotient(add(*(term for term in terms if occurrences(term, rate))))
     if fixed and occurrences(rest, rate) == 1:
         yield from isolate(rest, rate, add(momentum, negate(add(*fixed))))
+
+
+_LARGEST_BLOCK = 3
+Equation = tuple[Symbol, Expression]
+Solved = tuple[dict[str, Expression], tuple[Expression, ...]]
+
+
+def elimination_branches(block: Block) -> Iterator[Branch]:
+    """The branches of a block of two or three velocities; H is the energy p v - L at v(p)."""
+    if not 1 < len(block.names) <= _LARGEST_BLOCK:
+        return
+    functions = [simplified(differentiate(block.function, Velocity(name))) for name in block.names]
+    works = [multiply(Velocity(name), p) for name, p in zip(block.names, functions, strict=True)]
+    energy = simplified(subtract(add(*works), block.function))
+    equations = [(block.momenta[name], p) for name, p in zip(block.names, functions, strict=True)]
+    for rates, conditions in _solutions(equations, block.names):
+        table: dict[Expression, Expression] = {Velocity(name): tree for name, tree in rates.items()}
+        velocities = tuple(simplified(rates[name]) for name in block.names)
+        yield Branch(velocities, simplified(substitute(energy, table)), conditions)
+
+
+def _solutions(equations: Sequence[Equation], names: Sequence[str]) -> Iterator[Solved]:
+    """Every way to solve the equations one after the other, each by one of the unknowns."""
+    if len(names) == 1:
+        momentum, function = equations[0]
+        for root in roots_for(factored_inside(function), Velocity(names[0]), momentum):
+            yield {names[0]: root.value}, root.conditions
+        return
+    for momentum, function in equations:
+        others = [equation for equation in equations if equation[0] != momentum]
+        for name in names:
+            for root in isolate(function, Velocity(name), momentum):
+                table: dict[Expression, Expression] = {Velocity(name): root.value}
+                left = [other for other in names if other != name]
+                reduced = [(p, simplified(substitute(f, table))) for p, f in others]
+                if all(velocities_in(f, left) for _, f in reduced):
+                    yield from _completed(name, root.value, root.conditions, _solutions(reduced, left))
+
+
+def _completed(
+    name: str, value: Expression, conditions: tuple[Expression, ...], rest: Iterator[Solved]
+) -> Iterator[Solved]:
+    for rates, others in rest:
+        table: dict[Expression, Expression] = {Velocity(other): tree for other, tree in rates.items()}
+        yield {**rates, name: substitute(value, table)}, conditions + others
+
+
+def factored_inside(tree: Expression) -> Expression:
+    """The tree with every sum in it as one factored quotient, the outer ones first."""
+    outer = quotient(tree) if isinstance(tree, Sum) else tree
+    return rebuild(outer, factored_inside)

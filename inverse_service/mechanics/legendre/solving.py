@@ -17,15 +17,12 @@ from inverse_service.expressions.tree import (
     substitute,
     subtract,
 )
-from inverse_service.mechanics.legendre.blocks import Block, split
-from inverse_service.mechanics.legendre.branch import Branch, resolved
-from inverse_service.mechanics.legendre.elimination import elimination_branches
+from inverse_service.mechanics.legendre.blocks import Block, Branch, resolved, split
 from inverse_service.mechanics.legendre.linear import linear_branches
 from inverse_service.mechanics.legendre.quadratic import form_matrix, quadratic_branches
-from inverse_service.mechanics.legendre.radial import radial_branches
-from inverse_service.mechanics.legendre.ratio import ratio_branches
+from inverse_service.mechanics.legendre.radial import radial_branches, ratio_branches
 from inverse_service.mechanics.legendre.routh import routh_branches
-from inverse_service.mechanics.legendre.scalar import scalar_branches
+from inverse_service.mechanics.legendre.scalar import elimination_branches, scalar_branches
 
 _MOST_BRANCHES = 8
 

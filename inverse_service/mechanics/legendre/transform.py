@@ -30,8 +30,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
-from inverse_service.mechanics.legendre.blocks import Block, Parts, split
-from inverse_service.mechanics.legendre.branch import Branch, resolved
+from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
 from inverse_service.mechanics.legendre.forms import (
     cancelled,
     roots_apart,

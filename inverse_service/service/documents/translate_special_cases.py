@@ -8,8 +8,7 @@ from api_schemas.special_cases import CaseNode, Condition, SpecialCasesPart, Var
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.inverse_problem.outcome import Verdict
-from inverse_service.inverse_problem.special_cases.cases import Case
-from inverse_service.inverse_problem.special_cases.conditions import conditions
+from inverse_service.inverse_problem.special_cases.cases import Case, conditions
 from inverse_service.inverse_problem.special_cases.tree import Node, SpecialCases
 
 Reading = Callable[[Case], Verdict | None]

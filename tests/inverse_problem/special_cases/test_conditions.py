@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.inverse_problem.special_cases.conditions import condition_texts, equation_texts
+from inverse_service.inverse_problem.special_cases.cases import condition_texts, equation_texts
 from inverse_service.inverse_problem.special_cases.splitting import split
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace
 from inverse_service.inverse_problem.special_cases.tree import Node, special_cases

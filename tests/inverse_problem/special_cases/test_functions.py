@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from inverse_service.inverse_problem.special_cases.conditions import condition_texts
+from inverse_service.inverse_problem.special_cases.cases import condition_texts
 from inverse_service.inverse_problem.special_cases.tree import Node, SpecialCases, special_cases
 from inverse_service.mechanics.reading import read_system
 

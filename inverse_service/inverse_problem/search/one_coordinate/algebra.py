@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
-from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_ring import quotient_tree
+from inverse_service.algebra import exact_atoms
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.expressions.tree import (
     ONE,
@@ -37,8 +36,7 @@ _LARGEST_SQUARE = 100
 def factored(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
     """The tree over its common denominator as a product of factors; TooManyTerms where that is large."""
     try:
-        ring = exact_ring([tree], [TIME, *variables], 0, Budget(_TERMS, end(), _WORK), slopes=False)
-        return quotient_tree(ring, ring.value(tree))
+        return exact_atoms.factored([tree], [TIME, *variables], Budget(_TERMS, end(), _WORK))[0]
     except (TooLarge, ZeroDivisionError, KeyError) as problem:
         raise TooManyTerms from problem
 
