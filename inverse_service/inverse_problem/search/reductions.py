@@ -39,6 +39,7 @@ from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
 from inverse_service.inverse_problem.search.material import Material, coefficient
+from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.protocol import Found, Smaller
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
 from inverse_service.linear_pde.deciding import Limits
@@ -147,9 +148,17 @@ def into_blocks(material: Material, seed: int) -> Iterator[Smaller]:
 
 
 def is_damped(material: Material) -> bool:
-    """Whether L may depend on t and every f_i holds its own velocity."""
-    pairs = zip(material.motion.velocities, material.analysis.system.accelerations, strict=True)
-    return material.motion.with_time and all(any(node == v for node in walk(f)) for v, f in pairs)
+    """Whether L may depend on t, every f_i holds its own velocity, and f is quadratic in the velocities, as for T - V.
+
+    For one coordinate a function of t and x times v^2/2 is known already where there is one.
+    """
+    motion = material.motion
+    if not motion.with_time or motion.size == 1:
+        return False
+    pairs = zip(motion.velocities, material.analysis.system.accelerations, strict=True)
+    moving = [split_velocities(key)[1] for terms in motion.forces for key in terms]
+    quadratic = all(isinstance(p, Velocity) and 0 < e <= 2 for part in moving for p, e in part)
+    return quadratic and all(any(node == v for node in walk(f)) for v, f in pairs)
 
 
 def without_damping(material: Material, seed: int) -> Iterator[Smaller]:

@@ -99,7 +99,7 @@ ANSATZ = (
     Family("a known multiplier and potentials", 0.6, scalar_multiplier.kinetic_terms, 0, given=True),
     Family("quadratic in the velocities, short factors", 2, shapes.quadratic, _SMALL),
     Family("ratios of three velocities", 3.72, shapes.ratios_to_constants, _LARGE),
-    Family("functions of velocities, constant coefficients", 3.75, shapes.functions, 0),
+    Family("functions of velocities, constant coefficients", 3.75, shapes.of_velocities, 0),
     Family("ratios of velocities, short factors", 3.7, shapes.ratios, _SMALL),
     Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, _LARGE),
     Family("functions of velocities, short factors", 4, shapes.functions, _SMALL),

@@ -67,10 +67,14 @@ def ratios_to_constants(material: Material) -> list[Monomial]:
     return distinct([*ratios(material), *quotients(material, 3)]) if constant else []
 
 
+def of_velocities(material: Material) -> list[Monomial]:
+    """These, powers and logarithms of one velocity."""
+    return distinct([*ratios(material), *(shape for v in material.motion.velocities for shape in single(v))])
+
+
 def functions(material: Material) -> list[Monomial]:
-    """These, powers and logarithms of one velocity, and what f itself holds."""
-    alone = [shape for v in material.motion.velocities for shape in single(v)]
-    return distinct([*ratios(material), *alone, *of_letters(material)])
+    """These, and what f itself holds."""
+    return distinct([*of_velocities(material), *of_letters(material)])
 
 
 def products_and_roots(material: Material) -> list[Monomial]:
