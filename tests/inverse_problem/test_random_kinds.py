@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 import sympy
-from inverse_service.inverse_problem.search.describe import describe
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.tree import number
@@ -21,6 +20,7 @@ from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
+from inverse_service.inverse_problem.search.protocol import describe
 from inverse_service.mechanics.reading import read_given, read_system
 
 x, y, u, v, p, r = sympy.symbols("x y u v p r")
