@@ -22,7 +22,7 @@ from inverse_service.inverse_problem.of_kind.rayleigh import quick_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
-from inverse_service.inverse_problem.special_cases.conditions import conditions
+from inverse_service.inverse_problem.special_cases.cases import conditions
 from inverse_service.inverse_problem.special_cases.tree import Node, special_cases
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import translate
