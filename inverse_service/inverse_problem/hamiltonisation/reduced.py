@@ -26,7 +26,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
-from inverse_service.inverse_problem.of_kind.clock import with_clock
+from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve
@@ -88,12 +88,33 @@ def answer_reduced(
     others = tuple(zip(motion.dependent, motion.dependent_velocities, strict=True))
     found = chaplygin_factor(system, density)
     if isinstance(found, str):
-        return Reduced(plain, others, None, None, found)
+        return _searched(system, plain, others, found, asked, end)
     faster: dict[Expression, Expression] = {Velocity(r): multiply(found, Velocity(r)) for r in system.coordinates}
     known = None if candidate is None else tidied(substitute(candidate, faster))
     left = max(0.1, end - time.monotonic())
     changed = _decided(with_clock(system, found), known, replace(asked, time_limit=left))
+    if changed.answer.verdict == "not_variational" and plain.answer.verdict == "not_variational":
+        other = _searched(system, plain, others, "", asked, end)
+        return Reduced(plain, others, found, changed) if other.clocked is None else other
     return Reduced(plain, others, found, changed)
+
+
+def _searched(
+    system: SecondOrderSystem,
+    plain: Decided,
+    others: tuple[tuple[str, Expression], ...],
+    reason: str,
+    asked: SolveOptions,
+    end: float,
+) -> Reduced:
+    """With the first clock made of factors of f, where there is no Lagrangian without one."""
+    if plain.answer.verdict != "not_variational" or len(system.coordinates) == 1 or system.depends_on_time:
+        return Reduced(plain, others, None, None, reason)
+    factor, _ = find_clock(system, asked.seed, (time.monotonic() + end) / 2)
+    if factor is None:
+        return Reduced(plain, others, None, None, reason)
+    changed = _decided(with_clock(system, factor), None, replace(asked, time_limit=max(0.1, end - time.monotonic())))
+    return Reduced(plain, others, factor, changed)
 
 
 def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) -> Expression | str:

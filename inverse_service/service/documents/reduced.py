@@ -9,17 +9,18 @@ from api_schemas.nonholonomic import ReducedPart
 from api_schemas.result import ClockPart
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Velocity, walk
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
 from inverse_service.inverse_problem.hamiltonisation.reduced import (
     Reduced,
     answer_reduced,
-    chaplygin_factor,
     reduced_system,
 )
 from inverse_service.inverse_problem.of_kind.clock import with_clock
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, constrained_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.clock import answered, compared_answer
@@ -66,7 +67,7 @@ def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> 
     """The checker's verdicts on `reduced` and its `with_clock`, whose systems have to be those of the document."""
     end = time.thread_time() + time_limit
     try:
-        system, density = _of_document(prepared(document).document)
+        system = _of_document(prepared(document).document)
     except InputError:
         return _WRONG
     if system is None:
@@ -75,14 +76,22 @@ def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> 
     clock = part.get("with_clock")
     if (found is not None and found.verdict != "valid") or not isinstance(clock, dict):
         return found
-    factor = chaplygin_factor(system, density)
-    if isinstance(factor, str) or clock.get("factor") != to_text(factor):
+    names = Names(system.coordinates, system.parameters, {f.name: f.arguments for f in system.functions})
+    try:
+        factor = read_formula(str(clock.get("factor")), names)
+    except InputError:
+        return _WRONG
+    if clock.get("factor") != to_text(factor) or factor == ZERO or _moves(factor):
         return _WRONG
     return compared_answer(clock, with_clock(system, factor), _WRONG, end - time.thread_time()) or found
 
 
-def _of_document(document: Any) -> tuple[SecondOrderSystem | None, MeasureDensity | None]:
+def _moves(factor: Expression) -> bool:
+    return any(node == TIME or isinstance(node, Velocity) for node in walk(factor))
+
+
+def _of_document(document: Any) -> SecondOrderSystem | None:
     if is_motion(document):
-        return reduced_system(read(look_motion(document))), None
+        return reduced_system(read(look_motion(document)))
     report = motion_report(to_nonholonomic(to_nonholonomic_schema(document)))
-    return reduced_system(constrained_motion(report.motion)), report.density
+    return reduced_system(constrained_motion(report.motion))
