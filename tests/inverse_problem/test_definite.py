@@ -8,11 +8,13 @@ from fractions import Fraction
 from typing import Any
 
 import pytest
+import sympy
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.documents import check_document, solve_document
+from tests.inverse_problem.test_kinds import residuals
 
 YES, NO, OPEN = "variational", "not_variational", "undetermined"
 ROTATING = {"x": "-y", "y": "x"}  # K with eigenvalues i, -i
@@ -41,6 +43,15 @@ KNOWN: list[tuple[str, dict[str, str], list[str], dict[str, Any], str]] = [
 ]
 
 
+def is_definite(equations: dict[str, str], lagrangian: str, near: dict[str, str]) -> bool:
+    """The Hessian in the velocities at the point, or minus it, by SymPy alone."""
+    letters = {name: sympy.Symbol(name) for q in equations for name in (q, q + "_v")}
+    formula = sympy.sympify(lagrangian.replace("'", "_v").replace("^", "**"), locals=letters)
+    point = {letters[name.replace("'", "_v")]: sympy.Rational(text) for name, text in near.items() if name != "t"}
+    matrix = sympy.hessian(formula, [letters[q + "_v"] for q in equations]).subs(point)
+    return bool(matrix.is_positive_definite or (-matrix).is_positive_definite)
+
+
 def solved(equations: dict[str, str], parameters: list[str], near: dict[str, Any]) -> dict[str, Any]:
     document = {"equations": equations, "parameters": parameters, "near": near, "kinds": ["positive_definite"]}
     return solve_document(document, SolveOptions(time_limit=60))
@@ -54,6 +65,9 @@ def test_known_answers(
     found = result["kinds"]["positive_definite"]
     assert (found["verdict"], found["checked"]) == (verdict, "valid"), source
     assert check_document(json.dumps(result))["verdict"] == "valid"
+    if found["lagrangian"] is not None:
+        assert max(residuals(equations, found["lagrangian"]["text"])) < 1e-20
+        assert is_definite(equations, found["lagrangian"]["text"], found["near"])
     named = {name: Fraction(text) for name, text in found["near"].items()}
     assert all(named[name] == value for name, value in near.items())
 

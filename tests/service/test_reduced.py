@@ -69,7 +69,7 @@ UNREDUCED = [
 
 def reduced(asked: dict[str, Any]) -> dict[str, Any] | None:
     report = motion_report(to_nonholonomic(to_nonholonomic_schema(asked)))
-    found = reduced_of_report(report, 1, 40)
+    found = reduced_of_report(report, 1, 400)
     return None if found is None else found.model_dump(mode="json")
 
 
