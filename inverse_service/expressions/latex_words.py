@@ -73,9 +73,12 @@ class LatexWords:
         if not self._ahead.is_character("_"):
             return name
         underscore = self._take()
+        comma = self._raw[self._place + 1].is_character(",")
         subscript = self._name_part()
         if not subscript:
-            raise refusal("a subscript is not a word", underscore.column, "write letters and digits, as in r_{1}")
+            derivative = f"write diff({name}(x), x) for a derivative"
+            instead = derivative if comma else "write letters and digits, as in r_{1}"
+            raise refusal("a subscript is not a word", underscore.column, instead)
         return f"{name}_{subscript}"
 
     def _name_part(self) -> str:

@@ -117,10 +117,15 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     """What an undeclared name may be that is known names and a letter: kx is k*x, sinx is sin(x), omegat is omega*t.
 
     A letter may have a number (k1x); with a coordinate there may be two (mgx). dx is x' to most and is given both
-    ways; a Greek letter is a name.
+    ways; V_x is a derivative where V is a function of x; a Greek letter is a name.
     """
     if name in _GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
+    head, _, below = name.partition("_")
+    arguments = names.functions.get(head, ())
+    by = [below] if below in arguments else list(below)
+    if by and set(by) <= set(arguments):
+        return (f"diff({head}({', '.join(arguments)}), {', '.join(by)})",)
     known = {*names.declared(), "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
     letters, cut = _cut(name, known)
     moves = any(part in names.coordinates for part in cut)

@@ -32,10 +32,18 @@ _WORD = re.compile(r"[A-Z]")
 def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     """The same formulas in our notation; tokens that need nothing come back as they are."""
     marks = {token.text for token in tokens}
+    written = tokens
     if marks & {"[", "{"}:
         tokens = _with_round_brackets(tokens)
     if marks & _STARTS.keys() | marks & {".", "@"} or _is_primed_call(tokens):
         tokens = _rewritten(tokens, names)
+    if "I" in marks and names.role("I") is None and tokens != written:
+        column = next(token.column for token in tokens if token.text == "I")
+        raise refusal(
+            "I is the imaginary unit in this notation; it stands",
+            column,
+            'a constant of this name? add it to "parameters"',
+        )
     return with_differentials(_without_list(tokens), names)
 
 

@@ -37,7 +37,7 @@ _REASONS = {
     "%": "write the formula of one interval",
     ":": "write the formula alone",
     ".": "a dot belongs to a number such as 0.5",
-    "_": "a name begins with a letter",
+    "_": "a name begins with a letter, and a number has no _ in it",
     '"': "write two primes '' for a second derivative, and the formula without quotation marks",
     "&": "write equations one after the other, separated by ;",
     "\u221e": "write a finite number",
@@ -177,6 +177,8 @@ def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
         return [Token("operator", sign, column, space) for sign in _SIGNS[other.lastgroup]], other.end()
     if sign := _ELEMENTWISE.get(text[place : place + 2]):
         return [Token("operator", sign, column, space)], place + 2
+    if text.startswith("//", place):
+        raise refusal("// stands", column, "write / for a quotient")
     if text.startswith("**", place):
         return [Token("operator", "^", column, space)], place + 2
     character = OPERATORS.get(character, character)

@@ -83,7 +83,9 @@ REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
     "nan": ("is not a number", "write a finite number"),
     "NaN": ("is not a number", "write a finite number"),
 }
-RESERVED = FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}
+# Short names of functions that people also give to coordinates: th for theta.
+MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg"))
+RESERVED = (FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}) - MAY_BE_DECLARED
 
 
 def call(function: str, arguments: list[Expression], column: int) -> Expression:

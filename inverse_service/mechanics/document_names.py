@@ -5,6 +5,7 @@ Values of parameters, put in exactly.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -267,10 +268,27 @@ def _coordinates(
         pointer = "/equations" if order == 2 else "/lagrangian"
         found = tuple(dict.fromkeys(key_name(key, names) for key in keys)) or inferred_coordinates(texts, names, order)
         if texts and not found:
-            raise InputError(NO_ACCELERATION if order == 2 else _NO_VELOCITY, pointer)
+            missing = NO_ACCELERATION if order == 2 else _NO_VELOCITY
+            raise InputError(_why_nothing_moves(texts, names, order) or missing, pointer)
     if not found:
         raise InputError("there are no coordinates: name at least one, or write equations that contain x''.", pointer)
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
+
+
+_SUBSCRIPTS = re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([A-Za-z])\2\}?(?![A-Za-z0-9_])")
+
+
+def _why_nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> str:
+    """What hides the coordinates: a declaration of the same name, or subscripts for derivatives; empty for neither."""
+    for name in inferred_coordinates(texts, Names(), order):
+        known = names.spelling(name)
+        derivatives = "two derivatives" if order == 2 else "a derivative"
+        return (
+            f"{name} has {derivatives} in time, and {known} is declared as a {names.role(known)}: take it out, or "
+            'name the "coordinates".'
+        )
+    found = next(filter(None, map(_SUBSCRIPTS.search, texts.values())), None)
+    return f"{found[0]} is read as a name: write {found[1]}''({found[2]}) for a second derivative." if found else ""
 
 
 _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."

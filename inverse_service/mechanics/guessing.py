@@ -156,7 +156,11 @@ def _times(words: Sequence[str]) -> int:
 
 # Refused as functions or as numbers, so they would be a strange guess for a parameter too.
 NEVER_GUESSED = (
-    RESERVED | REFUSED.keys() | {"e", "E", "Pi"} | (REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta"})
+    RESERVED
+    | FUNCTIONS
+    | REFUSED.keys()
+    | {"e", "E", "Pi"}
+    | (REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta"})
 )
 FUNCTION_LETTERS = frozenset("fFhHUVW")
 
@@ -185,6 +189,7 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
             names = {token.text, declared.spelling(token.text), derived_stem(token.text)}
             if token.kind != "name" or names & known:
                 continue
+            _refuse_operators(line, place, pointer)
             arguments = _call_arguments(line, place + 1, coordinates)
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
@@ -210,6 +215,20 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
             raise refusal(shown, column, f"{other} stands too; write one of the two", (other,)).at(pointer)
+
+
+def _refuse_operators(line: Sequence[Token], place: int, pointer: str) -> None:
+    """InputError for x^T and Delta x, which are a transpose and a difference or a Laplacian to most."""
+    token = line[place]
+    before = [other.text for other in line[max(place - 2, 0) : place]]
+    after = line[place + 1] if place + 1 < len(line) else None
+    if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after and after.is_operator(")"))):
+        instead = 'a transpose? write components; a constant? add T to "parameters"'
+        raise refusal("a raised T stands", token.column, instead).at(pointer)
+    if token.text == "Delta" and after is not None and after.kind == "name":
+        instead = f'a product? write Delta*{after.text} and add Delta to "parameters"'
+        raise refusal(f"Delta {after.text} is a difference or a Laplacian to most; it stands", token.column, instead,
+                      (f"Delta*{after.text}",)).at(pointer)  # fmt: skip
 
 
 def _tokens(text: str, declared: Names) -> list[Token]:

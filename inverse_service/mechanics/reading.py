@@ -8,6 +8,7 @@ H quadratic in the momenta are such pairs.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,6 +18,7 @@ from inverse_service.expressions.equations import read_equation
 from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.names import Names, check_clashes
 from inverse_service.expressions.reader import read_formula, split_equations
+from inverse_service.expressions.tokens import refusal
 from inverse_service.expressions.tree import (
     TIME,
     Acceleration,
@@ -30,7 +32,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.document_names import Declared, Parameters, bounded, escaped, known_names
-from inverse_service.mechanics.guessing import inferred_coordinates, key_coordinate
+from inverse_service.mechanics.guessing import derived_stem, inferred_coordinates, key_coordinate
 from inverse_service.mechanics.implicit_equations import solve_accelerations
 from inverse_service.mechanics.linear_parts import has_acceleration, linear_equation
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
@@ -157,6 +159,8 @@ def read_given(
 def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_Equation]]:
     """The names that have no value and no formula, and the equations with values and formulas put in."""
     texts = _texts(equations)
+    if not isinstance(equations, Mapping):
+        _refuse_definitions(texts, declared)
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
     pairs = not keys and _are_pairs(texts, declared)
     asked = replace(declared, coordinates=None) if pairs else declared
@@ -172,6 +176,28 @@ def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_
     check_clashes(names)
     trees = zip(system.coordinates, system.accelerations, strict=True)
     return names, [(Acceleration(name), tree, "/equations") for name, tree in trees]
+
+
+_DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
+_DEFINES = re.compile(r"(?:^|[;,\n]|\\\\)\s*\\?[A-Za-z]\w*\s*=")
+
+
+def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
+    """InputError for an equation such as r = sqrt(x^2 + y^2), which defines a name and moves nothing."""
+    names = Names(tuple(declared.coordinates or ()), tuple(declared.named_parameters()))
+    for pointer, text in texts.items():
+        try:
+            groups = split_equations(text, names) if _DEFINES.search(text) else []
+        except InputError:
+            continue  # its fault is told where it is read
+        for group in groups:
+            first, *rest = group.tokens
+            moves = names.role(first.text) or derived_stem(first.text) or _DERIVATIVE.search(first.text)
+            if first.kind != "name" or not rest or not rest[0].is_operator("=") or moves:
+                continue
+            key = '"lagrangian": "…"' if first.text == "L" else f'"where": {{"{first.text}": "…"}}'
+            what = f"{first.text} = … is a definition and no equation of motion; it stands"
+            raise refusal(what, first.column, f"write it in the document as {key}").at(pointer)
 
 
 def _are_pairs(texts: Mapping[str, str], declared: Declared) -> bool:

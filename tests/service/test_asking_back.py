@@ -157,3 +157,50 @@ def test_coordinates_of_a_lagrangian_are_found_in_it() -> None:
 def test_dots_over_two_letters_are_not_one_name() -> None:
     assert "dot" in refused({"equations": "\u1e8b\u1e8f = 1"}).detail
     assert parse_document({"equations": "x\u0308 = -x; y\u0308\u2081 = x\u0307"})["coordinates"] == ["x", "y1"]
+
+
+@pytest.mark.parametrize(
+    ("document", "fragment"),
+    [
+        ({"equations": "x_1'' = -x_1", "parameters": ["x1"]}, "x1 is declared as a parameter"),
+        ({"equations": r"\ddot\varphi = -\varphi", "parameters": ["phi"]}, "phi is declared as a parameter"),
+        ({"equations": "x'' = -k", "parameters": ["x", "k"]}, "x is declared as a parameter"),
+        ({"equations": "y_xx = -y"}, "write y''(x) for a second derivative"),
+        ({"equations": "x'' = -x/r^3; y'' = -y/r^3; r = sqrt(x^2 + y^2)"}, '"where": {"r": "…"}'),
+        ({"equations": ["x'' = -k*x", "k = 3"], "parameters": "guess"}, '"where": {"k": "…"}'),
+        ({"equations": "L = x'^2/2 - x^2/2"}, '"lagrangian"'),
+        ({"equations": "x'' = -V_x", "functions": {"V": ["x"]}}, "did you mean diff(V(x), x)?"),
+        (
+            {"equations": "x'' = -V_xy; y'' = 0", "functions": {"V": ["x", "y"]}, "parameters": "guess"},
+            "diff(V(x, y), x, y)",
+        ),
+        ({"equations": r"\ddot x = -V_{,x}", "functions": {"V": ["x"]}}, "write diff(V(x), x)"),
+        ({"equations": r"\ddot x = -\partial_x V", "functions": {"V": ["x"]}}, "write diff(A(x, y), x)"),
+        (guess("x''[t] == -I x[t]"), "imaginary unit"),
+        (guess("Eq(x(t).diff(t, 2), -I*x(t))"), "imaginary unit"),
+        (guess(r"\ddot x = -x^T x"), "a raised T"),
+        (guess(r"\ddot x = -x^{T} x"), "a raised T"),
+        (guess(r"\ddot x = -\Delta x"), "write Delta*x"),
+        ({"equations": "x'' = -x//2"}, "write /"),
+        ({"equations": "x'' = -1_000*x"}, "a number has no _"),
+    ],
+)
+def test_a_habit_of_another_notation_gets_the_right_advice(document: dict[str, Any], fragment: str) -> None:
+    assert fragment in refused(document).detail
+
+
+@pytest.mark.parametrize(
+    ("document", "f"),
+    [
+        (guess("I*theta'' = -k*theta"), "-k*theta/I"),
+        ({"equations": "x''[t] == -I x[t]", "parameters": ["I"]}, "-I*x"),
+        (guess(r"\ddot x + \delta \dot x + x = 0"), "-delta*x' - x"),
+        ({"equations": r"\ddot x = -\Delta x", "parameters": ["Delta"]}, "-Delta*x"),
+        ({"equations": "x_ddot = -x"}, "-x"),
+        ({"equations": "x'' +\n x = 0"}, "-x"),
+        ({"equations": "th'' = -sin(th)*sh", "parameters": ["sh"]}, "-sin(th)*sh"),
+        ({"equations": "x'' = -th(x)"}, "-tanh(x)"),
+    ],
+)
+def test_the_advice_stops_nobody_who_means_it(document: dict[str, Any], f: str) -> None:
+    assert [formula["text"] for formula in parse_document(document)["equations"].values()] == [f]
