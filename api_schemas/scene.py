@@ -123,6 +123,7 @@ class LagrangianDocument(Document):
         | Annotated[list[Name], Field(max_length=MAX_PARAMETERS)]
     ) = Field(default_factory=list)
     functions: Annotated[dict[Name, list[Name]], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
+    where: Annotated[dict[Name, Formula], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)
     associated: Any = None
     time_dependent_lagrangian: bool | None = None
 

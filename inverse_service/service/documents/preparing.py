@@ -19,6 +19,7 @@ from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
 from inverse_service.service.documents.document_kinds import is_forward
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
+SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
 NAMES = ("coordinates", "parameters", "functions")
 # Not for people, or not ours to change.
 KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict"))
@@ -79,6 +80,37 @@ def prepared(document: Any) -> Prepared:
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
     inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
     return Prepared({**plain, **inside}, time, other, extra)
+
+
+def prepared_scene(scene: Any) -> Any:
+    """A scene with its own formulas in the words of its prepared system: the name of the time is t in both."""
+    system = scene.get("system") if isinstance(scene, Mapping) else None
+    if not isinstance(system, Mapping) or "catalogue" in system:
+        return scene
+    result = system.get("result")
+    part = result.get("system") if isinstance(result, Mapping) else system.get("document", system)
+    given = part.get("time", "t") if isinstance(part, Mapping) and isinstance(result, Mapping) else None
+    try:
+        time = prepared(part).time if given is None else given
+    except InputError:
+        return scene  # told with its place when the system is read
+    if time == "t":
+        return scene
+    table = {time: "t"}
+    changed = {key: _changed(scene[key], table, True) for key in SCENE_FORMULAS if key in scene}
+    if isinstance(scene.get("methods"), list):
+        changed["methods"] = [
+            {key: _changed(value, table, True) if key == "free_lagrangian" else value for key, value in method.items()}
+            if isinstance(method, Mapping)
+            else method
+            for method in scene["methods"]
+        ]
+    return {**scene, **changed}
+
+
+def uses_the_letter_t(ready: Prepared) -> bool:
+    """Whether t is a name of the document's own, beside a time that is called otherwise."""
+    return ready.time != "t" and any(ready.other in text for text in _texts(ready.document))
 
 
 def inward(result: Mapping[str, Any]) -> Mapping[str, Any]:

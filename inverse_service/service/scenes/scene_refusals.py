@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from api_schemas.scene import MAX_METHODS, MAX_STEPS, SYSTEM_TAGS, MethodName, Observed, SceneDocument, SceneMethod
 from api_schemas.system import TAGS
+from inverse_service.service.documents.preparing import prepared_scene
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.documents.refusals import MAX_PLACES, DocumentRefused
 from inverse_service.service.jobs.outcome import Place
@@ -77,7 +78,7 @@ EXPECTED = {
 def scene_schema(document: Any) -> SceneDocument:
     """The scene in its schema; raises DocumentRefused with every fault found."""
     try:
-        return SceneDocument.model_validate(document)
+        return SceneDocument.model_validate(prepared_scene(document))
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False, include_context=True)
         raise DocumentRefused(tuple(_place(fault) for fault in found[:MAX_PLACES])) from None

@@ -26,10 +26,11 @@ from inverse_service.expressions.tree import (
     Velocity,
     walk,
 )
-from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names
+from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents import translate
+from inverse_service.service.documents.preparing import inward, prepared, uses_the_letter_t
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.outcome import Place
@@ -75,7 +76,7 @@ def refuse_open_functions(formulas: Sequence[Expression], names: Names) -> None:
 
 
 Values = Mapping[str, str]
-LAGRANGIAN_KEYS = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
+LAGRANGIAN_KEYS = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions", "where", "time")
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +140,7 @@ def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
 
 
 def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    result = inward(result)
     system = result.get("system")
     if not isinstance(system, Mapping):
         raise InputError("The result has no part 'system'; give the whole result that solve answered.")
@@ -175,6 +177,10 @@ def _is_part(value: Any) -> bool:
 
 
 def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    ready = prepared(document)
+    if uses_the_letter_t(ready):
+        raise InputError("the motion has a column t for the time: give the coordinate t another name.", "/coordinates")
+    document = ready.document
     if "lagrangian" in document and "equations" in document:
         raise InputError("The system has both 'lagrangian' and 'equations': keep the one that is meant.")
     if "lagrangian" in document:
@@ -190,26 +196,24 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
     except ValidationError as error:
         raise DocumentRefused(tuple(map(_place, error.errors(include_url=False, include_input=False)))) from None
     parameters, values = _parameters(schema.parameters, extra)
-    names = document_names(
-        Declared(schema.coordinates, parameters, schema.functions, most=MAX_SIMULATED),
-        {"/lagrangian": schema.lagrangian},
-        order=1,
-    )
+    declared = Declared(schema.coordinates, parameters, schema.functions, schema.where, MAX_SIMULATED)
+    known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
+    names = known.remaining()
     if schema.constraints:
         given, functions = schema.constraints, schema.functions
         system = read_nonholonomic(
-            names.coordinates, schema.lagrangian, given, parameters, functions, most=MAX_SIMULATED
+            names.coordinates, schema.lagrangian, given, parameters, functions, most=MAX_SIMULATED, where=schema.where
         )
         lagrangian, constraints = system.lagrangian, system.constraints
     else:
-        lagrangian, constraints = formula(schema.lagrangian, names, "/lagrangian"), ()
+        lagrangian, constraints = known.put_in(formula(schema.lagrangian, known.names, "/lagrangian")), ()
     return MechanicalSystem(names, lagrangian, constraints, None, values, schema.name, document=document)
 
 
 def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
     schema = translate.to_schema(document)
     parameters, values = _parameters(schema.parameters, extra)
-    system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name)
+    system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
     functions = {f.name: f.arguments for f in system.functions}
     names = document_names(Declared(system.coordinates, system.parameters, functions), {})
     return MechanicalSystem(names, None, (), system.accelerations, values, schema.name, document=document)
