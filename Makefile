@@ -51,7 +51,7 @@ lint: install
 paper: install
 	.venv/bin/python -m paper --output docs
 
-# The decision, the peers that are installed, the search, the integrators; docs/benchmarks.md has a run.
+# The decision, the peers that are installed, the search, the integrators; docs/records/benchmarks.md has a run.
 bench: install
 	.venv/bin/python -m benchmarks --limit 10 --random 2 --largest 7 --output build/bench
 	.venv/bin/python -m benchmarks lagrangians --count 60 --seed 1
@@ -65,7 +65,7 @@ bench-service: install
 
 # 26,000 cases on all cores; interrupted, it goes on where it was.
 soundness: install
-	.venv/bin/python -m tests.soundness --output build/soundness --report docs/soundness.md
+	.venv/bin/python -m tests.soundness --output build/soundness --report docs/records/soundness.md
 
 # Branch coverage of the heart, by the tests of its own rooms, children included; methods are data, which simulation runs.
 HEART := algebra mechanics inverse_problem certificate integrators

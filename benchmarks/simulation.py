@@ -160,7 +160,7 @@ def hard_cases_page(judged: Sequence[Judged]) -> str:
     right = sum(one.right for one in judged)
     text = [
         "# Hard cases", "",
-        "Made by `python -m benchmarks hard-cases --long --output docs/hard-cases.md`.", "",
+        "Made by `python -m benchmarks hard-cases --long --output docs/records/hard-cases.md`.", "",
         "Each case must end in a right answer or in a typed outcome that names step, time, the quantity and a remedy.",
         "`error` is the greatest difference from the true motion, relative where a coordinate is beyond 1.", "",
         f"{right} of {len(judged)} cases end as they must.", "",

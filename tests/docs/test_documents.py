@@ -24,6 +24,7 @@ NOT_RUN = {
     "scaling.md": (5, "no Docker, cluster, SLURM or PostgreSQL here; tests/cluster and tests/store have theirs"),
     "operating.md": (7, "tests/deploy/test_operating.py runs them in a Debian of its own"),
     "operating-data.md": (1, "tests/store/test_backup.py runs it"),
+    "install.md": (1, "downloads and installs"),
     "CONTRIBUTING.md": (1, "these are the tests themselves"),
     "benchmarks.md": (1, "ten minutes"),
 }
