@@ -11,7 +11,7 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.checking import check_plain
+from inverse_service.service.documents.checking import check_document, check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
 
 
@@ -244,3 +244,16 @@ def test_what_people_paste_is_read_as_they_mean_it_or_asked_back(row: dict[str, 
 def test_three_hundred_spellings_are_tried_and_most_of_them_are_read() -> None:
     assert len(SPELLINGS) > 380
     assert sum("read" in row for row in SPELLINGS) > 200
+
+
+def test_an_answer_without_a_verdict_is_not_called_invalid() -> None:
+    document = {"lagrangian": "x'^2/2 - x^2/2"}
+    found = solve_document(document, SolveOptions(time_limit=20))
+    for checked in (
+        check_plain(found),
+        check_document(json.dumps(found)),
+        check_document(json.dumps({"document": document, "result": found})),
+    ):
+        assert checked["verdict"] == "incomplete"
+        assert "claims no verdict" in checked["reasons"][0]
+    assert check_plain({**found, "verdict": "variational"})["verdict"] == "invalid"

@@ -33,6 +33,9 @@ _COVERED: Final = {
     "with_clock", "guessed", "id", "near", "kind", "factor", "equations", "dissipation",
 }  # fmt: skip
 _PARTS = ("with_time", "instead", "with_clock")  # answers beside the main one
+# Answers without a verdict; each says what was computed and claims nothing that a certificate could prove.
+_WITHOUT_CLAIM: Final = ("inverse-service/forward/", "inverse-service/simulation/", "inverse-service/work-precision/")
+_NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check; to check L, solve its equations."
 _FROM_BEST = ("valid", "incomplete", "invalid")
 
 
@@ -53,6 +56,8 @@ def check_document(text: str) -> dict[str, Any]:
         from inverse_service.service.documents.own_lagrangian import check_lagrangian  # brings the engine
 
         return check_lagrangian(found["system"], found["lagrangian"], end - time.thread_time())
+    if claims_nothing(found):
+        return {"verdict": "incomplete", "reasons": [_NO_CLAIM]}
     if isinstance(found, dict) and "theorems" in found:
         return answer(judged(lambda tools: checked_identities(found), TIME_LIMIT, None))
     if isinstance(found, dict) and "document" in found and "result" in found:
@@ -68,10 +73,18 @@ def check_document(text: str) -> dict[str, Any]:
 
 def check_plain(result: object, document: object = None) -> dict[str, Any]:
     """The same for a result or a certificate as plain data."""
+    if claims_nothing(result):
+        return {"verdict": "incomplete", "reasons": [_NO_CLAIM]}
     end = time.thread_time() + TIME_LIMIT
     result = inward(result) if isinstance(result, dict) else result
     check = check_certificate if _object(result).get("format") in (FORMAT, OLD_FORMAT) else check_result
     return answer(_with_comparison(check(result), result, document, end))
+
+
+def claims_nothing(found: object) -> bool:
+    """Whether it is the answer to another question than whether a Lagrangian exists, alone or beside its document."""
+    result = _object(found).get("result", found)
+    return "verdict" not in _object(result) and str(_object(result).get("format", "")).startswith(_WITHOUT_CLAIM)
 
 
 def answer(found: CheckResult) -> dict[str, Any]:
