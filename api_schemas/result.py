@@ -179,6 +179,15 @@ class ClockPart(Document):
     domain: list[str] = Field(default_factory=list)
 
 
+class AdvicePart(Document):
+    """The method of simulation that fits what was found, and why; `order` and `alpha` where the method has them."""
+
+    method: str
+    order: int | None
+    alpha: str | None
+    reason: str
+
+
 class ResultDocument(OtherAnswer):
     """Everything found out about one system; the main fields answer `question`.
 
@@ -199,5 +208,6 @@ class ResultDocument(OtherAnswer):
     kinds: dict[str, KindPart] | None = None
     instead: InsteadPart | None = None
     with_clock: ClockPart | None = None
+    advice: AdvicePart | None = None
     guessed: list[str] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)

@@ -50,7 +50,7 @@ class Names:
         """The declared name meant: `r_1` is r1, and phi is varphi, where only the other one is declared."""
         if self.role(name):
             return name
-        plain = _plain(name)
+        plain = _plain(_ascii(name))
         alike = [known for known in self.declared() if _plain(known) == plain]
         return alike[0] if len(alike) == 1 else name
 

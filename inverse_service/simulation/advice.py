@@ -15,51 +15,49 @@ from typing import Any
 import numpy as np
 
 from inverse_service.codegen.compiled import kernel_text
-from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, walk
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.integrators.trajectory import Trajectory
-from inverse_service.mechanics.euler_lagrange import hessian
+from inverse_service.mechanics import method_advice
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.derivation import USES_FREE, Derived, Find, derive, problem_of
-from inverse_service.simulation.formulas import Formulas
+from inverse_service.simulation.formulas import Formulas, walls
+from inverse_service.simulation.initial import is_degenerate
 from inverse_service.simulation.scene import Observation, Problem, Requested, Scene, Stop, Unavailable
 from inverse_service.simulation.schemes import program_of
 
 STIFF = 1e3  # decay times that a run is long, beyond which an explicit method spends its steps on what has decayed
 SHARE = 10.0  # real parts compared with imaginary ones
-ENERGY = "and the energy does not drift; where a single trajectory is to be exact, adaptive costs less."
 
 
-def advice(scene: Scene, accelerations: tuple[Expression, ...] | None) -> dict[str, Any]:
-    """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these."""
-    if scene.lagrangian is None or scene.forces:
-        if accelerations is not None and is_stiff(scene, accelerations):
-            return _advice("stiff", None, "what decays fast would hold an explicit method to its shortest time.")
-        return _advice("adaptive", None, "nothing is conserved that a geometric method would keep.")
+def advice(
+    scene: Scene, accelerations: tuple[Expression, ...] | None, free: Expression | None = None
+) -> dict[str, Any] | None:
+    """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these.
+
+    `free` is a Lagrangian that was found for a system given by its equations. None where L is degenerate.
+    """
+    lagrangian = free if scene.lagrangian is None else scene.lagrangian
+    if accelerations is not None and scene.lagrangian is None and is_stiff(scene, accelerations):
+        return method_advice.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
+    if lagrangian is None or scene.forces:
+        return method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT)
+    if scene.lagrangian is not None and is_degenerate(scene):
+        return None
     if scene.constraints:
-        return _advice("nonholonomic", 8, f"it keeps the discrete constraints to round-off, {ENERGY}", "1/2")
-    if is_separable(scene.lagrangian, scene.coordinates):
-        return _advice("stormer-verlet", 8, f"L is separable, so its steps are explicit and symplectic, {ENERGY}")
-    return _advice("variational", 8, f"L is not separable; the steps are symplectic, {ENERGY}", "1/2")
+        return method_advice.for_constraints()
+    moving: set[Expression] = set(map(Symbol, scene.coordinates))
+    ends = [to_text(wall) for wall in dict.fromkeys(walls(lagrangian, moving))] if free is not None else []
+    return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
-def sentence_of(taken: dict[str, Any]) -> str:
-    """The advice as a sentence."""
+def sentence_of(taken: dict[str, Any] | None) -> str:
+    """The advice as a sentence; nothing where there is none."""
+    if taken is None:
+        return ""
     order = f" of order {taken['order']}" if taken["order"] else ""
     return f"For long runs take {taken['method']}{order}: {taken['reason']}"
-
-
-def _advice(method: str, order: int | None, reason: str, alpha: str | None = None) -> dict[str, Any]:
-    return {"method": method, "order": order, "alpha": alpha, "reason": reason}
-
-
-def is_separable(lagrangian: Expression, coordinates: tuple[str, ...]) -> bool:
-    """L = v M v/2 - V(t, q) with a constant M."""
-    moving = {*map(Symbol, coordinates), *map(Velocity, coordinates), TIME}
-    constant = all(not moving & set(walk(entry)) for row in hessian(lagrangian, coordinates) for entry in row)
-    rest = [differentiate(differentiate(lagrangian, Velocity(v)), Symbol(q)) for v in coordinates for q in coordinates]
-    return constant and all(collect(slope) == ZERO for slope in rest)
 
 
 def is_stiff(scene: Scene, accelerations: tuple[Expression, ...]) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
@@ -96,6 +96,8 @@ def derive(scene: Scene, find: Find) -> Derived:
     seconds: dict[str, float] = {}
     used = {requested.method for requested in scene.methods}
     wanted = dict.fromkeys(requested.free for requested in scene.methods if requested.method in USES_FREE)
+    if scene.accelerations is not None and "energy" in scene.observe:
+        wanted[None] = None
     exact: ExactMotion | NoExactMotion | None = None
     if EXACT in used or USES_EXACT & set(scene.observe) or wanted:
         with timed(seconds, "exact motion"):
@@ -115,6 +117,14 @@ def derive(scene: Scene, find: Find) -> Derived:
         with timed(seconds, "free Lagrangian"):
             free[name] = find(scene, name, exact or NoExactMotion("No exact motion is known."))
     return Derived(exact, accelerations, free, seconds)
+
+
+def with_energy(scene: Scene, derived: Derived) -> Scene:
+    """The scene with the Lagrangian whose energy is observed, where it is given by equations and one is known."""
+    free = derived.free.get(None)
+    if scene.accelerations is None or not isinstance(free, FreeLagrangian):
+        return scene
+    return replace(scene, found=free.lagrangian, values=dict(free.constants) | dict(scene.values))
 
 
 def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem | Unavailable:

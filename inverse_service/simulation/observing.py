@@ -28,6 +28,7 @@ import numpy as np
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     TIME,
     ZERO,
@@ -43,6 +44,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.formulas import walls
 from inverse_service.simulation.matching_circle import (
     CircleDrift,
     circle_drift,
@@ -76,13 +78,17 @@ def energy(lagrangian: Expression, coordinates: tuple[str, ...]) -> Expression:
     return subtract(add(*(multiply(Velocity(name), p) for name, p in pairs)), lagrangian)
 
 
+def lagrangian_of_energy(scene: Scene) -> Expression | None:
+    """The Lagrangian of the scene; of a system given by its equations the one that was found."""
+    return scene.found if scene.lagrangian is None else scene.lagrangian
+
+
 def start_energy(scene: Scene) -> float | None:
     """E_0 of the initial data; None for a system without a Lagrangian."""
-    if scene.lagrangian is None:
+    if lagrangian_of_energy(scene) is None:
         return None
     at = np.array([scene.grid.begin])
-    table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values, at)
-    return float(array_value(energy(scene.lagrangian, scene.coordinates), table)[0])
+    return float(point_energy(scene, scene.positions[None], scene.velocities[None], at)[0])
 
 
 def observables(scene: Scene) -> tuple[Observable, ...]:
@@ -120,7 +126,8 @@ def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:
 
 def why_energy_varies(scene: Scene) -> str | None:
     """A sentence where the energy of the scene is no constant of the motion."""
-    if scene.lagrangian is not None and any(node == TIME for node in walk(scene.lagrangian)):
+    lagrangian = lagrangian_of_energy(scene)
+    if lagrangian is not None and any(node == TIME for node in walk(lagrangian)):
         return WITH_TIME
     rest: dict[Expression, Expression] = {Velocity(name): ZERO for name in scene.coordinates}
     if any(collect(substitute(w, rest)) != ZERO for w in scene.constraints):
@@ -130,9 +137,25 @@ def why_energy_varies(scene: Scene) -> str | None:
 
 def point_energy(scene: Scene, positions: Array, velocities: Array, times: Array | None = None) -> Array:
     """E(q_k, v_k) at the recorded points, (m,)."""
-    assert scene.lagrangian is not None
+    lagrangian = lagrangian_of_energy(scene)
+    assert lagrangian is not None
     table = table_of(scene.coordinates, positions, velocities, scene.values, times)
-    return array_value(energy(scene.lagrangian, scene.coordinates), table)
+    return array_value(energy(lagrangian, scene.coordinates), table)
+
+
+def wall_of_energy(scene: Scene, positions: Array, velocities: Array) -> str | None:
+    """What the Lagrangian that was found divides by, or takes roots or logarithms of, and the motion passes through 0.
+
+    The energy of the other side may differ from this one by anything.
+    """
+    if scene.found is None:
+        return None
+    table = table_of(scene.coordinates, positions, velocities, scene.values)
+    for wall in dict.fromkeys(walls(scene.found, set(map(Symbol, scene.coordinates)))):
+        values = array_value(wall, table)
+        if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
+            return to_text(wall)
+    return None
 
 
 def point_constraints(scene: Scene, positions: Array, velocities: Array) -> dict[str, Any]:

@@ -24,13 +24,15 @@ from inverse_service.simulation.observing import (
     point_energy,
     point_velocities,
     start_energy,
+    wall_of_energy,
     why_energy_varies,
 )
 from inverse_service.simulation.scene import Problem, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, places_of
 
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
-_NO_ENERGY = "The system is given by its equations and not by a Lagrangian, so there is no energy."
+_NO_ENERGY = "The system is given by its equations, and no Lagrangian of it was found, so there is no energy."
+_WALL = "The energy is that of a Lagrangian that was found, which ends where {} = 0, and the motion passes there."
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +148,8 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
         return {"energy_start": start, "max_energy_error": None, "energy_note": note} | numbers, series
     points = point_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
     series = {"energy": points} | series
-    varies = why_energy_varies(run.scene)
+    wall = wall_of_energy(run.scene, run.trajectory.positions, velocities)
+    varies = why_energy_varies(run.scene) or (wall and _WALL.format(wall))
     if varies:
         numbers = {"energy_start": start, "max_energy_error": None, "energy_note": varies}
         if not run.scene.forces:
@@ -166,7 +169,7 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
 def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[str, Array]]:
     """E at the point and velocity of the discrete Lagrangian, the paper's: of methods of order 2 that have one."""
     choice = run.requested.choice
-    if choice is None or run.requested.alpha is None or choice.order > 2:
+    if choice is None or run.requested.alpha is None or choice.order > 2 or run.scene.found is not None:
         return {}, {}
     series = {"discrete_energy": run.trajectory.series["energy_error"] + start}
     if why_energy_varies(run.scene):

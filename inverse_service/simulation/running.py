@@ -32,6 +32,7 @@ from inverse_service.simulation.derivation import (
     problem_of,
     timed,
     with_accelerations,
+    with_energy,
 )
 from inverse_service.simulation.ensembles import EnsembleRun, run_members
 from inverse_service.simulation.events import Found, with_events
@@ -92,17 +93,20 @@ class SceneRun:
 
 
 def run_scene(
-    scene: Scene, derived: Derived, progress: Progress | None = None, stop: Stop | None = None, find: Find | None = None
-) -> SceneRun:
+    scene: Scene, derived: Derived, progress: Progress | None = None, stop: Stop | None = None,
+    find: Find | None = None, compared_until: Stop | None = None,
+) -> SceneRun:  # fmt: skip
     """Run every method; what ends a method is its outcome and does not touch the others.
 
-    `find` looks for free Lagrangians where the cost of parts is observed.
+    `find` looks for free Lagrangians where the cost of parts is observed. The true motion is given up where
+    `compared_until` says so, that the methods have time left.
     """
     tell = progress or (lambda message: None)
+    scene = with_energy(scene, derived)
     truth = None
     if USES_EXACT & set(scene.observe) and scene.ensemble is None:
         tell("true motion")
-        truth = _truth(scene, derived, stop)
+        truth = _truth(scene, derived, compared_until or stop)
     runs: list[MethodRun] = []
     members: list[EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):

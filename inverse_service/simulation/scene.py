@@ -191,6 +191,7 @@ class Scene:
 
     `values` gives every parameter a number. `positions` and `velocities` (n,) are on the constraints.
     `forces` (n,) act with L and the constraints, empty where there are none; `own` are observables by formula.
+    `found` is a Lagrangian of given accelerations, where their energy is observed.
     `circle` are the places of the two coordinates whose path is matched by circles. `without` gives (Lagrangian,
     constraints) without each effect, where the cost of parts is observed, and is empty elsewhere.
     """
@@ -213,4 +214,5 @@ class Scene:
     own: tuple[Observable, ...] = ()
     events: tuple[Event, ...] = ()
     ensemble: Members | None = None
+    found: Expression | None = None
     without: Mapping[str, tuple[Expression | None, tuple[Expression, ...]]] = field(default_factory=dict)

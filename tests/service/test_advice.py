@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from inverse_service import solve
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import work_precision
 
@@ -73,3 +74,29 @@ def test_peers_are_measured_and_bounds_are_told() -> None:
     settings = next(method for method in found["methods"] if method["label"] == "stormer-verlet-order8")["settings"]
     assert all(setting["velocity_error"] < 1e-2 for setting in settings if setting["error"] is not None)
     assert all(setting["energy_error"] < 1e-3 for setting in settings if setting["error"] is not None)
+
+
+@pytest.mark.parametrize(
+    ("document", "method", "words"),
+    [
+        ({"coordinates": ["x"], "equations": {"x": "-x"}}, "stormer-verlet", "L is separable"),
+        ({"coordinates": ["x"], "equations": {"x": "-x'^2"}}, "variational", "L is not separable"),
+        ({"coordinates": ["x"], "equations": {"x": "-x - x'/10"}}, "variational", "L contains t"),
+        ({"coordinates": ["x", "y"], "equations": {"x": "y' + x*y", "y": "x^2*x'"}}, "adaptive", "nothing is known"),
+        ({"coordinates": ["x", "y", "z"], "lagrangian": "(x'^2+y'^2+z'^2)/2", "constraints": ["z' + x*y'"],
+          "associated": "second"}, "nonholonomic", "constraints to round-off"),
+    ],
+)  # fmt: skip
+def test_a_result_of_solve_says_what_to_simulate_it_with(document: dict[str, Any], method: str, words: str) -> None:
+    advice = solve(document)["advice"]
+    assert advice["method"] == method
+    assert advice["order"] == (None if method == "adaptive" else 8)
+    assert words in advice["reason"]
+
+
+def test_no_method_is_advised_for_a_degenerate_lagrangian() -> None:
+    system = {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 - x^2/2 - x*y"}
+    initial = {"positions": {"x": 1, "y": 1}, "velocities": {"x": 0, "y": 0}}
+    found = simulate({"system": system, "initial": initial, "step": 0.1, "steps": 5, "methods": ["stormer-verlet"]})
+    assert found["methods"][0]["outcome"] == "unavailable"
+    assert found["advice"] is None

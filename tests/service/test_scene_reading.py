@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.service.scenes.simulating import run_document, simulate
 from inverse_service.simulation.scene import Scene
 from tests.service.test_scene_refusals import DISK, changed
 
@@ -141,3 +143,61 @@ def test_constraints_may_be_one_text_and_equations() -> None:
     scene = read({**DISK, "system": {"document": system}, "parameters": {}})
     assert len(scene.constraints) == 2
     assert scene.velocities.tolist() == [1, 1, 1, 0]
+
+
+def test_names_in_greek_letters_are_taken_everywhere() -> None:
+    initial = {"positions": {"Ω": 1, "θ": 0}, "velocities": {"\\Omega": 0, "theta": 1}}
+    system = {"coordinates": ["Ω", "\\theta"], "lagrangian": "(Ω'^2 + θ'^2)/2 - κ*Ω^2/2", "parameters": ["κ"]}
+    scene = {"system": system, "initial": initial, "parameters": {"κ": 4}, "forces": {"θ": "-Ω"}}
+    found = run_document(
+        scene | {"step": 0.1, "steps": 5, "methods": ["adaptive"], "circle": ["Ω", "θ"]}, None, 60
+    )[0].scene  # fmt: skip
+    assert found.coordinates == ("Omega", "theta")
+    assert found.values == {"kappa": 4.0}
+    assert found.positions.tolist() == [1, 0]
+    assert found.velocities.tolist() == [0, 1]
+    assert found.circle == (0, 1)
+
+
+KEPLER = {"coordinates": ["x", "y"], "where": {"r": "sqrt(x^2+y^2)"}}
+
+
+@pytest.mark.parametrize(
+    "formulas", [{"lagrangian": "(x'^2+y'^2)/2 + 1/r"}, {"equations": {"x": "-x/r^3", "y": "-y/r^3"}}]
+)
+def test_names_that_stand_for_a_formula(formulas: dict[str, Any]) -> None:
+    initial = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 1}}
+    scene = {"system": KEPLER | formulas, "initial": initial, "step": 0.01, "time": 1, "methods": ["adaptive"]}
+    (found,) = simulate(scene)["methods"]
+    assert found["final"]["positions"]["x"] == pytest.approx(np.cos(1))
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_the_time_may_have_another_name(wrapped: bool) -> None:
+    """x'' = cos(tau) - sin(tau) from rest."""
+    document = {"coordinates": ["x"], "lagrangian": "x'^2/2 + x*cos(tau)", "time": "tau"}
+    scene = {
+        "system": {"document": document} if wrapped else document,
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 0}},
+        "forces": {"x": "-sin(tau)"},
+        "observe": [{"s": "tau + x"}],
+        "step": 0.1, "steps": 10, "methods": ["adaptive"],
+    }  # fmt: skip
+    found = simulate(scene)
+    expected = 1 - np.cos(1) + np.sin(1) - 1
+    assert found["methods"][0]["final"]["positions"]["x"] == pytest.approx(expected)
+    assert found["methods"][0]["observables"]["s"]["last"] == pytest.approx(1 + expected)
+
+
+@pytest.mark.parametrize(
+    ("coordinate", "time", "pointer", "words"),
+    [
+        ("x", "x", "/system/time", "declared too"),
+        ("t", "tau", "/system/coordinates", "give the coordinate t another name"),
+    ],
+)
+def test_a_time_that_is_a_coordinate_too_is_refused(coordinate: str, time: str, pointer: str, words: str) -> None:
+    system = {"coordinates": [coordinate], "lagrangian": f"{coordinate}'^2/2", "time": time}
+    with pytest.raises(InputError, match=words) as refused:
+        simulate({"system": system})
+    assert refused.value.pointer == pointer

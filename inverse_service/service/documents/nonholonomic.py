@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicResult, ReducedPart
-from api_schemas.result import ResultDocument
+from api_schemas.result import AdvicePart, ResultDocument
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     AssociatedAnswer,
@@ -21,6 +21,7 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
 )
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
+from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service.documents import solving, translate
@@ -79,7 +80,7 @@ def solve_nonholonomic(
     if schema.special_cases:
         assert main.associated.system is not None
         result = solving.with_special_cases(result, main.associated.system, asked, (end, progress))
-    fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
+    fields = _constrained(result)
     whole = NonholonomicResult(
         **fields,
         nonholonomic=to_nonholonomic_part(found),
@@ -89,6 +90,12 @@ def solve_nonholonomic(
     if whole.verdict == "not_variational" and any_associated.verdict != "variational":
         whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
     return solving.ordered(solving.checked(whole, end - time.monotonic()))
+
+
+def _constrained(result: ResultDocument) -> dict[str, Any]:
+    """The fields of the result of an associated system; what is simulated is the motion with its constraints."""
+    fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
+    return fields | {"advice": AdvicePart(**for_constraints())}
 
 
 def _about_the_motion(
@@ -108,7 +115,7 @@ def _about_the_motion(
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     answer = answer_about(found, asked, end, progress)
     result = translate.to_result(solution, schema)
-    fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
+    fields = _constrained(result)
     whole = NonholonomicResult(
         **fields,
         nonholonomic=to_nonholonomic_part(found),

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
+    AdvicePart,
     BranchPart,
     ConditionsPart,
     ExplanationPart,
@@ -33,6 +34,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration, Expression, walk
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution, Step
+from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.reading import read_given, read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -151,9 +153,20 @@ def to_result(solution: Solution, schema: Asking, others: Sequence[Solution] = (
         **_both_answers(solution, schema),
         conditions=_conditions(solution.conditions),
         branches=[BranchPart(**_both_answers(branch, schema)) for branch in branches],
+        advice=_advice(solution, schema.time_dependent_lagrangian),
         guessed=guessed_names(schema, solution.system),
         provenance={"program": "inverse-service", "version": __version__, **plain(solution.provenance)},
     )
+
+
+def _advice(solution: Solution, time_dependent: bool | None) -> AdvicePart:
+    """What to simulate the system with, by the Lagrangian that ends at the fewest places."""
+    known = [one.lagrangian for one in main_and_other(solution, time_dependent) if one is not None and one.lagrangian]
+    if not known:
+        return AdvicePart(**method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT))
+    best = min(known, key=lambda one: len(one.nonzero) + len(one.positive))
+    walls = [to_text(tree) for tree in (*best.nonzero, *best.positive)]
+    return AdvicePart(**method_advice.for_lagrangian(best.expression, solution.system.coordinates, walls))
 
 
 def _both_answers(solution: Solution, schema: Asking) -> dict[str, Any]:

@@ -200,9 +200,14 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     names = known.remaining()
     if schema.constraints:
-        given, functions = schema.constraints, schema.functions
         system = read_nonholonomic(
-            names.coordinates, schema.lagrangian, given, parameters, functions, most=MAX_SIMULATED, where=schema.where
+            names.coordinates,
+            schema.lagrangian,
+            schema.constraints,
+            parameters,
+            schema.functions,
+            most=MAX_SIMULATED,
+            where=schema.where,
         )
         lagrangian, constraints = system.lagrangian, system.constraints
     else:
@@ -246,7 +251,9 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
     declared = Declared(parameters=given)
     names = list(declared.named_parameters())
     more = [AND_GUESS] if declared.guesses else []
-    return [*names, *(name for name in extra if name not in names), *more], values
+    spelled = Names((), tuple(extra))
+    taken = {spelled.spelling(name) for name in names}
+    return [*names, *(name for name in extra if name not in taken), *more], values
 
 
 def _with_free(found: MechanicalSystem, text: str, source: str) -> MechanicalSystem:

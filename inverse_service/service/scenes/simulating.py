@@ -20,12 +20,12 @@ from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.simulation.advice import advice
-from inverse_service.simulation.derivation import derive
+from inverse_service.simulation.derivation import Derived, derive
 from inverse_service.simulation.ensembles import EnsembleRun
 from inverse_service.simulation.events import Found
 from inverse_service.simulation.quantities import last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
-from inverse_service.simulation.scene import Progress, Requested, Scene, Unavailable
+from inverse_service.simulation.scene import FreeLagrangian, Progress, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth
 
 MOST_MEMBERS = 10_000  # whose numbers a result document lists; files hold all
@@ -131,7 +131,10 @@ def _run_document(document: Any, progress: Progress | None, time_limit: float) -
     find = finder(schema, system, catalogue_name(schema))
     derived = derive(scene, find)
     done = time.perf_counter()
-    found = run_scene(scene, derived, progress, lambda: time.monotonic() > deadline, find)
+    half = (time.monotonic() + deadline) / 2
+    found = run_scene(
+        scene, derived, progress, lambda: time.monotonic() > deadline, find, lambda: time.monotonic() > half
+    )
     stages = {"read": read - begun, "derive": done - read, "run": time.perf_counter() - done}
     return found, stages
 
@@ -171,9 +174,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
             *(_requested(run.requested) | ensemble_document(scene, run) for run in found.members),
         ],
         "truth": _truth(found.truth),
-        "advice": advice(
-            scene, found.derived.accelerations if isinstance(found.derived.accelerations, tuple) else None
-        ),
+        "advice": _advice(scene, found.derived),
         **({} if found.lyapunov is None else {"lyapunov": dict(found.lyapunov)}),
         "circle_coordinates": None if scene.circle is None else [scene.coordinates[k] for k in scene.circle],
         "derived": sorted(found.derived.seconds),
@@ -183,6 +184,12 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
     }
     plain: dict[str, Any] = as_plain(document)
     return plain
+
+
+def _advice(scene: Scene, derived: Derived) -> dict[str, Any] | None:
+    free = derived.free.get(None)
+    known = free.lagrangian if isinstance(free, FreeLagrangian) and scene.accelerations is not None else None
+    return advice(scene, derived.accelerations if isinstance(derived.accelerations, tuple) else None, known)
 
 
 def _system(scene: Scene) -> dict[str, Any]:

@@ -1,0 +1,43 @@
+"""Which integrator a Lagrangian asks for, seen from its formula alone: {method, order, alpha, reason}."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, walk
+from inverse_service.mechanics.euler_lagrange import hessian
+
+ENERGY = "and the energy does not drift; where a single trajectory is to be exact, adaptive costs less."
+NOTHING_KEPT = "nothing is known to be conserved that a geometric method would keep."
+LEAVES = " It ends where {} changes its sign: a motion that passes there needs adaptive."
+
+
+def for_lagrangian(lagrangian: Expression, coordinates: Sequence[str], walls: Sequence[str] = ()) -> dict[str, Any]:
+    """The advice for a regular L without constraints and forces; `walls` are formulas at whose zeros L ends."""
+    ends = LEAVES.format(" or ".join(walls)) if walls else ""
+    with_time = any(node == TIME for node in walk(lagrangian))
+    why = "; L contains t, so the energy is no constant to be kept." if with_time else f", {ENERGY}"
+    if is_separable(lagrangian, coordinates):
+        return advice("stormer-verlet", 8, f"L is separable, so its steps are explicit and symplectic{why}{ends}")
+    return advice("variational", 8, f"L is not separable; the steps are implicit and symplectic{why}{ends}", "1/2")
+
+
+def for_constraints() -> dict[str, Any]:
+    """The advice for a Lagrangian with nonholonomic constraints."""
+    return advice("nonholonomic", 8, f"it keeps the discrete constraints to round-off, {ENERGY}", "1/2")
+
+
+def advice(method: str, order: int | None, reason: str, alpha: str | None = None) -> dict[str, Any]:
+    """The parts by name."""
+    return {"method": method, "order": order, "alpha": alpha, "reason": reason}
+
+
+def is_separable(lagrangian: Expression, coordinates: Sequence[str]) -> bool:
+    """L = v M v/2 - V(t, q) with a constant M."""
+    moving = {*map(Symbol, coordinates), *map(Velocity, coordinates), TIME}
+    constant = all(not moving & set(walk(entry)) for row in hessian(lagrangian, coordinates) for entry in row)
+    rest = [differentiate(differentiate(lagrangian, Velocity(v)), Symbol(q)) for v in coordinates for q in coordinates]
+    return constant and all(collect(slope) == ZERO for slope in rest)

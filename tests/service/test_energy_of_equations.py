@@ -1,0 +1,59 @@
+"""A system given by its equations has the energy of the Lagrangian that is found for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service import solve
+from inverse_service.service.scenes.simulating import simulate
+
+
+def run(equations: list[str], velocity: float, method: Any, **further: Any) -> dict[str, Any]:
+    initial = {"positions": {"x": 0.5}, "velocities": {"x": velocity}}
+    scene = {"system": {"coordinates": ["x"], "equations": equations}, "initial": initial, "step": 0.05, "time": 10}
+    (found,) = simulate(scene | {"methods": [method], "observe": ["energy"]} | further)["methods"]
+    return dict(found)
+
+
+def test_the_midpoint_rule_keeps_the_energy_of_an_oscillator_given_by_its_equation() -> None:
+    found = run(["x'' = -x"], 0, "variational")
+    assert found["energy_start"] == pytest.approx(0.125)
+    assert found["max_energy_error"] < 1e-14
+
+
+def test_methods_without_a_lagrangian_have_the_same_energy() -> None:
+    """E = (q_0^2 + v_0^2)/2 of RK4, whose amplification for x'' = -x is 1 - h^6/144 a step: 200 steps lose 2.2e-8."""
+    found = run(["x'' = -x"], 0, "runge-kutta")
+    assert found["max_energy_error"] == pytest.approx(200 * 2 * 0.05**6 / 144, rel=0.02)
+
+
+def test_quadratic_friction_has_an_energy() -> None:
+    """x'' = -x'^2: H = exp(2 x) x'^2/2 up to a factor and a constant is conserved."""
+    assert run(["x'' = -x'^2"], 1, {"method": "runge-kutta", "order": 8})["max_energy_error"] < 1e-12
+
+
+def test_an_energy_with_t_has_no_error() -> None:
+    found = run(["x'' = -x - x'/10"], 0, "runge-kutta")
+    assert found["max_energy_error"] is None
+    assert "contains t" in found["energy_note"]
+
+
+def test_an_energy_ends_where_its_lagrangian_ends() -> None:
+    """The autonomous L of the damped oscillator divides by x, which the motion passes through 0."""
+    document = {"coordinates": ["x"], "equations": {"x": "-x - x'/10"}, "time_dependent_lagrangian": False}
+    result = {**solve(document), "with_time": None}
+    found = run([], 0, "runge-kutta", system={"result": result})
+    assert found["outcome"] == "completed"
+    assert found["max_energy_error"] is None
+    assert "the motion passes there" in found["energy_note"]
+
+
+def test_a_motion_without_a_lagrangian_has_no_energy() -> None:
+    system = {"coordinates": ["x", "y"], "equations": {"x": "y' + x*y", "y": "x^2*x'"}}
+    initial = {"positions": {"x": 0.1, "y": 0.1}, "velocities": {"x": 0.1, "y": 0}}
+    scene = {"system": system, "initial": initial, "step": 0.05, "steps": 10, "methods": ["runge-kutta"]}
+    (found,) = simulate(scene | {"observe": ["energy"]})["methods"]
+    assert found["max_energy_error"] is None
+    assert "no Lagrangian of it was found" in found["energy_note"]
