@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
-from inverse_service.service.scenes.simulating import run_document, simulate
+from inverse_service.service.scenes.simulating import run_document
 from inverse_service.simulation.scene import Scene
 from tests.service.test_scene_refusals import DISK, changed
 
@@ -157,47 +156,3 @@ def test_names_in_greek_letters_are_taken_everywhere() -> None:
     assert found.positions.tolist() == [1, 0]
     assert found.velocities.tolist() == [0, 1]
     assert found.circle == (0, 1)
-
-
-KEPLER = {"coordinates": ["x", "y"], "where": {"r": "sqrt(x^2+y^2)"}}
-
-
-@pytest.mark.parametrize(
-    "formulas", [{"lagrangian": "(x'^2+y'^2)/2 + 1/r"}, {"equations": {"x": "-x/r^3", "y": "-y/r^3"}}]
-)
-def test_names_that_stand_for_a_formula(formulas: dict[str, Any]) -> None:
-    initial = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 1}}
-    scene = {"system": KEPLER | formulas, "initial": initial, "step": 0.01, "time": 1, "methods": ["adaptive"]}
-    (found,) = simulate(scene)["methods"]
-    assert found["final"]["positions"]["x"] == pytest.approx(np.cos(1))
-
-
-@pytest.mark.parametrize("wrapped", [False, True])
-def test_the_time_may_have_another_name(wrapped: bool) -> None:
-    """x'' = cos(tau) - sin(tau) from rest."""
-    document = {"coordinates": ["x"], "lagrangian": "x'^2/2 + x*cos(tau)", "time": "tau"}
-    scene = {
-        "system": {"document": document} if wrapped else document,
-        "initial": {"positions": {"x": 0}, "velocities": {"x": 0}},
-        "forces": {"x": "-sin(tau)"},
-        "observe": [{"s": "tau + x"}],
-        "step": 0.1, "steps": 10, "methods": ["adaptive"],
-    }  # fmt: skip
-    found = simulate(scene)
-    expected = 1 - np.cos(1) + np.sin(1) - 1
-    assert found["methods"][0]["final"]["positions"]["x"] == pytest.approx(expected)
-    assert found["methods"][0]["observables"]["s"]["last"] == pytest.approx(1 + expected)
-
-
-@pytest.mark.parametrize(
-    ("coordinate", "time", "pointer", "words"),
-    [
-        ("x", "x", "/system/time", "declared too"),
-        ("t", "tau", "/system/coordinates", "give the coordinate t another name"),
-    ],
-)
-def test_a_time_that_is_a_coordinate_too_is_refused(coordinate: str, time: str, pointer: str, words: str) -> None:
-    system = {"coordinates": [coordinate], "lagrangian": f"{coordinate}'^2/2", "time": time}
-    with pytest.raises(InputError, match=words) as refused:
-        simulate({"system": system})
-    assert refused.value.pointer == pointer
