@@ -209,6 +209,7 @@ class SceneDocument(Document):
     friction or drag. `functions`: formulas for the arbitrary functions of the system. `step` and `steps`, or `step` and
     `time` (the length of time). `free_lagrangian`: L~ as a formula, or "first", "second" or "third" for that associated
     system; `constants`: its free constants. `circle`: the two coordinates whose path is matched by circles.
+    `units`: of coordinates, velocities (v_x), momenta (p_x), the time and observables, for labels and files.
     `step_sizes`: those of `work-precision`. `forces`: further forces Q(t, q, q') by coordinate; `rayleigh`: a function
     R of which -dR/dq' is a force. `observe` takes formulas by name too. `restart`: the result of a scene that ends
     where this one begins.
@@ -238,5 +239,6 @@ class SceneDocument(Document):
     free_lagrangian: FreeLagrangian | None = None
     constants: Numbers = Field(default_factory=dict)
     circle: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
+    units: Annotated[dict[Name, Word], Field(max_length=64)] = Field(default_factory=dict)
     step_sizes: Annotated[list[Value], Field(min_length=1, max_length=MAX_STEP_SIZES)] | None = None
     repeats: Annotated[int, Field(ge=1, le=50), BeforeValidator(_whole)] = 5

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,9 @@ def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: 
         )
         np.savez_compressed(folder / f"{name}.npz", **table, metadata=np.array(metadata))
         method["files"] = [f"{name}.csv", f"{name}.npz"]
+        if find_spec("h5netcdf") is not None and find_spec("h5py") is not None:
+            write_netcdf(folder / f"{name}.nc", table, summary["units"], metadata)
+            method["files"].append(f"{name}.nc")
         if label in found["events"]:
             _write_csv(folder / f"{name}-events.csv", found["events"][label])
             method["files"].append(f"{name}-events.csv")
@@ -98,6 +102,21 @@ def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: 
         summary["figures"] = draw_simulation(folder, summary, tables, found["truth"])
     text = json.dumps(summary | {"scene": document}, ensure_ascii=False, indent=2, default=str)
     (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+
+
+def write_netcdf(path: Path, table: Mapping[str, Any], units: Mapping[str, str], metadata: str) -> None:
+    """NetCDF 4, which is HDF5: each column over `t`, those of an ensemble over `member` and `t`, with their units."""
+    import h5netcdf
+
+    with h5netcdf.File(path, "w") as file:
+        members = next((len(column) for column in table.values() if column.ndim == 2), 0)
+        file.dimensions = {"t": len(table["t"])} | ({"member": members} if members else {})
+        file.attrs.update({"Conventions": "CF-1.11", "metadata": metadata})
+        for name, column in table.items():
+            over = ("member", "t") if column.ndim == 2 else ("member",) if name.startswith("member_") else ("t",)
+            variable = file.create_variable(name.replace("/", "_"), over, column.dtype, data=column)
+            if name in units:
+                variable.attrs["units"] = units[name]
 
 
 def _write_csv(path: Path, columns: Mapping[str, Any]) -> None:

@@ -192,6 +192,7 @@ class Scene:
     `values` gives every parameter a number. `positions` and `velocities` (n,) are on the constraints.
     `forces` (n,) act with L and the constraints, empty where there are none; `own` are observables by formula.
     `found` is a Lagrangian of given accelerations, where their energy is observed.
+    `units` are names of units, of which nothing is computed.
     `circle` are the places of the two coordinates whose path is matched by circles. `without` gives (Lagrangian,
     constraints) without each effect, where the cost of parts is observed, and is empty elsewhere.
     """
@@ -215,4 +216,5 @@ class Scene:
     events: tuple[Event, ...] = ()
     ensemble: Members | None = None
     found: Expression | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
     without: Mapping[str, tuple[Expression | None, tuple[Expression, ...]]] = field(default_factory=dict)

@@ -76,7 +76,9 @@ def test_a_directory_gets_tables_figures_and_a_summary(call: Any, scene_file: Pa
             first = (folder / name).read_bytes()[:300]
             assert first.startswith(b"\x89PNG") if name.endswith("png") else b"<svg" in first or b"<?xml" in first
     assert {name for figure in summary["figures"] for name in figure["files"]} == {
-        f"{name}.{ending}" for name in ("path", "energy", "constraints", "error") for ending in ("svg", "png")
+        f"{name}.{ending}"
+        for name in ("path", "energy", "discrete_energy", "constraints", "error")
+        for ending in ("svg", "png")
     }
 
 
@@ -128,3 +130,30 @@ def test_work_precision_writes_table_json_and_figure(call: Any, tmp_path: Path) 
     rows = list(csv.reader((tmp_path / "work-precision.csv").read_text().splitlines()))
     assert len(rows) == 1 + sum(len(method["settings"]) for method in found["methods"])
     assert rows[0][:4] == ["label", "step", "steps", "relative_error"]
+
+
+ENSEMBLE = {"initial": {"positions": {"x": [1, 2, 3]}}, "parameters": {"k": [1, 4]}}
+
+
+@pytest.mark.parametrize("further", [{}, {"ensemble": ENSEMBLE}], ids=["run", "ensemble"])
+def test_netcdf_files_hold_every_recorded_step_with_units(call: Any, tmp_path: Path, further: dict[str, Any]) -> None:
+    """Read back with h5py, a second reader: all columns of the NPZ, units, and the scene with the version."""
+    h5py = pytest.importorskip("h5py")
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - k*x^2/2", "parameters": ["k"]},
+        "parameters": {"k": 1}, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": 0.01, "steps": 3000, "methods": ["stormer-verlet"], "observe": ["trajectory", "energy"],
+        "units": {"x": "m", "v_x": "m/s", "t": "s"}, **further,
+    }  # fmt: skip
+    code, _, _ = call("simulate", "-", "--output", str(tmp_path), "--no-figures", given=json.dumps(scene).encode())
+    assert code == 0
+    with h5py.File(tmp_path / "stormer-verlet.nc") as file, np.load(tmp_path / "stormer-verlet.npz") as archive:
+        names = set(archive.files) - {"metadata"}
+        assert names >= {"t", "x", "v_x", "energy"}
+        for name in names:
+            assert np.array_equal(file[name][...], archive[name], equal_nan=True), name
+        assert file["x"].shape == ((6, 3001) if further else (3001,))
+        assert [file[name].attrs["units"] for name in ("x", "v_x", "t")] == ["m", "m/s", "s"]
+        metadata = json.loads(file.attrs["metadata"])
+    assert metadata["scene"] == scene | {"step": "0.01"}  # numbers with a point stay exact
+    assert metadata["provenance"]["version"]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from inverse_service.service.figures.drawing import draw_simulation
+from inverse_service.service.figures.drawing import coordinate_figure, draw_simulation, portrait_figure
 from inverse_service.service.figures.paths import path_figure
 from inverse_service.service.figures.series import series_figure
-from inverse_service.service.figures.style import look, shown
+from inverse_service.service.figures.style import envelope, look, shown, thinned
 from inverse_service.service.scenes.simulating import simulate_tables
 
 DISK = json.loads((Path(__file__).parents[2] / "docs" / "scenes" / "disk-table.json").read_text())
@@ -50,7 +50,7 @@ def test_series_keep_every_peak_and_name_best_and_worst(disk: dict[str, Any]) ->
     drawn = series_figure("energy", disk["result"], disk["tables"])
     assert drawn is not None
     figure, caption = drawn
-    lines = {line.get_label(): line for line in figure.axes[0].get_lines()}
+    lines = {line.get_label(): line for line in figure.axes[-1].get_lines()}
     for method in disk["result"]["methods"]:
         assert max(lines[method["label"]].get_ydata()) == pytest.approx(method["max_energy_error"])
     assert "variational-0.5 has the least" in caption
@@ -93,3 +93,68 @@ def test_a_label_is_no_formula_of_the_drawing_program(label: str, disk: dict[str
     table = {label: next(iter(disk["tables"].values()))}
     figures = draw_simulation(tmp_path, disk["result"] | {"methods": methods}, table, None)
     assert len(figures) >= 2
+
+
+def test_signs_of_a_constraint_and_of_the_energy_are_seen(disk: dict[str, Any]) -> None:
+    """Figures 4 and 6 of the paper: the variational energy and constraint oscillate about a level, and about zero."""
+    drawn = series_figure("constraints", disk["result"], disk["tables"])
+    assert drawn is not None
+    first, second, sizes = drawn[0].axes
+    assert [first.get_ylabel(), second.get_ylabel()] == ["constraint 1", "constraint 2"]
+    assert sizes.get_yscale() == "log"
+    assert first.get_yscale() == "linear"
+    values = disk["tables"]["variational-0"]["constraint_1"]
+    (line,) = [one for one in first.get_lines() if len(one.get_xdata()) == len(values)][:1]
+    assert min(line.get_ydata()) < 0 < max(line.get_ydata())
+    drawn = series_figure("energy", disk["result"], disk["tables"])
+    assert drawn is not None
+    assert "leaves the signed panels" in drawn[1]
+
+
+def test_differences_to_the_true_motion_are_drawn_by_coordinate(disk: dict[str, Any]) -> None:
+    drawn = series_figure("error", disk["result"], disk["tables"], disk["truth"])
+    assert drawn is not None
+    panels = drawn[0].axes
+    assert [axes.get_ylabel() for axes in panels[:-1]] == [
+        f"{name} - true {name}" for name in ("phi", "theta", "x", "y")
+    ]
+    table = disk["tables"]["variational-0"]
+    assert np.allclose(panels[2].get_lines()[0].get_ydata(), table["x"] - disk["truth"]["x"])
+
+
+def test_thinned_lines_keep_the_least_and_the_greatest() -> None:
+    """A spike of one point in 20,000 is in the band, and the caption says that there are bands."""
+    times, values = np.arange(20_000.0), np.sin(np.arange(20_000.0))
+    values[7_777], values[12_345] = -40, 50
+    t, low, high, every = envelope(times, values)
+    assert every == 50
+    assert len(t) == len(low) == len(high) == 400
+    assert (low.min(), high.max()) == (-40, 50)
+    assert "50 points each" in thinned(every)
+    assert thinned(1) == ""
+
+
+def test_a_gap_of_values_stays_a_gap() -> None:
+    values = np.full(2_000, np.nan)
+    values[:700] = 1
+    _, low, high, _ = envelope(np.arange(2_000.0), values)
+    assert np.isnan(low[-1])
+    assert np.isnan(high[-1])
+    assert low[0] == high[0] == 1
+
+
+def test_phase_portraits_and_units(tmp_path: Path) -> None:
+    scene = {
+        "system": {"coordinates": ["u"], "lagrangian": "u'^2/2 - u^2/2"}, "step": 0.1, "steps": 30,
+        "initial": {"positions": {"u": 1}, "velocities": {"u": 0}}, "methods": ["variational"],
+        "observe": ["trajectory", "velocities"], "units": {"u": "m", "t": "s"},
+    }  # fmt: skip
+    found = simulate_tables(scene)
+    figures = draw_simulation(tmp_path, found["result"], found["tables"], found["truth"])
+    assert [figure["files"][0] for figure in figures] == ["coordinates.svg", "phase-portrait.svg"]
+    drawn = portrait_figure(found["result"], found["tables"])
+    assert drawn is not None
+    (axes,) = drawn[0].axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("u [m]", "u'")
+    figure, _ = coordinate_figure(found["result"], found["tables"], None)
+    assert figure.axes[-1].get_xlabel() == "t [s]"

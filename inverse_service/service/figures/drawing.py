@@ -13,7 +13,17 @@ from matplotlib.figure import Figure
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures.paths import path_figure
 from inverse_service.service.figures.series import QUANTITIES, series_figure
-from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, look, new_figure, plain, save, shown, spread
+from inverse_service.service.figures.style import (
+    SETTINGS,
+    draw_line,
+    look,
+    new_figure,
+    plain,
+    save,
+    shown,
+    thinned,
+    with_unit,
+)
 from inverse_service.simulation.matching_circle import turned
 
 MOST_POINTS = 4000
@@ -29,17 +39,47 @@ def coordinate_figure(
         panels = figure.subplots(len(names), 1, squeeze=False, sharex=True).ravel()
         for axes, name in zip(panels, names, strict=True):
             times = result["step"] * result["record_every"] * np.arange(len(truth[name])) if truth else None
+            every = 1
             if truth is not None and times is not None:
-                axes.plot(times, truth[name], color=TRUE_COLOUR, linewidth=1.1, zorder=3, label="true motion")
+                draw_line(axes, times, truth[name], look(0, "exact"), "true motion")
             for place, method in enumerate(result["methods"]):
                 if method["label"] in tables and method["method"] != "exact":
-                    _line(axes, place, method, tables[method["label"]], name)
-            axes.set_ylabel(name)
-        panels[-1].set_xlabel("t")
+                    table, style = tables[method["label"]], look(place, method["method"])
+                    every = max(every, draw_line(axes, table["t"], table[name], style, method["label"], 5 * place))
+            axes.set_ylabel(with_unit(name, result))
+        panels[-1].set_xlabel(with_unit("t", result))
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
     start = f"{result['name'] or 'Motion'}: {result['steps']} steps of {shown(result['step'])}."
-    return figure, start + _finding(result)
+    return figure, start + _finding(result) + thinned(every)
+
+
+def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
+    """Velocity against position, one panel a coordinate; None where no method has velocities."""
+    names = result["system"]["coordinates"][:MOST_COORDINATES]
+    lines = [(look(place, m["method"]), m["label"], table) for place, m in enumerate(result["methods"])
+             if (table := tables.get(m["label"])) is not None and f"v_{names[0]}" in table]  # fmt: skip
+    if not lines:
+        return None
+    wide = min(3, len(names))
+    every = max(1, max(len(table["t"]) for _, _, table in lines) // MOST_POINTS)
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(max(5.2, 3.1 * wide + 0.4), 2.8 * -(-len(names) // wide) + 0.9)
+        panels = figure.subplots(-(-len(names) // wide), wide, squeeze=False).ravel()
+        for axes, name in zip(panels, names, strict=False):
+            for style, label, table in lines:
+                axes.plot(
+                    table[name][::every], table[f"v_{name}"][::every], color=style.colour, linewidth=0.9,
+                    linestyle="none" if every > 1 else style.line, marker="." if every > 1 else "",
+                    markersize=1.5, label=plain(label),
+                )  # fmt: skip
+            axes.set(xlabel=with_unit(name, result), ylabel=f"{name}'")
+        for axes in panels[len(names) :]:
+            axes.set_visible(False)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
+    dots = f" Dots are every {every}th point." if every > 1 else ""
+    return figure, f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate.{dots}"
 
 
 def _finding(result: Mapping[str, Any]) -> str:
@@ -53,16 +93,6 @@ def _finding(result: Mapping[str, Any]) -> str:
         words += "." if best == worst else f", {worst} farthest ({shown(errors[worst])})."
     stopped = [f"{m['label']} ends at t = {shown(m['stopped']['time'])}" for m in own if m.get("stopped")]
     return words + (f" {'; '.join(stopped)}." if stopped else "")
-
-
-def _line(axes: Any, place: int, method: Mapping[str, Any], table: Mapping[str, Array], name: str) -> None:
-    style = look(place, method["method"])
-    every = max(1, len(table["t"]) // MOST_POINTS)
-    t, values = table["t"][::every], table[name][::every]
-    axes.plot(
-        t, values, color=style.colour, linestyle=style.line, linewidth=1.1, marker=style.marker, markersize=4,
-        fillstyle="none", markevery=spread(len(t), 14, 5 * place), label=plain(method["label"]),
-    )  # fmt: skip
 
 
 DRAWN = 24  # members drawn as lines
@@ -119,8 +149,11 @@ def draw_simulation(
     elif "trajectory" in observed:
         figure, caption = coordinate_figure(result, tables, truth)
         found.append({"files": save(figure, folder, "coordinates", caption), "caption": caption})
+    if observed >= {"trajectory", "velocities"} and (drawn := portrait_figure(result, tables)) is not None:
+        found.append({"files": save(drawn[0], folder, "phase-portrait", drawn[1]), "caption": drawn[1]})
     for name in QUANTITIES:
-        drawn = series_figure(name, result, tables) if name in observed else None
+        asked = name in observed or (name == "discrete_energy" and "energy" in observed)
+        drawn = series_figure(name, result, tables, truth) if asked else None
         if drawn is not None:
             figure, caption = drawn
             found.append({"files": save(figure, folder, name, caption), "caption": caption})

@@ -1,10 +1,10 @@
-"""Observed quantities against time on a logarithmic axis, and error against work, one line a method."""
+"""Observed quantities against time, with their signs and their sizes, and error against work, one line a method."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -13,22 +13,47 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.figures.style import SETTINGS, look, new_figure, plain, shown, spread
+from inverse_service.service.figures.style import (
+    SETTINGS,
+    draw_line,
+    envelope,
+    look,
+    new_figure,
+    plain,
+    shown,
+    spread,
+    thinned,
+    with_unit,
+)
 
 Tables = Mapping[str, Mapping[str, Array]]
-BINS = 160
 FLOOR = 1e-17
+BINS = 160
+MOST_PANELS = 4
+# A signed panel shows this many times the median of the greatest values; what is larger leaves it.
+REACH = 8
 Column = Callable[[Mapping[str, Any], Mapping[str, Array]], Array | None]
+Line = tuple[int, Mapping[str, Any], Array, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What is drawn: the label and words of its size, and the signed columns, each with its label."""
+
+    label: str
+    words: str
+    size: Column
+    signed: Callable[[Mapping[str, Any], Tables, Mapping[str, Array] | None], Iterable[tuple[str, Column]]]
 
 
 def energy_error(name: str) -> Column:
-    """|E/E_0 - 1|, or |E - E_0| where E_0 is 0, of a column of energies."""
+    """E/E_0 - 1, or E - E_0 where E_0 is 0, of a column of energies."""
 
     def error(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
         if name not in table:
             return None
         start = method["energy_start"]
-        found: Array = np.abs(table[name] - start) / (abs(start) or 1.0)
+        found: Array = (table[name] - start) / (abs(start) or 1.0)
         return found
 
     return error
@@ -41,62 +66,124 @@ def constraint_defect(method: Mapping[str, Any], table: Mapping[str, Array]) -> 
 
 
 def column(name: str) -> Column:
-    """A column of the table as it is, its absolute value."""
-    return lambda method, table: np.abs(table[name]) if name in table else None
+    """A column of the table as it is."""
+    return lambda method, table: table.get(name)
 
 
-QUANTITIES: dict[str, tuple[str, str, Column]] = {
-    "energy": ("|E/E₀ - 1|", "energy error", energy_error("energy")),
-    "discrete_energy": (
-        "|E/E₀ - 1| of the discrete Lagrangian",
-        "discrete energy error",
-        energy_error("discrete_energy"),
+def difference(name: str, true: Array) -> Column:
+    """q - q(t) of one coordinate; a run that ended early is compared at the points before its last."""
+
+    def found(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
+        own = table[name]
+        count = len(own) if len(own) == len(true) else len(own) - 1
+        return np.append(own[:count] - true[:count], [np.nan] * (len(own) - count))
+
+    return found
+
+
+def _differences(
+    result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
+) -> Iterable[tuple[str, Column]]:
+    for name, true in (truth or {}).items():
+        yield with_unit(f"{name} - true {name}", result, name), difference(name, true)
+
+
+def _constraints(
+    result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
+) -> Iterable[tuple[str, Column]]:
+    names = dict.fromkeys(name for table in tables.values() for name in table if name.startswith("constraint_"))
+    for name in names:
+        yield name.replace("_", " "), column(name)
+
+
+def _energy(name: str) -> Quantity:
+    label = "E/E₀ - 1" + (" (discrete)" if name == "discrete_energy" else "")
+    words = name.replace("_", " ") + " error"
+    return Quantity(f"|{label}|", words, energy_error(name), lambda *_: iter([(label, energy_error(name))]))
+
+
+QUANTITIES = {
+    "energy": _energy("energy"),
+    "discrete_energy": _energy("discrete_energy"),
+    "constraints": Quantity("greatest |ω(q) q'|", "defect of the constraints", constraint_defect, _constraints),
+    "error": Quantity("greatest distance", "trajectory error", column("error"), _differences),
+    "phase": Quantity(
+        "|phase error| in radians", "phase error", column("phase_error"),
+        lambda *_: iter([("phase error", column("phase_error"))]),
     ),
-    "constraints": ("greatest |ω(q) q'|", "defect of the constraints", constraint_defect),
-    "error": ("greatest distance from the true motion", "trajectory error", column("error")),
-    "phase": ("|phase error| in radians", "phase error", column("phase_error")),
-}
+}  # fmt: skip
 
 
-def series_figure(name: str, result: Mapping[str, Any], tables: Tables) -> tuple[Figure, str] | None:
-    """The figure of one observed quantity with its caption; None where no method has it."""
-    label, words, column_of = QUANTITIES[name]
-    lines: list[tuple[int, Mapping[str, Any], Array, Array]] = []
+def series_figure(
+    name: str, result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None = None
+) -> tuple[Figure, str] | None:
+    """The figure of one observed quantity with its caption: signed panels, and its size on a logarithmic axis.
+
+    None where no method has it.
+    """
+    quantity = QUANTITIES[name]
+    sizes = [
+        (place, method, times, np.abs(values)) for place, method, times, values in _lines(result, tables, quantity.size)
+    ]
+    if not sizes:
+        return None
+    panels = [(label, lines) for label, one in quantity.signed(result, tables, truth)
+              if (lines := _lines(result, tables, one))][:MOST_PANELS]  # fmt: skip
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(7.6, 3.4 + 1.7 * len(panels))
+        heights = [*[1] * len(panels), 1.9]
+        axes = figure.subplots(len(panels) + 1, 1, sharex=True, squeeze=False, height_ratios=heights).ravel()
+        notes = [note for one, panel in zip(axes, panels, strict=False) if (note := _signed(one, *panel))]
+        every = _sizes(axes[-1], sizes)
+        axes[-1].set(xlabel=with_unit(result.get("time", "t"), result), ylabel=quantity.label)
+        handles, labels = axes[-1].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
+    return figure, series_caption(quantity.words, sizes) + thinned(every) + "".join(dict.fromkeys(notes))
+
+
+def _lines(result: Mapping[str, Any], tables: Tables, column_of: Column) -> list[Line]:
+    found = []
     for place, method in enumerate(result["methods"]):
         table = tables.get(method["label"])
-        values = None if table is None else column_of(method, table)
-        if table is not None and values is not None and method["method"] != "exact":
-            lines.append((place, method, table["t"], values))
-    if not lines:
-        return None
-    with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(7.6, 4.3)
-        axes = figure.subplots()
-        for shift, (place, method, times, values) in enumerate(lines):
-            style = look(place, method["method"])
-            t, height = _envelope(times, values)
-            axes.plot(
-                t, height, color=style.colour, linestyle=style.line, linewidth=1.3, marker=style.marker, markersize=4.5,
-                markevery=spread(len(t), 12, 7 * shift), fillstyle="none", label=plain(method["label"]),
-            )  # fmt: skip
-        axes.set_yscale("log")
-        axes.set(xlabel="t", ylabel=label, ylim=_limits(lines))
-        figure.legend(loc="outside right upper", fontsize=8.5)
-    return figure, series_caption(words, lines)
+        values = None if table is None or method["method"] == "exact" else column_of(method, table)
+        if table is not None and values is not None and np.isfinite(values).any():
+            found.append((place, method, table["t"], values))
+    return found
 
 
-def _envelope(times: Array, values: Array) -> tuple[Array, Array]:
-    """The greatest value in each of BINS equal pieces, so that no peak is lost; zeros are drawn at the floor."""
-    if len(values) > 1 and values[0] == 0:  # the start is given: nothing has gone wrong there yet
-        times, values = times[1:], values[1:]
-    heights = np.maximum(np.where(np.isfinite(values), values, np.nan), FLOOR)
-    if len(values) <= 2 * BINS:
-        return times, heights
-    edges = np.linspace(0, len(values), BINS + 1).astype(int)
-    return times[edges[1:] - 1], np.array([np.nanmax(heights[a:b]) for a, b in pairwise(edges)])
+def _signed(axes: Axes, label: str, lines: Sequence[Line]) -> str:
+    """A panel about zero; a sentence where a line leaves it."""
+    greatest = [float(np.nanmax(np.abs(np.where(np.isfinite(line[3]), line[3], np.nan)))) for line in lines]
+    largest = max(greatest)
+    reach = (
+        min(largest, REACH * float(np.median([one for one in greatest if one > 1e-9 * largest] or [largest]))) or 1e-16
+    )
+    for place, method, times, values in lines:
+        draw_line(axes, times, values, look(place, method["method"]))
+    axes.axhline(0, color="#888888", linewidth=0.6, zorder=1)
+    axes.set(ylabel=plain(label), ylim=(-1.08 * reach, 1.08 * reach))
+    return " What is larger leaves the signed panels." if largest > reach else ""
 
 
-def _limits(lines: list[tuple[int, Mapping[str, Any], Array, Array]]) -> tuple[float, float]:
+def _sizes(axes: Axes, lines: Sequence[Line]) -> int:
+    """The sizes on a logarithmic axis; of how many points a piece has."""
+    most = 1
+    for shift, (place, method, times, values) in enumerate(lines):
+        style = look(place, method["method"])
+        # At the start, which is given, nothing has gone wrong yet; zeros are drawn at the floor.
+        begin = 1 if len(values) > 1 and values[0] == 0 else 0
+        heights = np.maximum(np.where(np.isfinite(values), values, np.nan), FLOOR)[begin:]
+        t, _, high, every = envelope(times[begin:], heights, BINS)
+        most = max(most, every)
+        axes.plot(
+            t, high, color=style.colour, linestyle=style.line, linewidth=1.3, marker=style.marker, markersize=4.5,
+            markevery=spread(len(t), 12, 7 * shift), fillstyle="none", label=plain(method["label"]),
+        )  # fmt: skip
+    axes.set(yscale="log", ylim=_limits(lines))
+    return most
+
+
+def _limits(lines: Sequence[Line]) -> tuple[float, float]:
     """From the smallest to the greatest positive value, with room; not below round-off."""
     values = np.concatenate([line[3] for line in lines])
     values = values[np.isfinite(values) & (values > 0)]
@@ -106,7 +193,7 @@ def _limits(lines: list[tuple[int, Mapping[str, Any], Array, Array]]) -> tuple[f
     return low, 4 * float(values.max())
 
 
-def series_caption(words: str, lines: list[tuple[int, Mapping[str, Any], Array, Array]]) -> str:
+def series_caption(words: str, lines: Sequence[Line]) -> str:
     """Which method keeps the quantity best, which worst."""
     sizes = {method["label"]: float(np.nanmax(values)) for _, method, _, values in lines if np.isfinite(values).any()}
     sizes = {name: size for name, size in sizes.items() if math.isfinite(size)}

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from inverse_service.integrators.trajectory import Array
 
 # Okabe and Ito (2008): eight colours told apart with every kind of colour vision; black is for the true motion.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C00", "#5D3A9B")
@@ -68,6 +72,48 @@ def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
         figure.savefig(folder / names[0], metadata={"Date": None, "Title": name})
         figure.savefig(folder / names[1], dpi=RESOLUTION, metadata={"Title": name})
     return names
+
+
+BINS = 400
+
+
+def envelope(times: Array, values: Array, bins: int = BINS) -> tuple[Array, Array, Array, int]:
+    """(t, least, greatest, points of a piece) in at most `bins` equal pieces, so that no peak is lost.
+
+    Few points are their own least and greatest values.
+    """
+    if len(values) <= 2 * bins:
+        return times, values, values, 1
+    edges = np.linspace(0, len(values), bins + 1).astype(int)
+    finite = np.isfinite(values)
+    low = np.minimum.reduceat(np.where(finite, values, np.inf), edges[:-1])
+    high = np.maximum.reduceat(np.where(finite, values, -np.inf), edges[:-1])
+    gap = ~np.logical_or.reduceat(finite, edges[:-1])
+    low[gap], high[gap] = np.nan, np.nan
+    return times[edges[1:] - 1], low, high, len(values) // bins
+
+
+def draw_line(axes: Axes, times: Array, values: Array, style: Look, label: str = "", shift: int = 0) -> int:
+    """Values against time: a line, or a band from least to greatest of each piece; how many points a piece has."""
+    t, low, high, every = envelope(times, values)
+    if every > 1:
+        axes.fill_between(t, low, high, color=style.colour, alpha=0.35, linewidth=0.4)
+    axes.plot(
+        t, (low + high) / 2 if every > 1 else values, color=style.colour, linestyle=style.line, linewidth=1.1,
+        marker=style.marker, markersize=4, fillstyle="none", markevery=spread(len(t), 14, shift), label=plain(label),
+    )  # fmt: skip
+    return every
+
+
+def thinned(every: int) -> str:
+    """The sentence of a caption where bands stand for lines."""
+    return f" Bands are the least and the greatest of {every} points each." if every > 1 else ""
+
+
+def with_unit(label: str, result: Mapping[str, Any], name: str = "") -> str:
+    """The label of an axis, with the unit that the scene gives to the name."""
+    unit = result.get("units", {}).get(name or label)
+    return plain(f"{label} [{unit}]" if unit else label)
 
 
 def plain(text: str) -> str:

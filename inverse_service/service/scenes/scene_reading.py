@@ -153,6 +153,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
         forces=forces,
         own=read_observables(schema, system, definitions),
         events=read_events(schema, system, definitions),
+        units={names.spelling(name): unit for name, unit in schema.units.items()},
     )
     if schema.ensemble is not None:
         scene = replace(scene, ensemble=read_members(schema.ensemble, initial, names, scene))

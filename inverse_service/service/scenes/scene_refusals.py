@@ -69,6 +69,7 @@ EXPECTED = {
     ("start",): '"momenta" or "discrete_constraint"',
     ("free_lagrangian",): 'a formula written as text, or "first", "second" or "third" for that associated system',
     ("constants",): 'an object with numbers, such as {"C_x": "1/100"}',
+    ("units",): 'an object of units by name, such as {"x": "m", "t": "s"}',
     ("circle",): 'two coordinates such as ["x", "y"]',
     ("step_sizes",): "a list of positive numbers",
     ("repeats",): "an integer from 1 to 50",

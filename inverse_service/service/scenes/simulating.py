@@ -165,6 +165,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "name": scene.name,
         "system": _system(scene),
         "initial": _initial(scene),
+        "units": dict(scene.units),
         "step": scene.grid.step,
         "steps": scene.grid.steps,
         "record_every": scene.grid.record_every,
