@@ -6,6 +6,7 @@ from pathlib import Path
 
 from inverse_service.service.figures.style import shown
 from paper import pictures
+from paper.inclined_edge import inclined_edge
 from paper.scenes import DISK, PARTICLE, run, scene
 from paper.statement import Progress, Statement, Table, finding
 
@@ -20,7 +21,7 @@ def beyond(folder: Path, progress: Progress) -> tuple[Statement, ...]:
     progress("free constants")
     constants = _free_constants()
     progress("a million steps")
-    return (constants, _centre(), _third(folder))
+    return (constants, _centre(), _third(folder), *inclined_edge(folder, progress))
 
 
 def _free_constants() -> Statement:
@@ -80,7 +81,7 @@ def _third(folder: Path) -> Statement:
             label = f"variational, {name} L~" if method["method"] == "variational" else method["method"]
             rows.append((label, method["outcome"], shown(method["max_error"]), shown(method["max_constraint"])))
     figure = pictures.series(
-        found["third"], "constraints", folder, "figure-10-third",
+        found["third"], "constraints", folder, "third-lagrangian",
         "The particle through x = 0 with the Lagrangian of the third associated system: its momentum p_z = 0 is a "
         "momentum of a symmetry and is kept.",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Section 3.2: the vertically rolling disk, figures 1 to 6."""
+"""Section 3.2: the vertically rolling disk, figures 2 to 7 as they are numbered in print (figure 1 draws the disk)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def disk_statements(folder: Path, progress: Progress) -> tuple[Statement, ...]:
         _circles(short),
         _spiral(short, folder),
         _energy(short, folder),
-        _modified(short, modified),
+        _modified(short, modified, folder),
         _constraints(short, folder),
         _alphas(long, folder),
         _unchanged(long),
@@ -62,24 +62,30 @@ def _spiral(found: Run, folder: Path) -> Statement:
     drift = abs(variational["radius_change"])
     good = drift < 0.01 and nonholonomic["radius_change"] < -0.5 and variational["misfit"] < 0.01
     caption = (
-        f"Figures 1 and 2: disk, alpha = 0, h = {STEP}. The nonholonomic path spirals inward and has lost "
+        f"Figures 2 and 3: disk, alpha = 0, h = {STEP}. The nonholonomic path spirals inward and has lost "
         f"{shown(-100 * nonholonomic['radius_change'])} % of its radius; the variational one keeps its own circle "
         f"(misfit {shown(variational['misfit'])}), which is not the exact one."
     )
-    figure = pictures.paths(found, folder, "figure-1-disk", caption)
+    figures = (
+        pictures.paths(found, folder, "figure-2-disk", caption),
+        pictures.paths(
+            found.only("variational-0"), folder, "figure-3-circle",
+            "Figure 3: the variational path with its matching circle (dashed) beside the exact one (black).",
+        ),
+    )  # fmt: skip
     rows = tuple(
         (label, shown(c["radius_first"]), shown(c["radius_last"]), shown(c["misfit"]), shown(c["max_radial_distance"]))
         for label, c in (("variational-0", variational), ("nonholonomic-0", nonholonomic))
     )
     return Statement(
-        "disk-spiral", "section 3.2, figures 1 and 2",
+        "disk-spiral", "section 3.2, figures 2 and 3",
         "At alpha = 0 the nonholonomic integrator spirals, the variational one follows a circle through three of its "
         "points that differs from the exact one.",
         finding(good),
         "Both are seen. The paper gives no data; phi' = 1, theta' = 1/2, phi(0) = 0.3 were taken, q1 on the discrete "
         "constraint as in the paper.", CODE,
         (Table(("method", "first radius", "last radius", "misfit of its circle", "off the exact circle / R"), rows),),
-        (figure,),
+        figures,
     )  # fmt: skip
 
 
@@ -87,20 +93,20 @@ def _energy(found: Run, folder: Path) -> Statement:
     errors = {label: found.method(label)["max_discrete_energy_error"] for label in ("variational-0", "nonholonomic-0")}
     good = errors["variational-0"] < errors["nonholonomic-0"] / 5
     caption = (
-        f"Figure 3: the energy error of the disk at alpha = 0 stays below {shown(errors['variational-0'])} for the "
+        f"Figure 4: the energy error of the disk at alpha = 0 stays below {shown(errors['variational-0'])} for the "
         f"variational method and grows to {shown(errors['nonholonomic-0'])} for the nonholonomic one."
     )
     return Statement(
-        "disk-energy", "section 3.2, figure 3",
+        "disk-energy", "section 3.2, figure 4",
         "The variational integrator does better on the energy than the nonholonomic one.",
         finding(good),
         f"So it is at alpha = 0: {shown(errors['variational-0'])} against {shown(errors['nonholonomic-0'])}. At "
         "alpha = 1/2 it is the other way round, see below.", CODE,
-        (), (pictures.series(found, "discrete_energy", folder, "figure-3-energy", caption),),
+        (), (pictures.series(found, "discrete_energy", folder, "figure-4-energy", caption),),
     )  # fmt: skip
 
 
-def _modified(short: Run, long: Run) -> Statement:
+def _modified(short: Run, long: Run, folder: Path) -> Statement:
     change = abs(short.circle("modified-0")["radius_change"])
     spiral, circle = (abs(short.circle(label)["radius_change"]) for label in ("nonholonomic-0", "variational-0"))
     method = long.method("modified-0")
@@ -114,14 +120,16 @@ def _modified(short: Run, long: Run) -> Statement:
             f"until then its radius has changed by {shown(100 * later)} %."
         )
     return Statement(
-        "disk-modified", "section 3.2, figure 4",
+        "disk-modified", "section 3.2, figure 5",
         "The modified integrator has the circular behaviour of the variational one and conserves the constraints.",
         finding(change > 10 * circle and change < spiral / 5 and defect < 1e-12, "correction"),
         f"It keeps the constraints ({shown(defect)}) and no circle: over the length of the figure its radius changes "
         f"by {shown(100 * change)} %, that of the variational one by {shown(100 * circle)} %, that of the "
-        f"nonholonomic spiral by {shown(100 * spiral)} %; its path, the third panel of the first figure, is a slow "
-        f"spiral. {end} For alpha other than 1/2 it is not symplectic, and it is singular where "
+        f"nonholonomic spiral by {shown(100 * spiral)} %; its path is a slow spiral."
+        f" {end} For alpha other than 1/2 it is not symplectic, and it is singular where "
         "1 + (theta'^2/phi'^3)(cos phi + sin phi) = 0.", CODE,
+        (), (pictures.paths(short.only("modified-0"), folder, "figure-5-modified",
+                            "Figure 5: the modified method at alpha = 0 with its matching circle (dashed)."),),
     )  # fmt: skip
 
 
@@ -132,17 +140,17 @@ def _constraints(found: Run, folder: Path) -> Statement:
     others = max(found.method(label)["max_constraint"] for label in ("nonholonomic-0", "modified-0"))
     good = crossings >= 4 and halves[1] < 1.5 * halves[0] and largest > 1e-3 and others < 1e-12
     caption = (
-        "Figure 5: the defect of the discrete constraints. Nonholonomic and modified methods keep them to "
+        "Figure 6: the defect of the discrete constraints. Nonholonomic and modified methods keep them to "
         f"round-off; the variational method with this Lagrangian oscillates within {shown(largest)}."
     )
     return Statement(
-        "disk-constraints", "section 3.2, figure 5",
+        "disk-constraints", "section 3.2, figure 6",
         "The variational integrator does not conserve the constraint but oscillates about zero; the others keep it.",
         finding(good),
         f"Largest defect {shown(largest)}, {crossings} changes of sign over T = 25, no growth. With L~1 in the place "
         "of L~2 the variational method keeps the discrete constraint to round-off, because p_2 and p_s are momenta of "
         "symmetries.", CODE,
-        (), (pictures.series(found, "constraints", folder, "figure-5-constraints", caption),),
+        (), (pictures.series(found, "constraints", folder, "figure-6-constraints", caption),),
     )  # fmt: skip
 
 
@@ -175,17 +183,17 @@ def _alphas(found: Run, folder: Path) -> Statement:
     inward, middle, outward = (by["nonholonomic", alpha] for alpha in (1 / 3, 1 / 2, 1.0))
     good = inward < -0.1 and abs(middle) < 1e-9 and outward > 10
     caption = (
-        f"Figures 1 and 6: the disk for alpha = 0, 1/3, 1/2, 1 at h = {STEP}, T = 100. The nonholonomic spiral turns "
+        f"Figures 2 and 7: the disk for alpha = 0, 1/3, 1/2, 1 at h = {STEP}, T = 100. The nonholonomic spiral turns "
         "from inward to outward at alpha = 1/2, where it is a circle to round-off."
     )
     return Statement(
-        "disk-alpha", "section 3.2, figure 6",
+        "disk-alpha", "section 3.2, figure 7",
         "With alpha the inward spiral of the nonholonomic integrator becomes an outward one, and at alpha = 1/2 the "
         "two integrators have the same accuracy.",
         finding(good),
         "The spirals are as stated. At alpha = 1/2 the distance from the exact circle is the same for both, but "
         "energy, constraint and phase are kept to round-off by the nonholonomic method alone.", CODE,
-        (Table(HEAD, _rows(found)),), (pictures.paths(found, folder, "figure-6-alpha", caption),),
+        (Table(HEAD, _rows(found)),), (pictures.paths(found, folder, "figure-7-alpha", caption),),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Sections 3.3 to 3.5: the knife edge, the nonholonomic particle, figures 7 and 8, the conclusion."""
+"""Sections 3.3 to 3.5: the knife edge, the nonholonomic particle, figures 8 to 10, the conclusion."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def _knife_edge(found: Run, folder: Path) -> Statement:
     circles = {m["label"]: m["circle"] for m in found.result["methods"]}
     spiral, holds = circles["nonholonomic-0"]["radius_change"], circles["variational-0"]["radius_change"]
     caption = (
-        f"Knife edge, h = {found.result['step']}, T = 40. At alpha = 0 the nonholonomic path loses "
+        f"Figure 8: knife edge, h = {found.result['step']}, T = 40. At alpha = 0 the nonholonomic path loses "
         f"{shown(-100 * spiral)} % of its radius, the variational one changes it by {shown(100 * abs(holds))} %."
     )
-    figure = pictures.paths(found, folder, "figure-7-knife-edge", caption)
+    figure = pictures.paths(found, folder, "figure-8-knife-edge", caption)
     rows = tuple((label, shown(c["radius_change"]), shown(c["misfit"])) for label, c in circles.items())
     return Statement(
-        "knife-edge", "section 3.3, the figure of the knife edge",
+        "knife-edge", "section 3.3, figure 8",
         "The nonholonomic integrator spirals at alpha = 0 while the variational one follows a circular path.",
         finding(spiral < -0.3 and abs(holds) < 0.05), "As for the disk.", CODE,
         (Table(("method", "R_last/R_first - 1", "misfit of its circle"), rows),), (figure,),
@@ -65,21 +65,25 @@ def _method(found: Run, kind: str) -> Mapping[str, Any]:
 
 def _particle(runs: list[Run], folder: Path) -> Statement:
     first = pictures.planes(
-        [runs[0]], PAIRS, folder, "figure-8-particle",
-        f"The nonholonomic particle in its three planes, alpha = 0, h = {STEP}, T = 10, started as in the paper.",
+        [runs[0]], PAIRS, folder, "figure-9-particle",
+        f"Figure 9: the nonholonomic particle in its planes, alpha = 0, h = {STEP}, T = 10, begun as in the paper.",
     )  # fmt: skip
     second = pictures.planes(
-        runs, PAIRS[:1], folder, "figure-9-particle-alpha",
-        "The particle in the xy-plane for six values of alpha, started as in the paper: both change with alpha.",
+        runs, PAIRS[:1], folder, "figure-10-particle-alpha",
+        "Figure 10: the particle in the xy-plane for six values of alpha, begun as in the paper: both change.",
+    )  # fmt: skip
+    third = pictures.series(
+        runs[0], "error", folder, "figure-9-differences",
+        "What figure 9 hides: the differences of both paths to the exact one, coordinate by coordinate.",
     )  # fmt: skip
     variational, nonholonomic = _errors(runs, "variational"), _errors(runs, "nonholonomic")
     good = max(variational.values()) > 0.02 and max(nonholonomic.values()) > 0.02
     rows = tuple((alpha, shown(variational[alpha]), shown(nonholonomic[alpha])) for alpha in ALPHAS)
     return Statement(
-        "particle", "section 3.4, the figures of the particle",
+        "particle", "section 3.4, figures 9 and 10",
         "Both methods are not very accurate for the particle.",
         finding(good), "So it is at this step, started with q1 on the discrete constraint.", CODE,
-        (Table(("alpha", "greatest error in z, variational", "nonholonomic"), rows),), (first, second),
+        (Table(("alpha", "greatest error in z, variational", "nonholonomic"), rows),), (first, third, second),
     )  # fmt: skip
 
 

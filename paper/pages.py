@@ -12,7 +12,7 @@ TITLE = "The paper, computed anew"
 ABOUT = (
     "T. Mestdag, A. M. Bloch and O. E. Fernandez, Hamiltonization and geometric integration of nonholonomic mechanical "
     "systems (2009), statement by statement. Each line below was computed by the program; nothing is copied from the "
-    "paper but its claims, in our words."
+    "paper but its claims, in our words. Figures have the numbers of the paper as printed; its figure 1 draws the disk."
 )
 MEANING = {
     "agrees": "the computation gives what the paper says",

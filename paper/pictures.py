@@ -24,8 +24,8 @@ def paths(run: Run, folder: Path, name: str, caption: str) -> Figure:
 
 
 def series(run: Run, quantity: str, folder: Path, name: str, caption: str) -> Figure:
-    """An observed quantity against time on a logarithmic axis."""
-    drawn = series_figure(quantity, run.result, run.tables)
+    """An observed quantity against time, signed and on a logarithmic axis."""
+    drawn = series_figure(quantity, run.result, run.tables, run.truth)
     if drawn is None:
         raise ValueError(f"no method of the scene has the quantity {quantity}")
     figure, finding = drawn

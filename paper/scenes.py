@@ -28,6 +28,11 @@ class Run:
         found: Mapping[str, Any] = next(m for m in self.result["methods"] if m["label"] == label)
         return found
 
+    def only(self, *labels: str) -> Run:
+        """The run with these methods alone."""
+        kept = [m for m in self.result["methods"] if m["label"] in labels]
+        return Run({**self.result, "methods": kept}, {label: self.tables[label] for label in labels}, self.truth)
+
     def circle(self, label: str) -> Mapping[str, float]:
         """What is known of the circle that a method follows."""
         found: Mapping[str, float] = self.method(label)["circle"]
