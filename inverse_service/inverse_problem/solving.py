@@ -36,6 +36,7 @@ from inverse_service.inverse_problem.explanation.wording import printed_conditio
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
+from inverse_service.inverse_problem.search.deadline import until
 from inverse_service.inverse_problem.search.integrating import is_free_of_divergence
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.members import reading_class
@@ -47,8 +48,9 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
 log = logging.getLogger(__name__)
-# Of the time left after the decision, the part that the search for a closed form may take.
-_SEARCH_SHARE = 0.5
+# Of the time left after the decision, the part that the search for a closed form may take: in processor time, and by
+# the wall clock, which is the longer one on a busy machine.
+_SEARCH_SHARE, _SEARCH_SHARE_OF_CLOCK = 0.5, 0.8
 AS_GIVEN = "the equations as given"
 # Nodes of f up to which the space of all multipliers is computed even where L is known already.
 _SHORT = 2_000
@@ -312,17 +314,17 @@ def _proposed(work: _Work, decision: Decision, tree: Expression) -> Answer:
 def _searched(work: _Work, decision: Decision, highest: float) -> SearchOutcome:
     """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
     began, checked = time.monotonic(), work.seconds.get("check", 0.0)
-
-    outcome = search(
-        work.analysis,
-        decision.with_time,
-        work.options.seed,
-        time.monotonic() + _SEARCH_SHARE * work.left(),
-        work.progress,
-        work.options.ansatz,
-        lambda tree: _is_confirmed(work, tree, decision.with_time),
-        highest,
-    )
+    with until(time.monotonic() + _SEARCH_SHARE_OF_CLOCK * work.left(), _SEARCH_SHARE * work.left()):
+        outcome = search(
+            work.analysis,
+            decision.with_time,
+            work.options.seed,
+            math.inf,
+            work.progress,
+            work.options.ansatz,
+            lambda tree: _is_confirmed(work, tree, decision.with_time),
+            highest,
+        )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     return outcome
 

@@ -33,6 +33,7 @@ from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.outcome import Verdict
+from inverse_service.inverse_problem.search.deadline import until
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.special_cases.side_conditions import (
     Ideal,
@@ -248,8 +249,8 @@ def _of_rank(question: Question, analysis: Analysis) -> tuple[Ideal, ...]:
 
 def _positive(question: Question, analysis: Analysis, with_time: bool) -> tuple[Sequence[Ideal], bool]:
     """The ideals of a Lagrangian with letters, and whether they are all; (), False where none is found."""
-    deadline = min(question.deadline, time.monotonic() + _SEARCH_SECONDS)
-    outcome = search(analysis, with_time, question.seed, deadline, lambda _: None)
+    with until(question.deadline, _SEARCH_SECONDS):
+        outcome = search(analysis, with_time, question.seed, question.deadline, lambda _: None)
     if outcome.found is None:
         return (), False
     try:

@@ -29,14 +29,14 @@ _MOST_BRANCHES = 8
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How deep blocks may be split into smaller problems, and until when (time.monotonic)."""
+    """How deep blocks may be split into smaller problems, and until when (time.thread_time)."""
 
     depth: int = 4
     deadline: float = float("inf")
 
     @property
     def exhausted(self) -> bool:
-        return self.depth <= 0 or time.monotonic() > self.deadline
+        return self.depth <= 0 or time.thread_time() > self.deadline
 
 
 def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:

@@ -94,9 +94,10 @@ def legendre(
     """The Legendre transform of L(t, q, v) where all trees of `positive` are > 0.
 
     InputError where d2L/dv_i dv_j is singular everywhere. The search for an inverse of p = dL/dv starts nothing new
-    after `time_limit` seconds.
+    after `time_limit` seconds
+    of processor time.
     """
-    reach = Reach(deadline=time.monotonic() + time_limit)
+    reach = Reach(deadline=time.thread_time() + time_limit)
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
     functions = tuple(simplified(tree) for tree in momenta(lagrangian, names))

@@ -17,6 +17,17 @@ def test_an_inner_deadline_cannot_outlive_the_outer_one() -> None:
         check()
 
 
+def test_processor_time_ends_a_search_and_waiting_does_not() -> None:
+    with until(time.monotonic() + 100, seconds=0.2):
+        time.sleep(0.3)
+        check()
+        began = time.thread_time()
+        while time.thread_time() < began + 0.3:
+            pass
+        with until(time.monotonic() + 100), pytest.raises(OutOfTime):
+            check()
+
+
 def test_outside_any_deadline_nothing_ends() -> None:
     check()
 
