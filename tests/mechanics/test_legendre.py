@@ -368,3 +368,25 @@ def test_a_matrix_too_large_to_invert_is_implicit_and_soon_said() -> None:
     found = transform(text, " ".join(names), " ".join(f"g{i}{j}" for i, j in pairs))
     assert found.implicit
     assert_right(found, names, points=1)
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "hamiltonian"),
+    [
+        (
+            "((3*x+2*x'-sqrt(5)*x)*log(3*x+2*x'-sqrt(5)*x)-(3*x+2*x'+sqrt(5)*x)*log(3*x+2*x'+sqrt(5)*x))/(2*sqrt(5)*x)",
+            "sqrt(5)*p_x*x/2 - 3*p_x*x/2 + log(2*sqrt(5)*x/(-exp(sqrt(5)*p_x*x) + 1))",
+        ),
+        ("x'*log(x' + sqrt(x'^2 + 1)) - sqrt(x'^2 + 1)", "sqrt(exp(-2*p_x) + exp(2*p_x) + 2)/2"),
+    ],
+)
+def test_logarithms_of_quotients_and_of_sums_with_a_root_are_undone(lagrangian: str, hamiltonian: str) -> None:
+    found = legendre(parse(lagrangian, Names(("x",), (), {})), ("x",))
+    assert not found.implicit
+    assert to_text(found.hamiltonian) == hamiltonian
+
+
+def test_the_root_of_a_quotient_of_squares_is_taken() -> None:
+    lagrangian = parse("sin(b)*sqrt(a') + 25*cos(b)*b'^2/sqrt(a')", Names(("a", "b"), (), {}))
+    found = legendre(lagrangian, ("a", "b"))
+    assert to_text(found.hamiltonian) == "-(p_b^2 - 100*cos(b)*sin(b))^2/(40000*p_a*cos(b)^2)"

@@ -130,6 +130,8 @@ def _cancelled(tree: Expression, sign: int) -> Expression:
     match inner:
         case Apply(outer, Apply(function, argument)) if (outer, function) in _INVERSE:
             return argument
+        case Power(Product(factors), Number(e)) if e.denominator == 1:
+            return multiply(*(power(factor, e) for factor in factors))
         case Power(Product(factors), Number(e)) if e.denominator == 2:
             squares = [factor for factor in factors if _is_square(factor)]
             rest = multiply(*(factor for factor in factors if not _is_square(factor)))

@@ -64,11 +64,11 @@ def _inverted(tree: Expression, leaf: Velocity, known: Root) -> Iterator[Root]:
     if tree == leaf:
         yield known
         return
-    for inner, root in _peeled(tree, leaf, known):
+    for inner, root in peeled(tree, leaf, known):
         yield from _inverted(inner, leaf, root)
 
 
-def _peeled(tree: Expression, leaf: Velocity, known: Root) -> Iterator[tuple[Expression, Root]]:
+def peeled(tree: Expression, leaf: Velocity, known: Root) -> Iterator[tuple[Expression, Root]]:
     """The part that holds the leaf, with what it must be equal to."""
     target = known.value
     match tree:

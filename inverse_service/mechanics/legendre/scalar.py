@@ -13,19 +13,28 @@ from collections.abc import Iterator, Sequence
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
+    HALF,
     ZERO,
+    Apply,
     Expression,
+    Number,
+    Power,
+    Product,
     Sum,
     Symbol,
     Velocity,
     add,
+    apply,
+    children,
     divide,
     multiply,
     negate,
     number,
+    power,
     rebuild,
     substitute,
     subtract,
+    walk,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
 from inverse_service.mechanics.legendre.forms import quotient, shortest, simplified, velocities_in
@@ -34,8 +43,10 @@ from inverse_service.mechanics.legendre.isolation import (
     isolate,
     laurent_polynomial,
     occurrences,
+    peeled,
     polynomial_roots,
 )
+from inverse_service.mechanics.legendre.points import sample_points, vanishes_at
 
 _MOST_TERMS = 4
 
@@ -51,7 +62,8 @@ def scalar_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     energies = list(_energies(block, rate))
     for root in roots_for(differentiate(block.function, rate), rate, momentum):
         velocity = simplified(root.value)
-        forms = [simplified(substitute(energy, {rate: velocity})) for energy in energies]
+        trees = [substitute(energy, {rate: velocity}) for energy in energies]
+        forms = [simplified(tree) for tree in trees] + [simplified(factored_inside(tree)) for tree in trees[2:3]]
         yield Branch((velocity,), shortest(forms), root.conditions)
 
 
@@ -86,6 +98,10 @@ def _energies(block: Block, rate: Velocity) -> Iterator[Expression]:
     function, momentum = block.function, block.momenta[block.names[0]]
     yield simplified(subtract(multiply(rate, differentiate(function, rate)), function))
     yield subtract(multiply(momentum, rate), function)
+    logs = _log_of_quotient(collect(differentiate(function, rate)), rate, momentum)
+    if logs is not None:
+        over, under, value = logs
+        yield simplified(subtract(multiply(momentum, rate), substitute(function, {over: add(under, value)})))
     terms = function.terms if isinstance(function, Sum) else (function,)
     for place, term in enumerate(terms[:_MOST_TERMS]):
         others = add(*terms[:place], *terms[place + 1 :])
@@ -103,6 +119,66 @@ def roots_for(slope: Expression, rate: Velocity, momentum: Expression) -> Iterat
         return
     yield from polynomial_roots(collected, rate, momentum)
     yield from _balanced(collected, rate, momentum)
+    yield from _of_two_logarithms(collected, rate, momentum)
+    yield from _with_a_root(simplified(slope), rate, Root(momentum))
+
+
+def _of_two_logarithms(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:
+    """F = c (log A - log B) + r = p for A, B linear in v: A/B = exp((p - r)/c)."""
+    found = _log_of_quotient(slope, rate, momentum)
+    if found is not None:
+        ratio = apply("exp", found[2])
+        (a, b), (e, f) = (_linear_parts(node.argument, rate) for node in found[:2])
+        yield Root(divide(subtract(multiply(ratio, f), b), subtract(a, multiply(ratio, e))))
+
+
+def _log_of_quotient(slope: Expression, rate: Velocity, momentum: Expression) -> tuple[Apply, Apply, Expression] | None:
+    """log A, log B and (p - r)/c for p = c (log A - log B) + r with c and r free of v."""
+    parts: dict[Apply | None, list[Expression]] = {}
+    for term in slope.terms if isinstance(slope, Sum) else ():
+        logs = [node for node in walk(term) if isinstance(node, Apply) and node.function == "log"]
+        held = [node for node in logs if occurrences(node, rate) == occurrences(term, rate) > 0]
+        parts.setdefault(held[0] if held else None, []).append(term)
+    rest = add(*parts.pop(None, ()))
+    if len(parts) != 2:
+        return None
+    (over, c), (under, d) = ((node, simplified(divide(add(*terms), node))) for node, terms in parts.items() if node)
+    if simplified(add(c, d)) != ZERO:
+        return None
+    if vanishes_at(rest, sample_points([rest])):
+        return over, under, divide(momentum, c)
+    return over, under, divide(subtract(momentum, simplified(substitute(rest, {rate: ZERO}))), c)
+
+
+def _linear_parts(tree: Expression, rate: Velocity) -> tuple[Expression, Expression]:
+    return simplified(differentiate(tree, rate)), simplified(substitute(tree, {rate: ZERO}))
+
+
+def _with_a_root(tree: Expression, rate: Velocity, known: Root) -> Iterator[Root]:
+    """F(u + R) = p for u and R^2 polynomials in v: with u + R = T, (T - u)^2 = R^2."""
+    if not isinstance(tree, Sum):
+        parts = [part for part in children(tree) if occurrences(part, rate)]
+        for inner, root in peeled(tree, rate, known) if len(parts) == 1 else ():
+            yield from _with_a_root(inner, rate, root)
+        return
+    moving = [term for term in tree.terms if occurrences(term, rate)]
+    if len(moving) == 1:
+        for inner, root in peeled(tree, rate, known):
+            yield from _with_a_root(inner, rate, root)
+        return
+    radical = next((term for term in moving if _is_root(term)), None)
+    if radical is not None:
+        rest = add(*(term for term in tree.terms if term is not radical))
+        squared = subtract(power(subtract(known.value, rest), 2), power(radical, 2))
+        for root in roots_for(squared, rate, ZERO):
+            yield Root(root.value, known.conditions + root.conditions)
+
+
+def _is_root(term: Expression) -> bool:
+    factors = term.factors if isinstance(term, Product) else (term,)
+    return any(
+        isinstance(f, Power) and isinstance(f.exponent, Number) and f.exponent.value == HALF.value for f in factors
+    )
 
 
 def _balanced(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:

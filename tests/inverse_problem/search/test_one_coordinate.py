@@ -15,14 +15,14 @@ from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
-from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity, power, walk
+from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity, negate, power, walk
 from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.one_coordinate.kinetic import (
     NotElementary,
     Place,
-    antiderivative,
     double_integral,
 )
 from inverse_service.inverse_problem.search.one_coordinate.last_multiplier import applies, propose
@@ -61,6 +61,10 @@ WITH = {
     "damped, other coordinate": ("(-2*c*(1+3*x^2)*x'-w^2*(x+x^3)-6*x*x'^2)/(1+3*x^2)", "cw"),
     "damped with exponential factor": ("(-(1+2*x)^2*x'^2-x-x^2-2*x'^2)/(1+2*x)", ""),
     "tangent": ("-x'^2*tan(x)-sin(x)", ""),
+    "catenary": ("a*sqrt(1+x'^2)", "a"),
+    "a root of a velocity and a force": ("x*(1+x'^2)^(3/2)", ""),
+    "friction of any power": ("-k*x'^n", "kn"),
+    "Emden and Fowler, any powers": ("k*x^b*x'^c", "kbc"),
     "no velocity, several functions": ("atan(x)-1/tan(x)+sin(x)^2", ""),
 }
 WITHOUT = {
@@ -199,7 +203,7 @@ def test_elliptic_integrals_are_refused() -> None:
 @pytest.mark.parametrize("integrand", ["x*exp(2*a*x)", "a/x+x^3", "sin(x)*cos(x)", "x^2*sin(a*x)", "2*x/(x^2+a)"])
 def test_antiderivatives_have_the_derivative(integrand: str) -> None:
     tree = parse(integrand, Names(("x",), ("a",), {}))
-    found = antiderivative(terms_of(tree), X)
+    found = completed(["x"], [terms_of(negate(tree))])
     assert found is not None
     table = {X: mpmath.mpf("0.7"), Symbol("a"): mpmath.mpf("1.3")}
     with mpmath.workdps(40):
@@ -207,7 +211,7 @@ def test_antiderivatives_have_the_derivative(integrand: str) -> None:
 
 
 def test_an_antiderivative_that_is_not_elementary_is_not_found() -> None:
-    assert antiderivative(terms_of(parse("exp(x^2)", Names(("x",), (), {}))), X) is None
+    assert completed(["x"], [terms_of(parse("exp(x^2)", Names(("x",), (), {})))]) is None
 
 
 @pytest.mark.parametrize(

@@ -39,8 +39,7 @@ from inverse_service.expressions.tree import (
     substitute,
     subtract,
 )
-from inverse_service.inverse_problem.search.completion import solution
-from inverse_service.inverse_problem.search.material import antiderivatives
+from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     expanded,
@@ -50,12 +49,8 @@ from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     shortest,
 )
 from inverse_service.inverse_problem.search.terms import (
-    EMPTY,
-    Monomial,
     Terms,
     TooManyTerms,
-    derivative,
-    rank,
     split_content,
     terms_of,
     tree_of,
@@ -236,9 +231,6 @@ def _with_root(form: _Quadratic, place: Place) -> Expression:
     return subtract(negate(divide(multiply(u, arc), multiply(number(2), a, root))), last)
 
 
-_MOST_TERMS = 40
-_LONGEST_INTEGRAND = 20
-_DEPTH = 4
 _SPEEDS = (Fraction(0), Fraction(1), Fraction(2), Fraction(1, 2), Fraction(-1))
 _DIGITS = 40
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
@@ -265,7 +257,7 @@ def potential(kinetic: Expression, force: Expression, place: Place) -> Expressio
             continue
         try:
             fixed = factored(substitute(residual, {place.v: number(speed)}), [place.x])
-            found = antiderivative(terms_of(fixed), place.x)
+            found = completed([place.x.name], [terms_of(negate(fixed))])
         except TooManyTerms:
             continue
         if found is not None:
@@ -289,28 +281,3 @@ def _is_defined(tree: Expression, point: RealTable) -> bool:
     except NoRealValue:
         return False
     return True
-
-
-def antiderivative(integrand: Terms, x: Symbol) -> Expression | None:
-    """int integrand dx as a rational combination of monomials in letters, or None."""
-    if not integrand:
-        return ZERO
-    if len(integrand) > _LONGEST_INTEGRAND:
-        return None
-    columns = _columns(integrand, x)
-    found = solution(list(columns.values()), integrand)
-    return None if found is None else tree_of({m: a for m, a in zip(columns, found, strict=True) if a})
-
-
-def _columns(integrand: Terms, x: Symbol) -> dict[Monomial, Terms]:
-    """Monomials with their derivatives, closed under the antiderivatives of what is left over."""
-    found: dict[Monomial, Terms] = {}
-    fresh = list(integrand)
-    for _ in range(_DEPTH):
-        wanted = dict.fromkeys(m for key in fresh for m in antiderivatives(key, x) if m not in found)
-        fresh = []
-        for m in sorted(wanted, key=rank)[: _MOST_TERMS - len(found)]:
-            found[m] = derivative(m, x)
-            fresh += list(found[m])
-    found.pop(EMPTY, None)
-    return found

@@ -20,15 +20,21 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import (
+    ONE,
     TIME,
     Apply,
     Expression,
     Number,
+    Power,
+    Product,
     Sum,
     add,
+    divide,
     multiply,
     negate,
     number,
+    power,
+    subtract,
     walk,
 )
 from inverse_service.inverse_problem.search.choice import scaled
@@ -97,6 +103,9 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
     inverse = inverse_multiplier(material, factors)
     if inverse is not None:
         powers.append((EMPTY, inverse, Fraction(-1)))
+    moving = _moving_factors(material)
+    if moving and all(isinstance(e, Number) for _, e in moving):
+        found[LastMultiplier(EMPTY, tuple((base, -e.value) for base, e in moving if isinstance(e, Number)))] = None
     for phi, base, exponent in powers:
         try:
             found[_in_factors(material, phi, base, exponent)] = None
@@ -185,6 +194,35 @@ def _alone(letter: Expression) -> Monomial:
     return frozenset([(letter, Fraction(1))])
 
 
+def _moving_factors(material: Material) -> list[tuple[Expression, Expression]]:
+    """(base, exponent) of the factors of f that hold v, numbers left out: for f = F(v) G(t, x), 1/F is a multiplier."""
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    try:
+        force = factored(material.analysis.system.accelerations[0], [x, v])
+    except TooManyTerms:
+        return []
+    factors = force.factors if isinstance(force, Product) else (force,)
+    pairs = [(f.base, f.exponent) if isinstance(f, Power) else (f, ONE) for f in factors]
+    return [(base, exponent) for base, exponent in pairs if has_velocity(base)]
+
+
+def _of_symbolic_power(material: Material) -> Expression | None:
+    """For f = P^e G, P = a v + b and e a letter: int int P^(-e) = P^(2 - e)/((1 - e)(2 - e) a^2), and a potential."""
+    point, moving = material.analysis.real_point, _moving_factors(material)
+    if point is None or len(moving) != 1 or isinstance(moving[0][1], Number):
+        return None
+    ((base, e),) = moving
+    place = Place(material.motion.coordinates[0], material.motion.velocities[0], point)
+    try:
+        _, a = coefficients(base, place.v)
+        below = multiply(subtract(ONE, e), subtract(number(2), e), power(a, 2))
+        kinetic = divide(power(base, subtract(number(2), e)), below)
+        rest = potential(kinetic, material.analysis.system.accelerations[0], place)
+    except (ValueError, NotElementary, NoRealValue, IrreducibleAtoms, TooManyTerms):
+        return None
+    return None if rest is None else add(kinetic, rest)
+
+
 _MOST_TERMS_OF_FORCE = 30
 _MOST_TRIED = 16
 
@@ -204,6 +242,9 @@ def propose(material: Material, seed: int) -> Sequence[Expression]:
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None:
             found[lagrangian] = None
+    symbolic = _of_symbolic_power(material)
+    if symbolic is not None:
+        found[symbolic] = None
     return sorted(found, key=weight)
 
 
