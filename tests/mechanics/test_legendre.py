@@ -390,3 +390,10 @@ def test_the_root_of_a_quotient_of_squares_is_taken() -> None:
     lagrangian = parse("sin(b)*sqrt(a') + 25*cos(b)*b'^2/sqrt(a')", Names(("a", "b"), (), {}))
     found = legendre(lagrangian, ("a", "b"))
     assert to_text(found.hamiltonian) == "-(p_b^2 - 100*cos(b)*sin(b))^2/(40000*p_a*cos(b)^2)"
+
+
+def test_a_small_box_has_points_to_check_h_at() -> None:
+    names, box = Names(("x", "y"), ("E",), {}), ("x+27/20", "-x-21/20", "x'-1", "-x'+21/20", "y'+1/2", "-y'-2/5")
+    lagrangian = parse("E*exp(x)-sqrt(1-exp(2*x)*x'^2-y'^2)", names)
+    found = legendre(lagrangian, ("x", "y"), positive=[parse(text, names) for text in box])
+    assert not found.implicit

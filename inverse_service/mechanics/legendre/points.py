@@ -5,13 +5,14 @@ from __future__ import annotations
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 from mpmath import mp, mpf
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate_once
-from inverse_service.expressions.tree import PI, Arbitrary, Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import PI, Arbitrary, Expression, Number, Product, Sum, Symbol, Velocity, walk
 
 DIGITS = 60
 AGREEING_DIGITS = 40
@@ -53,7 +54,7 @@ def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = 
     Equal calls of an arbitrary function get the same value however their arguments are written.
     """
     leaves, calls = _leaves((*trees, *positive))
-    source = random.Random(_SEED)
+    source, boxes = random.Random(_SEED), _boxes(positive)
     found: list[Point] = []
     in_all = 0
     with mp.workdps(DIGITS):
@@ -62,7 +63,10 @@ def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = 
             in_quadrant = attempt % 2 == 0
             if in_quadrant and in_all == _MOST_POSITIVE:
                 continue
-            point = {leaf: _draw(source, width, in_quadrant) for leaf in leaves}
+            point = {
+                leaf: _draw_between(source, *boxes[leaf]) if leaf in boxes else _draw(source, width, in_quadrant)
+                for leaf in leaves
+            }
             point.update({call: point[canonical] for call, canonical in calls.items()})
             inside = all(_is_positive(condition, point) for condition in positive)
             if inside and all(value(tree, point) is not None for tree in trees):
@@ -84,6 +88,25 @@ def _leaves(trees: Sequence[Expression]) -> tuple[list[Expression], dict[Express
 def _draw(source: random.Random, width: Real, positive: bool) -> Real:
     size = width * (mpf(source.randrange(1, 10**18)) / 10**18 + mpf("0.05"))
     return size if positive or source.random() < 0.5 else -size
+
+
+def _draw_between(source: random.Random, low: Fraction, high: Fraction) -> Real:
+    part = Fraction(source.randrange(1, 10**18), 10**18)
+    inside = low + (high - low) * part
+    return mpf(inside.numerator) / inside.denominator
+
+
+def _boxes(positive: Sequence[Expression]) -> dict[Expression, tuple[Fraction, Fraction]]:
+    """(a, b) of each name of which u - a > 0 and b - u > 0 are among the conditions."""
+    low: dict[Expression, Fraction] = {}
+    high: dict[Expression, Fraction] = {}
+    for condition in positive:
+        match condition:
+            case Sum((Symbol() | Velocity() as leaf, Number(c))):
+                low[leaf] = max(-c, low.get(leaf, -c))
+            case Sum((Product((Number(k), Symbol() | Velocity() as leaf)), Number(c))) if k == -1:
+                high[leaf] = min(c, high.get(leaf, c))
+    return {leaf: (low[leaf], high[leaf]) for leaf in low if leaf in high and low[leaf] < high[leaf]}
 
 
 def value(tree: Expression, point: Point) -> Real | None:
