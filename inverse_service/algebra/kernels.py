@@ -91,6 +91,7 @@ _REWRITE: dict[str, Callable[[Expression], Expression]] = {
     "sech": lambda u: power(_cosh(u), -1),
     "csch": lambda u: power(_sinh(u), -1),
     "asin": _asin,
+    "Heaviside": lambda u: multiply(HALF, add(ONE, divide(u, square_root(power(u, 2))))),
     "acos": lambda u: subtract(multiply(HALF, PI), _asin(u)),
     "asinh": lambda u: _log_with_root(u, 1),
     "acosh": lambda u: _log_with_root(u, -1),

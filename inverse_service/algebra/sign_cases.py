@@ -19,10 +19,12 @@ from inverse_service.algebra.kernels import is_root
 from inverse_service.algebra.modular import prime_factors
 from inverse_service.algebra.tower import Tower, atoms_in_order
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.pieces import STEP
 from inverse_service.expressions.tree import (
     HALF,
     ONE,
     PI,
+    ZERO,
     Apply,
     Expression,
     Number,
@@ -89,8 +91,10 @@ Way = tuple[Expression, tuple[Expression, ...]]
 
 
 def _inverse_ways(node: Apply) -> list[Way]:
-    """asin(sin u), acos(cos u), atan(tan u) on the two intervals next to 0."""
+    """Heaviside(u) on both sides; asin(sin u), acos(cos u), atan(tan u) on the two intervals next to 0."""
     inner = node.argument
+    if node.function == STEP:
+        return [(ONE, (inner,)), (ZERO, (negate(inner),))]
     if not isinstance(inner, Apply) or (node.function, inner.function) not in _INVERSE_PAIRS:
         return []
     u, quarter = inner.argument, multiply(HALF, PI)

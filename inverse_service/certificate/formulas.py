@@ -11,7 +11,8 @@ OLD_FORMAT, OLD = "inverse-service/certificate/1", "Format 1 proves too little; 
 MAX_TEXT, MAX_DEPTH, MAX_MEMBERS, MAX_LISTED = 60_000, 200, 1000, 100
 MAX_COORDINATES, MAX_NAMES, MAX_ORDER, MAX_ROWS = 16, 200, 20, 200_000
 MAX_POWER = 4096  # of an integral power, beyond which it is an atom
-DEFINED = {"sqrt": "u^(1/2)", "abs": "sqrt(u^2)", "sign": "u/sqrt(u^2)", "tan": "sin(u)/cos(u)", "cot": "cos(u)/sin(u)",
+DEFINED = {"sqrt": "u^(1/2)", "abs": "sqrt(u^2)", "sign": "u/sqrt(u^2)",
+           "Heaviside": "(1 + u/sqrt(u^2))/2", "tan": "sin(u)/cos(u)", "cot": "cos(u)/sin(u)",
            "sec": "1/cos(u)", "csc": "1/sin(u)", "sinh": "(exp(u) - exp(-u))/2", "cosh": "(exp(u) + exp(-u))/2",
            "tanh": "sinh(u)/cosh(u)", "coth": "cosh(u)/sinh(u)", "sech": "1/cosh(u)", "csch": "1/sinh(u)",
            "asin": "atan(u/sqrt(1 - u^2))", "acos": "pi/2 - asin(u)", "asinh": "log(u + sqrt(u^2 + 1))",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from fractions import Fraction
 from functools import lru_cache
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.tree import (
     HALF,
     MINUS_ONE,
@@ -44,6 +45,11 @@ def _square(expression: Expression) -> Expression:
     return power(expression, 2)
 
 
+def _jump(_: Expression) -> Expression:
+    instead = "piecewise formulas are accepted in the right sides of equations; write the Lagrangian of one piece"
+    raise InputError(f"a piecewise formula has no derivative where its pieces meet: {instead}.")
+
+
 def _inverse_root(expression: Expression) -> Expression:
     return power(expression, Fraction(-1, 2))
 
@@ -70,6 +76,7 @@ _RULES: dict[str, Rule] = {
     # Two roots and not that of u^2 - 1, which would be real for u < -1 too, where acosh is not.
     "acosh": lambda u: multiply(_inverse_root(subtract(u, ONE)), _inverse_root(add(u, ONE))),
     "atanh": lambda u: power(subtract(ONE, _square(u)), -1),
+    "Heaviside": _jump,
 }
 
 

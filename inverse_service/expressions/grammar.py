@@ -5,6 +5,9 @@
     factor     = base ["^" signs factor]                      right associative, tighter than a sign
     base       = number | "(" formula ")" | "|" formula "|" | name | name primes | function
     function   = name ["^" base] ( "(" formula {"," formula} ")" | [number] factor )
+               | "piecewise" "(" piece {"," piece} ")",  piece = "(" formula "," condition ")"
+    condition  = both {"|" both},  both = one {"&" one}
+    one        = "~" one | "true" | "(" condition ")" | formula ("<" | ">") formula {("<" | ">") formula}
 
 Where a reader could take "nothing" for something else than a product (a/b c, x(y + 1), sin x y,
 x^2y) the formula is refused with both ways to write it. Recursion is bounded by `limits.depth`.
@@ -18,9 +21,10 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.checked import product, raised, reciprocal, sum_of
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.operands import OperandParser
+from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.tokens import Token, TokenStream, refusal, shorten, unexpected
-from inverse_service.expressions.tree import MINUS_ONE, Expression, number
-from inverse_service.expressions.vocabulary import FUNCTIONS, call
+from inverse_service.expressions.tree import MINUS_ONE, ONE, Expression, multiply, number, subtract
+from inverse_service.expressions.vocabulary import FUNCTIONS, PIECEWISE, call
 
 _OPERAND = "a number, a name or '('"
 
@@ -40,6 +44,8 @@ class FormulaParser(OperandParser):
             raise refusal("an equation stands where a formula is expected", rest.column, "write one side only")
         if rest.is_operator("[", "]"):
             raise refusal("square brackets are not accepted here", rest.column, "write ( and )")
+        if rest.is_operator("<", ">"):
+            raise refusal("a comparison stands", rest.column, "write an equation with one =")
         if rest.is_operator(","):
             raise refusal("a comma stands outside a function", rest.column, "write a decimal point, or * for a product")
         raise unexpected(rest, "an operator or the end")
@@ -141,7 +147,87 @@ class FormulaParser(OperandParser):
         self._bars = bars
         return found
 
+    def _piecewise(self, token: Token) -> Expression:
+        """The pieces in brackets, each (formula, condition)."""
+        pieces: list[tuple[Expression, Expression]] = []
+        opening = self._opening()
+        while not pieces or self._stream.take_operator(","):
+            bracket = self._opening()
+            with self._stream.nested():
+                value = self._within(0)
+                comma = self._stream.take()
+                if not comma.is_operator(","):
+                    raise unexpected(comma, "a comma, and the condition of the piece,")
+                pieces.append((value, self._condition()))
+            self._stream.close(bracket)
+        self._stream.close(opening)
+        return piecewise(pieces, token.column)
+
+    def _opening(self) -> Token:
+        opening = self._stream.take()
+        if not opening.is_operator("("):
+            raise unexpected(opening, "a piece such as (x^2, x > 0)")
+        return opening
+
+    def _within(self, bars: int) -> Expression:
+        """A formula; with `bars` a | ends it."""
+        outer, self._bars = self._bars, bars
+        found = self._expression()
+        self._bars = outer
+        return found
+
+    def _condition(self) -> Expression:
+        with self._stream.nested():
+            found = self._both()
+            while self._stream.take_operator("|"):
+                found = either(found, self._both())
+        return found
+
+    def _both(self) -> Expression:
+        found = self._one_condition()
+        while self._stream.take_operator("&"):
+            found = multiply(found, self._one_condition())
+        return found
+
+    def _one_condition(self) -> Expression:
+        if self._stream.take_operator("true"):
+            return ONE
+        if self._stream.take_operator("~"):
+            with self._stream.nested():
+                return subtract(ONE, self._one_condition())
+        if self._stream.ahead.is_operator("(") and self._compares():
+            opening = self._stream.take()
+            found = self._condition()
+            self._stream.close(opening)
+            return found
+        return self._inequality()
+
+    def _compares(self) -> bool:
+        """Whether a condition, and no formula, stands in the bracket ahead."""
+        depth = 0
+        for distance in itertools.count():
+            token = self._stream.look(distance)
+            depth += token.is_operator("(") - token.is_operator(")")
+            if depth == 0 or token.kind == "end":
+                return False
+            if token.is_operator("<", ">", "~", "&", "true"):
+                return True
+        return False
+
+    def _inequality(self) -> Expression:
+        """u > w, or a chain 0 < x < 1."""
+        left, found = self._within(1), []
+        while token := self._stream.take_operator("<", ">"):
+            right = self._within(1)
+            found.append(step(subtract(left, right) if token.text == ">" else subtract(right, left), token.column))
+            left = right
+        if not found:
+            raise unexpected(self._stream.ahead, "an inequality such as x > 0, or true,")
+        return multiply(*found)
+
     def _elementary(self, token: Token) -> Expression:
+        if token.text in PIECEWISE:
+            return self._piecewise(token)
         exponent = self._function_power(token)
         if self._stream.ahead.is_operator("("):
             result = call(token.text, self._arguments(), token.column)

@@ -32,6 +32,12 @@ _HALVES = {"\u00bd": Fraction(1, 2), "\u2153": Fraction(1, 3), "\u2154": Fractio
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 _ELEMENTWISE = {".*": "*", "./": "/", ".^": "^"}  # MATLAB's, the same for numbers
 _COMPARISONS = frozenset("<>\u2264\u2265\u2260")
+# In a text with a piecewise formula: what joins conditions. A boundary belongs to no open set, so <= is <.
+_PIECEWISE = re.compile(r"\b[Pp]iecewise\s*\(")
+_CONDITION = re.compile(r"<=|>=|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
+_EQUALITY = re.compile(r"!?={1,2}|\u2260")
+_CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "&", "or": "|", "not": "~",
+                    "True": "true", "otherwise": "true"}  # fmt: skip
 _REASONS = {
     "!": "factorials are not accepted, write the number",
     "%": "write the formula of one interval",
@@ -74,12 +80,21 @@ def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
     text = without_full_stop(text)
     tokens: list[Token] = []
     place, space, open_brackets = 0, False, 0
+    conditions = _PIECEWISE.search(text) is not None
     while place < len(text):
         character = text[place]
         if character in SPACES:
             place, space = place + 1, True
             continue
-        found, place = _next(text, place, space, limits)
+        condition = _CONDITION.match(text, place) if conditions else None
+        if conditions and open_brackets and _EQUALITY.match(text, place):
+            instead = "write inequalities such as x > 0, for an answer is about open sets"
+            raise refusal("an equation stands in a condition", place + 1, instead)
+        if condition:
+            sign = _CONDITION_SIGNS.get(condition[0], condition[0])
+            found, place = [Token("operator", sign, place + 1, space)], condition.end()
+        else:
+            found, place = _next(text, place, space, limits)
         tokens += found
         space = character == "\n"
         open_brackets += (character == "(") - (character == ")")

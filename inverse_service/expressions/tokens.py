@@ -20,7 +20,8 @@ class Token:
     """One token; `column` counts from 1 in the original text.
 
     `value` is that of a number; for a prime it is the order of the derivative; for a ( it is FACTOR
-    where no arguments can stand in it. Operators are + - * / ^ ( ) [ ] , = ; | and nothing else.
+    where no arguments can stand in it. Operators are + - * / ^ ( ) [ ] , = ; |, and < > & ~ true in
+    conditions of pieces.
     """
 
     kind: Kind

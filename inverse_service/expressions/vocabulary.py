@@ -6,6 +6,7 @@ from collections.abc import Callable
 from fractions import Fraction
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.pieces import STEP, step
 from inverse_service.expressions.tokens import refusal
 from inverse_service.expressions.tree import (
     ELEMENTARY,
@@ -39,7 +40,8 @@ _COMPOSED: dict[str, Callable[[Expression], Expression]] = {
     "log2": lambda u: divide(apply("log", u), apply("log", number(2))),
 }
 DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
-FUNCTIONS = ELEMENTARY | ALIASES.keys() | _COMPOSED.keys()
+PIECEWISE = frozenset(("piecewise", "Piecewise"))
+FUNCTIONS = ELEMENTARY | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE
 
 _KINK = "is not differentiable everywhere"
 _SPECIAL = "is not an elementary function"
@@ -53,8 +55,6 @@ REFUSED: dict[str, tuple[str, str]] = {
     "min": (_KINK, "write the smaller one for the region that you study"),
     "Max": (_KINK, "write the larger one for the region that you study"),
     "Min": (_KINK, "write the smaller one for the region that you study"),
-    "Heaviside": (_KINK, "write 0 or 1 for the side that you study"),
-    "Piecewise": (_KINK, "write the formula of one piece"),
     "DiracDelta": ("is not a function", "leave it out and study the motion between the impulses"),
     "atan2": ("has a jump", "write atan(y/x) on the branch that you study"),
     "erf": (_SPECIAL, _DECLARE),
@@ -96,6 +96,8 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
     if len(arguments) != 1:
         raise refusal(f"{function} has {len(arguments)} arguments", column, f"write one, as in {function}(u)")
     check_domain(function, arguments[0], column)
+    if function == STEP:
+        return step(arguments[0], column)
     composed = _COMPOSED.get(function)
     return composed(arguments[0]) if composed else apply(function, arguments[0])
 

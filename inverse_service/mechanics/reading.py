@@ -107,6 +107,7 @@ def _along(slope: Expression, slopes: Mapping[str, Expression], chosen: Sequence
 
 
 Equations = Mapping[str, str] | Sequence[str] | str
+_EQUAL = re.compile("(?<![<>])=")  # and not a condition of a piece
 _Equation = tuple[Expression, Expression, str]  # left side, right side, pointer
 
 
@@ -271,7 +272,7 @@ def _keyed_equations(equations: Mapping[str, str], names: Names) -> list[_Equati
 def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> Expression:
     try:
         text = _text(value)
-        if "=" not in text:
+        if not _EQUAL.search(text):
             return read_formula(text, names)
         groups = split_equations(text, names)
         if len(groups) != 1:

@@ -44,8 +44,8 @@ class SecondOrderSystem:
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether t occurs in f."""
-        return any(node == TIME for f in self.accelerations for node in walk(f))
+        """Whether t occurs in f, also where it only says which formula holds."""
+        return any(node == TIME for f in (*self.accelerations, *self.given) for node in walk(f))
 
     @property
     def positive(self) -> tuple[Expression, ...]:

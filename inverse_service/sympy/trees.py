@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from typing import Any
 
 import sympy
 from sympy.core.function import AppliedUndef
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.tree import (
     ELEMENTARY,
     ONE,
@@ -32,13 +34,11 @@ from inverse_service.expressions.tree import (
     number,
     power,
     square_root,
+    subtract,
 )
 from inverse_service.sympy.names import Table
 
-_REFUSED = (
-    (sympy.Piecewise, "a Piecewise stands: give the formula of one piece"),
-    (sympy.Integral, "an integral stands: carry it out, or declare a function of your own"),
-)
+_REFUSED = ((sympy.Integral, "an integral stands: carry it out, or declare a function of your own"),)
 
 
 def to_sympy(tree: Expression, table: Table) -> Any:
@@ -120,12 +120,33 @@ def from_sympy(expression: Any, leaves: Leaves) -> Expression:
             return _arbitrary(expression, [0] * len(expression.args), expression.args, leaves)
         case sympy.Abs() | sympy.sign():
             return _with_branches(expression, leaves)
-        case sympy.Function() if not isinstance(expression, sympy.Piecewise):
+        case sympy.Piecewise():
+            pieces = [(from_sympy(value, leaves), _condition(held, leaves)) for value, held in expression.args]
+            return piecewise(pieces, 1)
+        case sympy.Heaviside():
+            return step(from_sympy(expression.args[0], leaves), 1)
+        case sympy.Function():
             return _elementary(expression, leaves)
     if expression is sympy.I:
         raise _refused("complex numbers stand", "write the equations of real and imaginary part")
     reason = next((text for kind, text in _REFUSED if isinstance(expression, kind)), "")
     raise InputError((reason or f"{type(expression).__name__} is not accepted: write elementary functions") + ".")
+
+
+def _condition(held: Any, leaves: Leaves) -> Expression:
+    """1 where the condition of a piece holds, 0 elsewhere."""
+    match held:
+        case sympy.logic.boolalg.BooleanTrue():
+            return ONE
+        case sympy.And():
+            return multiply(*(_condition(part, leaves) for part in held.args))
+        case sympy.Or():
+            return reduce(either, (_condition(part, leaves) for part in held.args))
+        case sympy.Not():
+            return subtract(ONE, _condition(held.args[0], leaves))
+        case sympy.Gt() | sympy.Ge() | sympy.Lt() | sympy.Le():
+            return step(from_sympy(held.gts - held.lts, leaves), 1)
+    raise _refused(f"the condition {held} stands", "write inequalities of polynomials, joined by &, | and ~")
 
 
 def _refused(what: str, instead: str) -> InputError:

@@ -62,4 +62,6 @@ def value(expression: sympy.Expr, point: Point) -> Any:
         return mpmath.fprod(parts)
     if expression.is_Pow:
         return mpmath.power(*parts)
+    if isinstance(expression, sympy.Heaviside):
+        return (1 + mpmath.sign(parts[0])) / 2
     return getattr(mpmath, expression.func.__name__)(*parts)

@@ -11,7 +11,7 @@ from inverse_service.algebra.point import Variable
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity, substitute
 from inverse_service.mechanics.branches import branches_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -50,7 +50,10 @@ def analyse(system: SecondOrderSystem) -> Analysis:
     system = branches_of(system)[0]
     kernels = tuple(to_kernels(f) for f in system.accelerations)
     variables = variables_of(system)
-    given = [to_kernels(f) for f in system.given] if system.positive else []
+    # Each other piece of a piecewise formula need not be defined on this one.
+    roots = system.branch.roots if system.branch else ()
+    steps: dict[Expression, Expression] = {node: one for node, one in roots if isinstance(node, Apply)}
+    given = [to_kernels(substitute(f, steps)) for f in system.given] if system.positive else []
     table = find_real_point([*kernels, *given], variables, seed=1, positive=system.positive)
     tower = reduce_atoms(kernels, variables, table)
     return Analysis(system, kernels, tower, table)

@@ -15,6 +15,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
+    ZERO,
     Apply,
     Expression,
     Integral,
@@ -199,6 +200,8 @@ def _hidden_root(node: Expression, value: Expression) -> tuple[Expression, Expre
             other = apply("cos" if function == "asin" else "sin", u)
             root = square_root(subtract(number(1), power(apply(inner, u), 2)))
             return root, other if value == u else negate(other)
+        case Apply("Heaviside", u):
+            return square_root(power(u, 2)), negate(u) if value == ZERO else u
         case _:
             return None
 

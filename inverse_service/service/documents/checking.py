@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
+import mpmath
+
+from inverse_service.algebra.real_point import RealTable, are_positive
+from inverse_service.algebra.tower import RADIAN
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text, judged
 from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT, RESULT_FORMAT
 from inverse_service.errors import CertificateRefused, InputError
+from inverse_service.expressions.tree import Arbitrary, Symbol, Velocity, walk
 from inverse_service.inverse_problem.proofs.checked import checked_identities
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.branches import branches_of
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.document_kinds import is_motion, is_nonholonomic
@@ -214,13 +220,29 @@ def _answers_all(result: dict[str, Any], given: object) -> CheckResult | None:
         kinds = {kind.name: translate.plain(kind.among) for kind in to_kinds(schema, system)}
     except InputError:
         return CheckResult("invalid", ("The document as given cannot be read.",))
-    if len(branches_of(system)) != max(1, len(result.get("branches") or [])):
+    if not _are_all_branches(branches_of(system), result.get("branches") or []):
         return CheckResult("invalid", ("The branches are not those of the document as given.",))
     for name, answer in _object(result.get("kinds")).items():
         among = _object(_object(answer).get("certificate")).get("among")
         if name not in kinds or (among is not None and among != kinds[name]):
             return CheckResult("invalid", (f"The kind {ascii(name)[1:-1]} is not that of the document as given.",))
     return None
+
+
+def _are_all_branches(wanted: Sequence[SecondOrderSystem], shown: Sequence[dict[str, Any]]) -> bool:
+    """Whether each of the branches has one of the answers: its conditions hold at the point that the proof names."""
+    certificates = [_object(each.get("certificate")) for each in shown]
+    domains = {tuple(sorted(each.get("domain") or [])) for each in shown}
+    if len(wanted) != max(1, len(shown)) or len(domains) != len(shown):
+        return False
+    if not shown or not all(each.get("near") for each in certificates):
+        return True  # one answer, or one without proof: what is said of the whole is incomplete
+    tables: list[RealTable] = []
+    for each in certificates:
+        near = {name: mpmath.mpf(text) for name, text in each["near"].items()}
+        tables.append({Velocity(n[:-1]) if n.endswith("'") else Symbol(n): x for n, x in near.items()})
+    known = [one.positive for one in wanted if not any(isinstance(n, Arbitrary) for u in one.positive for n in walk(u))]
+    return all(any(are_positive(positive, {RADIAN: mpmath.mpf(1)} | table) for table in tables) for positive in known)
 
 
 def _compared(result: dict[str, Any], given: object, end: float) -> CheckResult | None:

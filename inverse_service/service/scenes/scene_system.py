@@ -14,16 +14,20 @@ from pydantic import ValidationError
 from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocument, ResultSystem
 from api_schemas.sizes import MAX_SIMULATED
 from inverse_service import catalogue
+from inverse_service.algebra.kernels import to_kernels
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import Definitions
 from inverse_service.expressions.names import Names
+from inverse_service.expressions.pieces import STEP
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import (
     Acceleration,
+    Apply,
     Arbitrary,
     Expression,
     Symbol,
     Velocity,
+    substitute,
     walk,
 )
 from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names, known_names
@@ -221,7 +225,15 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
     system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
     functions = {f.name: f.arguments for f in system.functions}
     names = document_names(Declared(system.coordinates, system.parameters, functions), {})
-    return MechanicalSystem(names, None, (), system.accelerations, values, schema.name, document=document)
+    # sign(u) is computed as u/sqrt(u^2), and so is a step.
+    accelerations = tuple(
+        substitute(f, {n: to_kernels(n) for n in walk(f) if _is_step(n)}) for f in system.accelerations
+    )
+    return MechanicalSystem(names, None, (), accelerations, values, schema.name, document=document)
+
+
+def _is_step(node: Expression) -> bool:
+    return isinstance(node, Apply) and node.function == STEP
 
 
 # Keys of a nonholonomic document that ask something of `solve` and say nothing of the motion.
