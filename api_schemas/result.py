@@ -49,10 +49,11 @@ class ExplanationStep(Document):
 
 
 class LagrangianPart(Formula):
-    """A Lagrangian, the set where it is regular, and where it comes from."""
+    """A Lagrangian, the set where it is defined, at which points of that it is regular, and where it comes from."""
 
     domain: list[str] = Field(default_factory=list)
     family: str = ""
+    regular: str = ""
 
 
 class HamiltonianPart(Formula):

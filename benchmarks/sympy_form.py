@@ -22,7 +22,7 @@ from inverse_service.expressions.tree import (
 
 SympyExpression = Any  # SymPy has no types
 
-_FUNCTIONS = {name: getattr(sympy, name) for name in ELEMENTARY}
+_FUNCTIONS = {name: getattr(sympy, name) for name in (*ELEMENTARY, "Heaviside")}
 
 
 def to_sympy(expression: Expression) -> SympyExpression:

@@ -16,7 +16,7 @@ from typing import ClassVar
 ELEMENTARY = frozenset(
     (
         *("exp", "log", "sin", "cos", "tan", "cot", "sec", "csc", "sinh", "cosh", "tanh", "coth", "sech", "csch"),
-        *("asin", "acos", "atan", "asinh", "acosh", "atanh", "Heaviside"),
+        *("asin", "acos", "atan", "asinh", "acosh", "atanh"),
     )
 )
 

@@ -41,7 +41,7 @@ _COMPOSED: dict[str, Callable[[Expression], Expression]] = {
 }
 DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
 PIECEWISE = frozenset(("piecewise", "Piecewise"))
-FUNCTIONS = ELEMENTARY | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE
+FUNCTIONS = ELEMENTARY | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE | {STEP}
 
 _KINK = "is not differentiable everywhere"
 _SPECIAL = "is not an elementary function"

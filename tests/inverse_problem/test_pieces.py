@@ -19,6 +19,8 @@ from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.documents.solving import solve_document
 from inverse_service.service.documents.text_page import text_page
+from inverse_service.web.pages.answers import answer_of
+from inverse_service.web.pages.rendering import environment
 from tests.inverse_problem.all_over import assert_holds_all_over
 from tests.inverse_problem.test_branches import cases
 
@@ -131,3 +133,14 @@ def test_a_lagrangian_in_pieces_is_refused_with_a_sentence() -> None:
         documents.solve_document(
             {"coordinates": ["x"], "lagrangian": "x'^2/2 - piecewise((x, x > 0), (0, true))"}, SolveOptions()
         )
+
+
+def test_where_a_lagrangian_is_regular_is_told_in_every_form() -> None:
+    everywhere, generic = solved({"x": "-x"}), solved({"x": "x'^2/x - x"})
+    told = "at generic points, where det g is not 0"
+    assert (everywhere["lagrangian"]["regular"], generic["lagrangian"]["regular"]) == ("everywhere", told)
+    assert f"      regular {told}\n" in text_page(generic, False)
+    assert f"Regular {told}." in latex_page(generic, False)
+    parts: Any = environment().get_template("result_parts.html").module
+    assert f"regular {told}" in parts.lagrangian_card(answer_of(generic, "L(q, q')", generic))
+    assert all("generic" not in form(everywhere, False) for form in (text_page, latex_page))

@@ -16,6 +16,7 @@ from inverse_service.service.documents.text_page import (
     cases_answered,
     forward_rows,
     is_forward_result,
+    regular_where,
     spaced,
     verdict_sentence,
     where,
@@ -73,6 +74,7 @@ def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[
             yield display(f"{letter} = {part['latex']}")
             if part.get("domain"):
                 yield _in_formula_mode(escaped(f"where {', '.join(part['domain'])}."))
+            yield from (f"{told.capitalize()}." for told in regular_where(part))
     if answer["solution_space"] is not None:
         yield escaped(answer["solution_space"]["statement"])
     if explain:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from inverse_service.service.documents.nonholonomic_text import any_associated_lines, nonholonomic_lines, reduced_lines
@@ -131,6 +131,7 @@ def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[
         yield f"  L = {answer['lagrangian']['text']}"
         yield from (f"      with {line}" for line in _integrals(answer.get("integrals") or {}))
         yield from (f"      where {condition}" for condition in answer["lagrangian"]["domain"])
+        yield from (f"      {where}" for where in regular_where(answer["lagrangian"]))
     elif answer["verdict"] == "variational":
         yield "  no Lagrangian in closed form was found" + ("" if explain else "; --explain says what was tried")
     if answer["hamiltonian"] is not None:
@@ -139,6 +140,12 @@ def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[
         yield f"  {answer['solution_space']['statement']}"
     if explain:
         yield from _steps(answer["explanation"])
+
+
+def regular_where(lagrangian: Mapping[str, Any]) -> list[str]:
+    """Where a Lagrangian is regular, if that is not everywhere or is not known."""
+    told = lagrangian.get("regular", "")
+    return [] if told in ("", "everywhere") else [f"regular {told}"]
 
 
 def _integrals(integrals: dict[str, Any]) -> Iterator[str]:

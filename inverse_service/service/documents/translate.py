@@ -31,7 +31,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import Acceleration, Expression, walk
+from inverse_service.expressions.tree import Acceleration, Expression, Number, Product, Sum, walk
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution, Step
 from inverse_service.mechanics import method_advice
@@ -250,7 +250,12 @@ def step_part(step: Step) -> ExplanationStep:
 def lagrangian_part(lagrangian: Lagrangian) -> LagrangianPart:
     domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + [inequality_text(e) for e in lagrangian.positive]
     written = _formula(lagrangian.expression)
-    return LagrangianPart(text=written.text, latex=written.latex, domain=domain, family=lagrangian.family)
+    entries = [entry for row in lagrangian.multiplier for entry in row]
+    constant = all(isinstance(node, Number | Sum | Product) for entry in entries for node in walk(entry))
+    regular = "everywhere" if constant else "at generic points, where det g is not 0"
+    return LagrangianPart(
+        text=written.text, latex=written.latex, domain=domain, family=lagrangian.family, regular=regular
+    )
 
 
 def hamiltonian_part(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> HamiltonianPart:

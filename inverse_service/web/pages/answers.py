@@ -10,6 +10,7 @@ from markupsafe import Markup, escape
 
 from inverse_service.certificate.formulas import FORMAT
 from inverse_service.expressions.names import Names
+from inverse_service.service.documents.text_page import regular_where
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.glossary import Term, terms_of
 from inverse_service.web.pages.rendering import duration
@@ -59,6 +60,7 @@ class ShownFormula:
     constraints: list[Markup] = field(default_factory=list)
     implicit: bool = False
     family: str = ""
+    regular: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +271,9 @@ def _lagrangian(part: Mapping[str, Any] | None, names: Names) -> ShownFormula | 
 def _lagrangian_part(part: Mapping[str, Any], names: Names) -> ShownFormula:
     domain = [typesetting.formula(condition, names) for condition in part["domain"]]
     shown = typesetting.equation("L", part["text"], names)
-    return ShownFormula(shown, f"L = {part['text']}", domain, family=part.get("family", ""))
+    return ShownFormula(
+        shown, f"L = {part['text']}", domain, family=part.get("family", ""), regular=regular_where(part)
+    )
 
 
 def _hamiltonian(part: Mapping[str, Any] | None, names: Names) -> ShownFormula | None:
