@@ -47,7 +47,7 @@ from .series import Count, Elimination, Expansion, Row, Step, followed, symbol_o
 
 PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
 MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
-LOOKS = 24  # for points at which a formula is not defined
+LOOKS = 48  # for points at which a formula is not defined
 MAX_ATOMS = 40  # between which all linear relations are looked for
 # Of each kind the order of the condition on g, that of the derivatives of f in it, and the places i, j of its rows.
 KindsOfRows = dict[str, tuple[int, int, list[tuple[int, ...]]]]
@@ -197,8 +197,9 @@ class Question:
         for attempt in range(LOOKS):
             self.check_time()
             start = self.place.values if attempt % 2 else dict.fromkeys(self.names, Fraction(0))
-            values = {name: start[name] + Fraction(self.generator.randrange(-9999, 9999), 7 << attempt % 16)
-                      for name in sorted(self.names)}  # fmt: skip
+            scales = [attempt % 16 if attempt % 2 else self.generator.randrange(16) for _ in self.names]
+            values = {name: start[name] + Fraction(self.generator.randrange(-9999, 9999), 7 << scale)
+                      for name, scale in zip(sorted(self.names), scales, strict=True)}  # fmt: skip
             with ctx.workprec(PRECISIONS[0]):
                 try:
                     self.held, arithmetic = False, Balls(self, Place(self.generator, values), None)
