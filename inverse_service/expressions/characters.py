@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
+from dataclasses import dataclass
 
 _LETTERS = [
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi",
@@ -61,3 +63,28 @@ def _dotted_letter(character: str) -> tuple[str, int] | None:
 def describe(character: str) -> str:
     """The character for a message: itself if printable ASCII, else its code point."""
     return f"'{character}'" if " " < character <= "~" else f"U+{ord(character):04X}"
+
+
+_PARTS = re.compile(r"([A-Za-z]+)(.*)")
+_SHOWN = {name: character for character, name in reversed(GREEK.items())} | {"ell": SCRIPT_L}
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """The body of a name and the words of its subscript."""
+
+    body: str
+    subscript: tuple[str, ...]
+
+
+def written(name: str) -> Written:
+    """The parts of a name."""
+    match = _PARTS.fullmatch(name)
+    if match is None:
+        return Written(name, ())
+    return Written(match.group(1), tuple(word for word in match.group(2).split("_") if word))
+
+
+def greek_letter(word: str) -> str | None:
+    """The character of a Greek letter's name, None for any other word."""
+    return _SHOWN.get(word)

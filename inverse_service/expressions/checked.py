@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from inverse_service.errors import LimitError
-from inverse_service.expressions.limits import Limits
-from inverse_service.expressions.tokens import limit_passed, refusal
+from inverse_service.expressions.tokens import Limits, limit_passed, refusal
 from inverse_service.expressions.tree import (
     ONE,
     Apply,

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from inverse_service.expressions.checked import check_depth
 from inverse_service.expressions.grammar import parse_tokens
-from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tokens import Token, refusal
+from inverse_service.expressions.tokens import LIMITS, Token, refusal
 from inverse_service.expressions.tree import ZERO, Expression
 
 _EXPECTS_MORE = ("+", "-", "*", "/", "^", "=", ",", "(", "[")

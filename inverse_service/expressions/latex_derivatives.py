@@ -6,11 +6,9 @@ from abc import ABC, abstractmethod
 from fractions import Fraction
 
 from inverse_service.expressions.latex_scanner import Raw
-from inverse_service.expressions.latex_time import open_brackets, role_before, time_argument
-from inverse_service.expressions.latex_words import LatexWords
-from inverse_service.expressions.limits import Limits
+from inverse_service.expressions.latex_words import LatexWords, open_brackets, role_before, time_argument
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tokens import Token, limit_passed, refusal
+from inverse_service.expressions.tokens import Limits, Token, limit_passed, refusal
 
 
 class LatexDerivatives(LatexWords, ABC):

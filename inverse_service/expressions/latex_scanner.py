@@ -8,10 +8,8 @@ from typing import Literal
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.characters import GREEK, OPERATORS, PRIMES, SCRIPT_L, SPACES, describe
-from inverse_service.expressions.latex_lines import line_ends
-from inverse_service.expressions.limits import LIMITS, Limits
 from inverse_service.expressions.tokenizer import check_length
-from inverse_service.expressions.tokens import limit_passed, refusal
+from inverse_service.expressions.tokens import LIMITS, Limits, limit_passed, refusal
 
 RawKind = Literal["command", "letter", "digit", "character", "end"]
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
@@ -127,3 +125,36 @@ def _environment(text: str, place: int, end: int) -> int:
     if match is None or match.group(1) not in _ENVIRONMENTS:
         raise refusal("this environment is not accepted", place + 1, "write aligned or cases, or the equations alone")
     return match.end()
+
+
+_SEPARATOR = re.compile(r"\\\\|;")
+_ESCAPED = re.compile(r"\\[{}]")
+_EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&", "(", "[", "{")
+_GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&", ")", "]", "}")
+
+
+def line_ends(text: str, start: int, stop: int) -> frozenset[int]:
+    """The places of the line ends between two equations: an = on either side, no bracket open, no sign in the air."""
+    ends: list[int] = []
+    equals, open_now, last, place = False, (0, 0, 0), "", start - 1
+    for line in text[start:stop].split("\n"):
+        first = _SEPARATOR.split(line, maxsplit=1)[0].strip()
+        complete = equals and open_now == (0, 0, 0) and not last.endswith(_EXPECTS_MORE)
+        if complete and "=" in first and not first.startswith(_GOES_ON):
+            ends.append(place)
+            equals, open_now, last = False, (0, 0, 0), ""
+        *earlier, rest = _SEPARATOR.split(line)
+        if earlier:
+            equals, open_now, last = False, (0, 0, 0), ""
+        equals = equals or "=" in rest
+        open_now = _opened(rest, open_now)
+        last = rest.strip() or last
+        place += len(line) + 1
+    return frozenset(ends)
+
+
+def _opened(part: str, before: tuple[int, int, int]) -> tuple[int, int, int]:
+    """How many { ( [ are open after the part."""
+    plain = _ESCAPED.sub("", part)
+    braces, round_ones, square = (plain.count(a) - plain.count(b) for a, b in ("{}", "()", "[]"))
+    return before[0] + braces, before[1] + round_ones, before[2] + square

@@ -9,11 +9,11 @@ from fractions import Fraction
 from inverse_service.errors import InputError
 from inverse_service.expressions.characters import LETTER_COMMANDS
 from inverse_service.expressions.latex_derivatives import LatexDerivatives
-from inverse_service.expressions.latex_scanner import Raw
-from inverse_service.expressions.latex_time import open_brackets, role_before, time_argument
-from inverse_service.expressions.latex_words import FONTS, MARKED
+from inverse_service.expressions.latex_scanner import Raw, scan
+from inverse_service.expressions.latex_words import FONTS, MARKED, open_brackets, role_before, time_argument
+from inverse_service.expressions.names import Names
 from inverse_service.expressions.tokenizer import NUMBER, number_token
-from inverse_service.expressions.tokens import FACTOR, Token, limit_passed, refusal, shorten
+from inverse_service.expressions.tokens import FACTOR, LIMITS, Limits, Token, limit_passed, refusal, shorten
 from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED
 
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
@@ -314,3 +314,8 @@ def _is_prime(raw: Raw) -> bool:
 
 def _refused_function(name: str) -> str:
     return REFUSED[name][1] if name in REFUSED else ""
+
+
+def tokenize(text: str, names: Names | None = None, limits: Limits = LIMITS) -> list[Token]:
+    """The tokens of a LaTeX formula; without `names` every letter is a name of its own."""
+    return LatexTranslator(scan(text, limits), names or Names(), limits).all()

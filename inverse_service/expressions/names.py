@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.characters import GREEK, LETTER_COMMANDS, letter
-from inverse_service.expressions.limits import LIMITS
-from inverse_service.expressions.tokens import joined, refusal, shorten
+from inverse_service.expressions.characters import ALIKE, GREEK, LETTER_COMMANDS, SCRIPT_L, letter
+from inverse_service.expressions.tokens import LIMITS, joined, refusal, shorten
 from inverse_service.expressions.vocabulary import FUNCTIONS, RESERVED, reason_against
 
 Role = Literal["coordinate", "parameter", "function"]
@@ -216,3 +215,32 @@ def _places(names: Names, keyed_parameters: bool) -> list[tuple[str, str]]:
         (f"/parameters/{name if keyed_parameters else place}", name) for place, name in enumerate(names.parameters)
     ]
     return [*coordinates, *parameters, *((f"/functions/{name}", name) for name in names.functions)]
+
+
+_WORD = re.compile(r"\\?[A-Za-z]+|[^\x00-\x7f]")
+
+
+def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = ()) -> None:
+    """InputError where the texts, given by their pointers, use two letters that would be read as one name."""
+    seen: dict[str, str] = {}
+    for pointer, text in texts.items():
+        for found in _WORD.finditer(text):
+            spelling = _spelling(found.group(), "\\" in text)
+            name = ALIKE.get(spelling, spelling)
+            both = {variant for variant, plain in ALIKE.items() if plain == name} & set(declared) and name in declared
+            if name not in ALIKE.values() or both:
+                continue
+            if seen.setdefault(name, spelling) != spelling:
+                first, second = sorted((seen[name], spelling), key=len)
+                detail = f"{first} and {second} both occur and look alike: "
+                instead = f"write the same letter, or declare both names, {first} and {second}."
+                raise InputError(detail + instead, pointer, found.start() + 1)
+
+
+def _spelling(word: str, latex: bool) -> str:
+    """The command or letter as its name; in LaTeX a run of letters holds an l where one is in it."""
+    if word == SCRIPT_L:
+        return "ell"
+    if latex and not word.startswith("\\"):
+        return "l" if "l" in word else word
+    return GREEK.get(word, word.removeprefix("\\"))

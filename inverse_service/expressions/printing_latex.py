@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from inverse_service.expressions.characters import greek_letter, written
 from inverse_service.expressions.printing_layout import Ratio, has_plain_arguments, signed_terms, variables
-from inverse_service.expressions.printing_names import greek_letter, written
 from inverse_service.expressions.tree import (
     HALF,
     TIME,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from inverse_service.expressions import equations, latex
+from inverse_service.expressions import equations, latex_translator
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.notations import in_our_words
 from inverse_service.expressions.tokenizer import tokenize
@@ -35,7 +35,7 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens alone, before any name is looked up."""
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
     names = names or Names()
-    tokens = latex.tokenize(formula, names) if is_latex(formula) else in_our_words(tokenize(formula), names)
+    tokens = latex_translator.tokenize(formula, names) if is_latex(formula) else in_our_words(tokenize(formula), names)
     refuse_decimal_commas(tokens)
     return tokens
 

@@ -22,8 +22,7 @@ from inverse_service.expressions.characters import (
     describe,
     letter,
 )
-from inverse_service.expressions.limits import LIMITS, Limits
-from inverse_service.expressions.tokens import Token, limit_passed, refusal
+from inverse_service.expressions.tokens import LIMITS, Limits, Token, limit_passed, refusal
 
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")

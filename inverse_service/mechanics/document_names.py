@@ -10,11 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.letters import refuse_two_spellings
-from inverse_service.expressions.limits import LIMITS
-from inverse_service.expressions.names import Names, check_clashes, declared_name
+from inverse_service.expressions.names import Names, check_clashes, declared_name, refuse_two_spellings
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tokens import joined, shorten
+from inverse_service.expressions.tokens import LIMITS, joined, shorten
 from inverse_service.expressions.tree import (
     Apply,
     Expression,

@@ -11,7 +11,7 @@ from starlette.responses import JSONResponse, Response
 from api_schemas import sizes
 from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer
 from inverse_service import catalogue
-from inverse_service.expressions.limits import LIMITS
+from inverse_service.expressions.tokens import LIMITS
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
 from inverse_service.service.jobs.tasks import parse_task
 from inverse_service.web.bodies import FACTORS, json_body_of

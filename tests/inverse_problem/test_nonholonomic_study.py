@@ -9,8 +9,8 @@ import pytest
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tokens import LIMITS
 from inverse_service.expressions.tree import ZERO, Expression
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     AssociatedAnswer,

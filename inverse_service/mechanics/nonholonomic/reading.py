@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.equations import read_equation
-from inverse_service.expressions.limits import LIMITS
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula, split_equations
+from inverse_service.expressions.tokens import LIMITS
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Velocity, subtract, walk
 from inverse_service.mechanics.document_names import Declared, Parameters, known_names, parameter_values, with_values
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem

@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from starlette.responses import HTMLResponse
 
-from inverse_service.expressions.printing_names import greek_letter
+from inverse_service.expressions.characters import greek_letter
 from inverse_service.service.jobs.kinds import KINDS
 from inverse_service.web.pages.assets import address
 from inverse_service.web.pages.visitor import VISITOR
