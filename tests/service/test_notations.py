@@ -10,6 +10,9 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_document, check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
@@ -212,7 +215,9 @@ def test_a_lagrangian_alone_gives_its_equations_momenta_energy_and_what_is_conse
         "phi": "-2*phi'*r'/r",
     }
     assert found["momenta"]["phi"]["text"] == "m*r^2*phi'"
-    assert found["hamiltonian"]["text"] == "p_phi^2/(2*m*r^2) + p_r^2/(2*m) - mu/r"
+    names = Names(("r", "phi"), ("m", "mu", "p_r", "p_phi"))
+    expected = "p_phi^2/(2*m*r^2) + p_r^2/(2*m) - mu/r"
+    assert collect(read_formula(found["hamiltonian"]["text"], names)) == collect(read_formula(expected, names))
     assert [part["name"] for part in found["conserved"]] == ["momentum of phi", "energy"]
     assert parse_document(document)["lagrangian"]["text"].startswith("m*(r'^2")
 

@@ -131,7 +131,8 @@ def test_every_answer_validates(description: dict[str, Any], service: str) -> No
 CALLS = """
 import createClient from "openapi-fetch";
 import type { paths } from "./schema";
-const client = createClient<paths>({ baseUrl: "http://127.0.0.1:8000" });
+type Json = "application/json" | "application/problem+json";
+const client = createClient<paths, Json>({ baseUrl: "http://127.0.0.1:8000" });
 async function nine() {
   const solved = await client.POST("/v1/solve", { body: { equations: "x'' = -x", id: 1, options: { time_limit: 5 } } });
   if (solved.error) console.log(solved.error.detail, solved.error.errors?.[0]?.pointer);
