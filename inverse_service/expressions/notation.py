@@ -23,7 +23,7 @@ _TOKEN = re.compile(
 _READS_BACK = re.compile(r" = (?:-?\d+(?:/\d+)?)?| [-+] |-?\d*\*?|\d+")
 _MARK = re.compile(r"[_^](?:\([^()]*\)|[A-Za-z0-9]+)")
 _PARTIAL = re.compile(r"d([a-zA-Z]|Phi)")
-_GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "mu": "μ", "tau": "τ"}
+_GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "mu": "μ", "phi": "φ", "tau": "τ"}
 _WORDS = frozenset(("det", "for", "and"))
 _SIGNS = {"-": "\u2212", "*": "\u2062"}
 _LATEX_SIGNS = {"*": " ", "\u2026": r"\dots"}

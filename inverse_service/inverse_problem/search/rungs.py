@@ -23,8 +23,9 @@ LEAVES = (
         0.5,
         lambda material: True,
         scalar_multiplier.propose,
-        "The divergence of f is that of a multiplier g = phi(t, q) G with constant G: phi is an integral and G solves "
-        "linear equations; then L = phi G_ij v_i v_j / 2 + A_i v_i - V, and A and V follow by integration.",
+        "The divergence of `f` is that of a multiplier `g = phi(t, q) G` with constant `G`: `phi` is an integral and "
+        "`G` solves linear equations; then `L = phi G_ij v^i v^j/2 + A_i v^i - V`, and `A` and `V` follow by "
+        "integration.",
         exact=True,
     ),
     Leaf(
@@ -32,7 +33,8 @@ LEAVES = (
         0.7,
         scalar_multiplier.is_of_one_coordinate,
         scalar_multiplier.propose_with_integrals,
-        "The divergence of f is that of a multiplier phi(t, x), an integral; then L = phi v^2/2 - V, and V is another.",
+        "The divergence of `f` is that of a multiplier `phi(t, x)`, an integral; then `L = phi v^2/2 - V`, "
+        "and `V` is another.",
         exact=True,
     ),
     Leaf(
@@ -40,15 +42,16 @@ LEAVES = (
         1.5,
         is_linear,
         linear_lagrangians,
-        "The system is linear: a g that depends on t alone has to solve g' = g N + (g N)^T and keep g Phi symmetric.",
+        "The system is linear: a `g` that depends on `t` alone has to solve `g' = g N + (g N)^T` and keep `g Phi` "
+        "symmetric.",
     ),
     Leaf(
         "velocities carried by a constant one",
         2.5,
         constant_velocity.applies,
         constant_velocity.propose,
-        "One velocity w' is constant and x'' = w' W'(w) A x' in blocks: then L = w'^2/2 + x'^T S(W) x'/(2 w') will do "
-        "with dS/dW = -S A.",
+        "One velocity `w'` is constant and `x'' = w' W'(w) A x'` in blocks: then `L = w'^2/2 + x'^T S(W) x'/(2 w')` "
+        "will do with `dS/dW = -S A`.",
         exact=True,
     ),
     Leaf(
@@ -56,8 +59,8 @@ LEAVES = (
         6.5,
         last_multiplier.applies,
         last_multiplier.propose,
-        "For one coordinate g has to solve Gamma(g) + g df/dv = 0; a product of factors that Gamma takes to multiples "
-        "of themselves solves it, and L is g integrated twice by v.",
+        "For one coordinate `g` has to solve `Gamma(g) + g df/dv = 0`; a product of factors that `Gamma` takes to "
+        "multiples of themselves solves it, and `L` is `g` integrated twice by `v`.",
     ),
 )
 REDUCTIONS = (
@@ -66,15 +69,15 @@ REDUCTIONS = (
         1.8,
         reductions.is_damped,
         reductions.without_damping,
-        "Without a common damping -c q' the system has a Lagrangian L_0; the factor e^(c t), for c(t) the exponential "
-        "of its integral, brings the damping back.",
+        "Without a common damping `-c q'` the system has a Lagrangian `L_0`; the factor `e^(c t)`, for `c(t)` the "
+        "exponential of its integral, brings the damping back.",
     ),
     Reduction(
         "other coordinates",
         3.5,
         other_coordinates.applies,
         other_coordinates.in_shorter_coordinates,
-        "In other coordinates f is shorter; a Lagrangian found there is carried back.",
+        "In other coordinates `f` is shorter; a Lagrangian found there is carried back.",
         exact=True,
     ),
     Reduction(

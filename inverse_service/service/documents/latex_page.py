@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from inverse_service.expressions.names import Names
@@ -11,7 +11,7 @@ from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
 from inverse_service.service.documents.text_page import (
-    asks_for_time,
+    answers_of,
     branches_of,
     cases_answered,
     forward_rows,
@@ -22,7 +22,10 @@ from inverse_service.service.documents.text_page import (
     where,
 )
 
-SIGNS = {"!=": r"\neq"}
+SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
+_RELATION = re.compile(r" (!=|>=|<=|>|<) ")
+# A displayed formula longer than this is broken between its terms.
+LONGEST_LINE = 160
 SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
     **{character: f"\\{character}" for character in "&%$#_{}"},
@@ -41,10 +44,8 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
     lines += _cases(result)
     for branch in branches_of(result):
-        for answer, with_time in ((branch, asks_for_time(result)), (branch["with_time"], True)):
-            if answer is not None:
-                lines += _answer(answer, with_time, explain)
-                lines += _phase_space(answer["hamiltonian"], result["system"])
+        for answer, with_time in answers_of(branch, result):
+            lines += _answer(answer, with_time, explain, result["system"])
     if result.get("special_cases") is not None:
         lines += special_cases_latex(result["special_cases"])
     return "\n".join([*lines, r"\end{document}"]) + "\n"
@@ -56,42 +57,52 @@ def _cases(result: dict[str, Any]) -> Iterator[str]:
     if len(branches) > 1:
         yield rf"{len(branches)} cases: \begin{{itemize}}"
         for branch in branches:
-            verdict = f"{', '.join(branch['domain'])}: {branch['verdict'].replace('_', ' ')}"
-            yield r"\item " + _in_formula_mode(escaped(verdict))
+            yield rf"\item {_conditions(branch['domain'], result['system'])}: {spaced(branch['verdict'])}"
         yield r"\end{itemize}"
 
 
-def _in_formula_mode(text: str) -> str:
-    """Inequality signs as LaTeX prints them in any font encoding."""
-    return re.sub("(!=|[<>])", lambda found: f"${SIGNS.get(found[0], found[0])}$", text)
-
-
-def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
-    sentence = verdict_sentence(answer["verdict"], with_time, answer.get("domain"))
-    yield _in_formula_mode(escaped(f"{sentence} {answer['reason']}".strip()))
-    for letter, part in (("L", answer["lagrangian"]), ("H", answer["hamiltonian"])):
+def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: dict[str, Any] | None) -> Iterator[str]:
+    """The verdict, L and H with the sets where they hold, the momenta and the constraints among them."""
+    if answer.get("domain"):
+        yield f"At generic points of the connected set where {_conditions(answer['domain'], system)}:"
+    yield escaped(f"{verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
+    hamiltonian = answer["hamiltonian"]
+    momenta = hamiltonian["momenta"] if hamiltonian else {}
+    for letter, part in (("L", answer["lagrangian"]), ("H", hamiltonian)):
         if part is not None:
             yield display(f"{letter} = {part['latex']}")
             if part.get("domain"):
-                yield _in_formula_mode(escaped(f"where {', '.join(part['domain'])}."))
+                yield f"where {_conditions(part['domain'], system, momenta)}."
             yield from (f"{told.capitalize()}." for told in regular_where(part))
+    if momenta and system:
+        yield from (display(f"{to_latex(Symbol(p))} = {_latex(text, system, momenta)}") for p, text in momenta.items())
+    if hamiltonian and hamiltonian["constraints"] and system:
+        yield "The motion with constraints has in phase space the image"
+        yield from (display(f"{_latex(text, system, momenta)} = 0") for text in hamiltonian["constraints"])
     if answer["solution_space"] is not None:
         yield escaped(answer["solution_space"]["statement"])
     if explain:
         yield from latex_proof(answer["explanation"])
 
 
-def _phase_space(hamiltonian: dict[str, Any] | None, system: dict[str, Any]) -> Iterator[str]:
-    """The momenta, and the constraints among them."""
-    if hamiltonian is None:
-        return
-    letters = (*system["parameters"], *hamiltonian["momenta"])
-    names = Names(tuple(system["coordinates"]), letters, {k: tuple(v) for k, v in system["functions"].items()})
-    for name, text in hamiltonian["momenta"].items():
-        yield display(f"{to_latex(Symbol(name))} = {to_latex(read_formula(text, names))}")
-    if hamiltonian["constraints"]:
-        yield "The motion with constraints has in phase space the image"
-        yield from (display(f"{to_latex(read_formula(text, names))} = 0") for text in hamiltonian["constraints"])
+def _conditions(conditions: Sequence[str], system: dict[str, Any] | None, letters: Iterable[str] = ()) -> str:
+    """Conditions such as "x != 0" as formulas in a sentence."""
+    if system is None:
+        return escaped(", ".join(conditions))
+    pieces = (_RELATION.split(condition) for condition in conditions)
+    return ", ".join(
+        "$"
+        + "".join(SIGNS.get(one, f" {one} ") if k % 2 else _latex(one, system, letters) for k, one in enumerate(piece))
+        + "$"
+        for piece in pieces
+    )
+
+
+def _latex(text: str, system: dict[str, Any], letters: Iterable[str] = ()) -> str:
+    functions = {name: tuple(arguments) for name, arguments in system["functions"].items()}
+    return to_latex(
+        read_formula(text, Names(tuple(system["coordinates"]), (*system["parameters"], *letters), functions))
+    )
 
 
 def forward_latex(result: dict[str, Any]) -> Iterator[str]:
@@ -152,8 +163,29 @@ def escaped(text: str) -> str:
 
 
 def display(formula: str) -> str:
-    """A formula on a line of its own."""
-    return f"\\[ {formula} \\]"
+    """A formula on a line of its own; a long one on several, broken between its terms."""
+    lines = _lines(formula)
+    if len(lines) == 1:
+        return f"\\[ {formula} \\]"
+    broken = r" \\ & \quad ".join(lines)
+    return f"\\[ \\begin{{aligned}} & {broken} \\end{{aligned}} \\]"
+
+
+def _lines(formula: str) -> list[str]:
+    """The formula in pieces of about a line, each but the first begun with a sign that stands in no bracket."""
+    found, depth, start, sign = [], 0, 0, 0
+    for match in re.finditer(r"\\left|\\right|\\[{}]|[{}()]| [-+] ", formula):
+        token = match.group()
+        depth += (token in ("{", "\\left", "(")) - (token in ("}", "\\right", ")"))
+        if depth == 0 and token in (" + ", " - "):
+            if match.start() - start > LONGEST_LINE and sign > start:
+                found.append(formula[start:sign])
+                start = sign
+            sign = match.start()
+    if len(formula) - start > LONGEST_LINE and sign > start:
+        found.append(formula[start:sign])
+        start = sign
+    return [*found, formula[start:]]
 
 
 def latex_proof(steps: Sequence[Mapping[str, Any]]) -> Iterator[str]:

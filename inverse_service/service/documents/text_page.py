@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.service.documents.nonholonomic_text import any_associated_lines, nonholonomic_lines, reduced_lines
 
 LONG = 300
@@ -28,7 +32,7 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
         lines.append(f"  not declared, taken as constants: {', '.join(result['guessed'])}")
     lines += [*_system(result["system"]), *_cases(result)]
     for place, branch in enumerate(branches_of(result)):
-        lines += [""] * (place > 0) + list(_both_answers(branch, asks_for_time(result), explain))
+        lines += [""] * (place > 0) + list(_both_answers(branch, result, explain))
     if result.get("special_cases") is not None:
         lines += ["", *special_cases_lines(result["special_cases"])]
     if result.get("instead"):
@@ -87,17 +91,59 @@ def _cases(result: dict[str, Any]) -> Iterator[str]:
         yield ""
 
 
-def _both_answers(result: dict[str, Any], for_time: bool, explain: bool) -> Iterator[str]:
-    yield from _answer(result, for_time, explain)
-    if result["with_time"] is not None:
+def _both_answers(branch: dict[str, Any], result: dict[str, Any], explain: bool) -> Iterator[str]:
+    for place, (answer, with_time) in enumerate(answers_of(branch, result)):
+        yield from [""] * place
+        yield from _answer(answer, with_time, explain)
+    if branch["with_time"] is None and branch["verdict_with_time"] is not None and not asks_for_time(result):
         yield ""
-        yield from _answer(result["with_time"], True, explain)
-    elif result["verdict_with_time"] is not None and not for_time:
-        yield ""
-        yield verdict_sentence(result["verdict_with_time"], True, result.get("domain"))
+        yield verdict_sentence(branch["verdict_with_time"], True, branch.get("domain"))
 
 
-def asks_for_time(result: dict[str, Any]) -> bool:
+def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:
+    """The answers on a branch in a reader's order, each with whether it is on L(t, q, q').
+
+    The question that was asked comes first, unless the other one has a Lagrangian of a simpler kind.
+    """
+    main, other = (branch, asks_for_time(result)), branch["with_time"]
+    if other is None:
+        return [main]
+    texts = [part["lagrangian"]["text"] for part in (branch, other) if part["lagrangian"]]
+    kinds = [_complexity(text, result["system"]) for text in texts]
+    return [(other, True), main] if len(kinds) == 2 and kinds[1] < kinds[0] else [main, (other, True)]
+
+
+def _complexity(lagrangian: str, system: Mapping[str, Any]) -> int:
+    """0 for T + A q' - V, 1 for other polynomials in the velocities, 2 with the time; 3 for quotients; 4 else."""
+    functions = {name: tuple(arguments) for name, arguments in system["functions"].items()}
+    time = system.get("time", "t")
+    letters = tuple(name for name in (*system["parameters"], time) if name != "t")
+    try:
+        tree = read_formula(lagrangian, Names(tuple(system["coordinates"]), letters, functions))
+    except InputError:
+        return 4
+    degree, is_rational = _degree(tree), _degree(tree, rational=True) is not None
+    if degree is None:
+        return 3 if is_rational else 4
+    return 2 if Symbol(time) in walk(tree) else int(degree > 2)
+
+
+def _degree(tree: Expression, rational: bool = False) -> int | None:
+    """The degree in the velocities; None where it is no polynomial in them, or with `rational` no quotient of some."""
+    match tree:
+        case Velocity():
+            return 1
+        case Sum(parts) | Product(parts):
+            found = [_degree(part, rational) for part in parts]
+            degrees = [degree for degree in found if degree is not None]
+            return None if len(degrees) < len(found) else max(degrees) if isinstance(tree, Sum) else sum(degrees)
+        case Power(base, Number(exponent)) if exponent.denominator == 1 and (rational or exponent > 0):
+            degree = _degree(base, rational)
+            return None if degree is None else degree * abs(int(exponent))
+    return None if any(isinstance(node, Velocity) for node in walk(tree)) else 0
+
+
+def asks_for_time(result: Mapping[str, Any]) -> bool:
     """Whether the main fields answer L(t, q, q')."""
     return bool(result["question"] == QUESTIONS[True])
 
@@ -121,7 +167,7 @@ def _system(system: dict[str, Any] | None) -> Iterator[str]:
     yield ""
 
 
-def _answer(answer: dict[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
+def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
     yield verdict_sentence(answer["verdict"], with_time, answer.get("domain"))
     if answer["reason"]:
         yield f"  {answer['reason']}"

@@ -225,7 +225,7 @@ def _belongs_to(found: MotionLagrangian) -> BelongsTo:
 
 
 _MEASURE = {
-    "found": "The volume N dq dp is invariant, p_j = dL/du_j the momenta of the free velocities on the constraints.",
+    "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
     "does_not_exist": "No density N(q) makes a volume invariant: the equations for log N contradict each other.",
     "not_found": "A density N(q) was not found in closed form; whether there is one was not settled.",
 }

@@ -10,7 +10,8 @@ from markupsafe import Markup, escape
 
 from inverse_service.certificate.formulas import FORMAT
 from inverse_service.expressions.names import Names
-from inverse_service.service.documents.text_page import regular_where
+from inverse_service.service.documents.text_page import QUESTIONS as QUESTION
+from inverse_service.service.documents.text_page import answers_of, regular_where
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.glossary import Term, terms_of
 from inverse_service.web.pages.rendering import duration
@@ -110,9 +111,7 @@ def glance_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
         energy = typesetting.equation("H", result["hamiltonian"]["text"], typesetting.names_of(result["system"]))
         return {"answers": [], "motion": "", "forward": energy}
     lean = {**result, "explanation": [], "conditions": None}
-    shown = [answer_of(lean, result["question"], lean)]
-    if result["with_time"]:
-        shown.append(answer_of({**result["with_time"], "explanation": []}, "L(t, q, q')", lean))
+    shown = [answer_of({**part, "explanation": []}, QUESTION[timed], lean) for part, timed in answers_of(lean, lean)]
     motion = (result.get("any_associated") or {}).get("statement", "")
     settled = sorted((one for one in shown if one.verdict != "undetermined"), key=lambda one: one.lagrangian is None)
     return {"answers": settled, "motion": motion, "forward": None} if settled or motion else None
@@ -124,13 +123,10 @@ def proof_of(part: Mapping[str, Any]) -> str | None:
     return "old" if certificate.get("format", FORMAT) != FORMAT else part.get("checked")
 
 
-def branches_of(result: Mapping[str, Any]) -> list[tuple[ShownAnswer, ShownAnswer | None]]:
-    """The answers on the further branches, each with its other one on L(t, q, q'); the first is the main answer."""
-    found = []
-    for branch in result.get("branches", ())[1:]:
-        other = answer_of(branch["with_time"], "L(t, q, q')", result) if branch["with_time"] else None
-        found.append((answer_of(branch, result["question"], result), other))
-    return found
+def shown_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> tuple[ShownAnswer, ShownAnswer | None]:
+    """The answer that a reader sees first, and that to the other question."""
+    first, *rest = [answer_of(part, QUESTION[timed], result) for part, timed in answers_of(branch, result)]
+    return first, rest[0] if rest else None
 
 
 def subject_of(result: Mapping[str, Any]) -> str:
@@ -245,9 +241,11 @@ def title_of(result: Mapping[str, Any]) -> str:
     return f"{named[:60]}: {VERDICTS[result['verdict']]}"
 
 
-def other_question(result: Mapping[str, Any]) -> str:
-    """A sentence on L(t, q, q') where the main answer is on L(q, q')."""
+def other_question(result: Mapping[str, Any], main: ShownAnswer) -> str:
+    """A sentence on the question that the main answer does not answer."""
     verdict = result["verdict_with_time"]
+    if main.question != QUESTIONS[result["question"]]:
+        return "There is one without the time, too: see below."
     if verdict is None or result["question"] != "L(q, q')":
         return ""
     if verdict == result["verdict"] and not result["with_time"]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
@@ -45,7 +46,7 @@ def environment() -> Environment:
     )
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
     found.globals |= {"address": address, "navigation": shown}
-    found.filters["greek"] = lambda name: greek_letter(name) or name
+    found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: greek_letter(word[0]) or word[0], name)
     found.filters["short_number"] = short_number
     found.filters["duration"] = duration
     found.filters["code_marks"] = code_marks

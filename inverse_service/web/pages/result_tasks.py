@@ -149,8 +149,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
     if "verdict" not in found:
         return _forward_result(job)
     system = found["system"]
-    with_time = found["with_time"]
-    main = answers.answer_of(found, found["question"], found)
+    main, other = answers.shown_of(found, found)
     return page(
         "result.html",
         active="",
@@ -165,13 +164,13 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         equations=[] if system is None else answers.equations_of(system),
         texts=[f"{name}'' = {f}" for name, f in (system or {"equations": {}})["equations"].items()],
         main=main,
-        other=answers.answer_of(with_time, "L(t, q, q')", found) if with_time else None,
-        branches=answers.branches_of(found),
+        other=other,
+        branches=[answers.shown_of(branch, found) for branch in found.get("branches", ())[1:]],
         further=answers.further_of(found),
         cases=cases.cases_of(found),
         motion=constrained.motion_of(found),
         constrained=constrained.constrained_of(found),
-        also=answers.other_question(found),
+        also=answers.other_question(found, main),
         advice=advice_for(found, look.time_limit),
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
         languages=exports.LANGUAGES,

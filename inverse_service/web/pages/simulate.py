@@ -15,6 +15,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
+from inverse_service.service.documents.text_page import answers_of
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
@@ -142,10 +143,9 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
         return form_of_system(system_of_it, job=job), {"system": system_of_it, **found}
     base = {"system": {"result": result}}
     form = form_of_system(base["system"], job=job)
-    answer = result if result.get("lagrangian") else result.get("with_time") or {}
-    domain = (answer.get("lagrangian") or {}).get("domain", ())
+    domains = [(a["lagrangian"] or {}).get("domain", ()) for a, _ in answers_of(result, result) if a["lagrangian"]]
     starts = importlib.import_module("inverse_service.web.pages.starts")
-    return starts.with_good_start(form, base["system"], domain), base
+    return starts.with_good_start(form, base["system"], domains[0] if domains else ()), base
 
 
 def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:

@@ -1,0 +1,95 @@
+"""The order and the notation in which text, LaTeX and the page print an answer."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.documents import solve_document
+from inverse_service.service.documents.latex_page import display, latex_page
+from inverse_service.service.documents.text_page import answers_of, text_page
+from inverse_service.web.pages.answers import glance_of, other_question, shown_of
+
+SYSTEM = {"coordinates": ["x"], "parameters": [], "functions": {}}
+
+
+@lru_cache(maxsize=1)
+def damped() -> dict[str, Any]:
+    document = {"coordinates": ["x"], "equations": {"x": "-x - x'/10"}}
+    return solve_document(document, SolveOptions(time_limit=60))
+
+
+def test_the_textbook_lagrangian_of_the_damped_oscillator_comes_first_everywhere() -> None:
+    result = damped()
+    assert "atan" in result["lagrangian"]["text"]  # the question asked keeps its place in the JSON
+    text = text_page(result, False)
+    assert 0 < text.index("L = exp(t/10)*(x'^2 - x^2)/2") < text.index("atan(")
+    latex = latex_page(result, False)
+    assert 0 < latex.index("L(t, q, q')") < latex.index("L(q, q')")
+    main, other = shown_of(result, result)
+    assert main.lagrangian is not None
+    assert other is not None
+    assert other.lagrangian is not None
+    assert (main.lagrangian.text, "atan" in other.lagrangian.text) == ("L = exp(t/10)*(x'^2 - x^2)/2", True)
+    assert other_question(result, main).startswith("There is one without the time")
+    glance = glance_of(result)
+    assert glance is not None
+    assert [answer.question for answer in glance["answers"]] == ["L(t, q, q\u2032)", "L(q, q\u2032)"]
+
+
+def order(autonomous: str, with_time: str) -> list[bool]:
+    other = {"lagrangian": {"text": with_time}}
+    result = {"system": SYSTEM, "question": "L(q, q')", "lagrangian": {"text": autonomous}, "with_time": other}
+    return [timed for _, timed in answers_of(result, result)]
+
+
+@pytest.mark.parametrize(
+    ("autonomous", "with_time", "timed_first"),
+    [
+        ("x'^2/2 - cos(x)", "exp(t)*x'^2/2", False),
+        ("x'^4 - x", "exp(t)*x'^2/2", False),
+        ("1/(x' + x)", "exp(t)*x'^2/2", True),
+        ("x'*log(x') - x", "exp(t)*x'^2/2", True),
+        ("1/(x' + x)", "t*log(x')", False),
+        ("x'*log(x')", "t/x'", True),
+        ("x'*log(x') - x", "F(t)*x'^2 - unreadable(", False),
+    ],
+)
+def test_the_kinds_of_lagrangians_have_an_order(autonomous: str, with_time: str, timed_first: bool) -> None:
+    assert order(autonomous, with_time) == ([True, False] if timed_first else [False, True])
+
+
+def test_an_answer_without_a_lagrangian_keeps_its_place() -> None:
+    other = {"lagrangian": {"text": "x'^2"}}
+    result = {"system": SYSTEM, "question": "L(q, q')", "lagrangian": None, "with_time": other}
+    assert [timed for _, timed in answers_of(result, result)] == [False, True]
+
+
+def test_latex_sets_conditions_and_theory_as_mathematics(tmp_path: Path) -> None:
+    latex = latex_page(damped(), True)
+    assert "textasciicircum" not in latex
+    assert "textbackslash" not in latex
+    assert r"$10 x^{2} + x \dot{x} + 10 \dot{x}^{2} > 0$" in latex
+    sentences = re.sub(r"\$[^$]*\$|\\\[.*?\\\]", "", latex)
+    assert not [word for word in ("phi(", "Gamma", "dL/d") if word in sentences]
+    if shutil.which("pdflatex"):
+        (tmp_path / "page.tex").write_text(latex)
+        command = ["pdflatex", "-interaction=batchmode", "-halt-on-error", "page.tex"]
+        assert subprocess.run(command, cwd=tmp_path, check=False, capture_output=True).returncode == 0
+
+
+def test_long_formulas_are_broken_between_their_terms_only() -> None:
+    terms = [rf"\left(a_{{{k}}} + \frac{{b + c}}{{d - e}}\right)" for k in range(12)]
+    formula = "L = " + " + ".join(terms)
+    shown = display(formula)
+    assert shown.count(r"\\ & \quad ") == 3
+    inner = shown.removeprefix(r"\[ \begin{aligned} & ").removesuffix(r" \end{aligned} \]")
+    assert inner.replace(r" \\ & \quad ", "") == formula
+    assert display("L = a + b") == r"\[ L = a + b \]"
