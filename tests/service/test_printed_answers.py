@@ -23,7 +23,7 @@ SYSTEM = {"coordinates": ["x"], "parameters": [], "functions": {}}
 @lru_cache(maxsize=1)
 def damped() -> dict[str, Any]:
     document = {"coordinates": ["x"], "equations": {"x": "-x - x'/10"}}
-    return solve_document(document, SolveOptions(time_limit=60))
+    return solve_document(document, SolveOptions(time_limit=600))
 
 
 def test_the_textbook_lagrangian_of_the_damped_oscillator_comes_first_everywhere() -> None:

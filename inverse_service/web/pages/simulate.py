@@ -143,9 +143,9 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
         return form_of_system(system_of_it, job=job), {"system": system_of_it, **found}
     base = {"system": {"result": result}}
     form = form_of_system(base["system"], job=job)
-    domains = [(a["lagrangian"] or {}).get("domain", ()) for a, _ in answers_of(result, result) if a["lagrangian"]]
+    with_lagrangian = [answer for answer, _ in answers_of(result, result) if answer["lagrangian"]]
     starts = importlib.import_module("inverse_service.web.pages.starts")
-    return starts.with_good_start(form, base["system"], domains[0] if domains else ()), base
+    return starts.with_good_start(form, base["system"], with_lagrangian[0] if with_lagrangian else {}), base
 
 
 def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:

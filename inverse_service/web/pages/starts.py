@@ -29,11 +29,15 @@ STARTS = (
 )
 LARGEST = 50.0  # of accelerations and of places
 NEAR = 0.02  # a condition of the domain that comes closer to zero
+LEAST_PART = 0.1  # of the determinant of the Hessian at the start
 SHARE = 0.8
 
 
-def with_good_start(form: SceneForm, system: Mapping[str, Any], domain: Sequence[str]) -> SceneForm:
-    """The form with the start that lasts longest, and as many steps as it lasts; `domain`: conditions that hold."""
+def with_good_start(form: SceneForm, system: Mapping[str, Any], answer: Mapping[str, Any]) -> SceneForm:
+    """The form with the start that lasts longest, and as many steps as it lasts.
+
+    On the way the conditions of the domain of the answer's Lagrangian hold, and its Hessian stays regular.
+    """
     try:
         scene, found = accelerations_of(scene_document(form, system))
     except InputError:
@@ -41,11 +45,13 @@ def with_good_start(form: SceneForm, system: Mapping[str, Any], domain: Sequence
     if found is None or scene.constraints:
         return form
     names = Names(scene.coordinates, tuple(scene.values))
+    domain = (answer.get("lagrangian") or {}).get("domain", ())
     watched = tuple(_left(condition, names) for condition in domain)
+    hessian = tuple(read_formula(text, names) for line in answer.get("multiplier") or () for text in line)
     q, v = (np.array([[part[min(k, len(part) - 1)] for k in range(len(scene.coordinates))] for part in parts])
             for parts in zip(*STARTS, strict=True))  # fmt: skip
     with np.errstate(all="ignore"):
-        lasted = _lasted(scene, (*found, *watched), q, v, int(form.steps))
+        lasted = _lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
     best = int(np.argmax(lasted))
     if not lasted[best]:
         return form
@@ -67,19 +73,25 @@ def _left(condition: str, names: Names) -> Expression:
     return read_formula(condition, names)
 
 
-def _lasted(scene: Any, formulas: Sequence[Expression], q: Array, v: Array, steps: int) -> Array:
+def _lasted(
+    scene: Any, formulas: Sequence[Expression], hessian: Sequence[Expression], q: Array, v: Array, steps: int
+) -> Array:
     """For how many steps the classical Runge-Kutta method stays within bounds from each start (m,)."""
     n, h = len(scene.coordinates), float(scene.grid.step)
 
     def values(q: Array, v: Array) -> Array:
         table = table_of(scene.coordinates, q, v, scene.values)
-        return np.stack([np.broadcast_to(array_value(formula, table), len(q)) for formula in formulas], axis=1)
+        found = [np.broadcast_to(array_value(formula, table), len(q)) for formula in (*formulas, *hessian)]
+        matrices = np.stack(found[len(formulas) :], axis=1).reshape(-1, n, n) if hessian else np.ones((len(q), 1, 1))
+        return np.stack([*found[: len(formulas)], np.linalg.det(matrices)], axis=1)
 
     lasted, alive, first = np.zeros(len(q)), np.ones(len(q), dtype=bool), values(q, v)
+    floor = np.full_like(first[:, n:], NEAR)
+    floor[:, -1] = LEAST_PART * np.abs(first[:, -1])
     for _ in range(steps):
         a = values(q, v)
         alive &= np.isfinite(a).all(1) & (np.abs(a[:, :n]) < LARGEST).all(1) & (np.abs(q) < LARGEST).all(1)
-        alive &= (np.abs(a[:, n:]) > NEAR).all(1) & (np.sign(a[:, n:]) == np.sign(first[:, n:])).all(1)
+        alive &= (np.abs(a[:, n:]) > floor).all(1) & (np.sign(a[:, n:]) == np.sign(first[:, n:])).all(1)
         if not alive.any():
             break
         b = values(q + h / 2 * v, v + h / 2 * a[:, :n])

@@ -19,8 +19,9 @@ from inverse_service.web.pages.scenes import scene_document
 from inverse_service.web.pages.simulate import _form_of_result, changed_scene, form_of_system
 
 CONSTRAINED = catalogue.names("nonholonomic")
-# One of each fault that the first start has: a pole, a boundary of the domain, a blow-up, a fold of L.
-HARD = ("kepler-polar", "relativistic-charged-2d", "henon-heiles", "modified-emden", "sphere-geodesics")
+# One of each fault that the first start has: a pole, a boundary of the domain, a blow-up, a fold of L, a singular Hessian.
+HARD = ("kepler-polar", "relativistic-charged-2d", "henon-heiles", "modified-emden", "sphere-geodesics",
+        "calogero-goldfish-2")
 
 
 def scene_of(name: str) -> dict[str, Any]:
