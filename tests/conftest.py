@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -139,12 +140,17 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 @pytest.fixture(scope="session")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The address of a real service in a process of its own."""
+    yield from running_service(tmp_path_factory.mktemp("service"))
+
+
+def running_service(folder: Path, time_limit: int = 10) -> Iterator[str]:
+    """A service with its store in a folder; `time_limit` in s by the clock, so a busy machine needs more."""
     command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
     environment = {
         **os.environ,
-        "INVERSE_SERVICE_TIME_LIMIT": "10",
+        "INVERSE_SERVICE_TIME_LIMIT": str(time_limit),
         "INVERSE_SERVICE_WORKERS": "2",
-        "INVERSE_SERVICE_DATABASE": str(tmp_path_factory.mktemp("service") / "jobs.sqlite"),
+        "INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"),
         "INVERSE_SERVICE_LOG_LEVEL": "warning",
     }
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:

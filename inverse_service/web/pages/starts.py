@@ -38,21 +38,21 @@ def with_good_start(form: SceneForm, system: Mapping[str, Any], answer: Mapping[
 
     On the way the conditions of the domain of the answer's Lagrangian hold, and its Hessian stays regular.
     """
+    domain = (answer.get("lagrangian") or {}).get("domain", ())
     try:
         scene, found = accelerations_of(scene_document(form, system))
+        names = Names(scene.coordinates, tuple(scene.values))
+        watched = tuple(_left(condition, names) for condition in domain)
+        hessian = tuple(read_formula(text, names) for line in answer.get("multiplier") or () for text in line)
     except InputError:
         return form
     if found is None or scene.constraints:
         return form
-    names = Names(scene.coordinates, tuple(scene.values))
-    domain = (answer.get("lagrangian") or {}).get("domain", ())
-    watched = tuple(_left(condition, names) for condition in domain)
-    hessian = tuple(read_formula(text, names) for line in answer.get("multiplier") or () for text in line)
     q, v = (np.array([[part[min(k, len(part) - 1)] for k in range(len(scene.coordinates))] for part in parts])
             for parts in zip(*STARTS, strict=True))  # fmt: skip
     with np.errstate(all="ignore"):
-        lasted = _lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
-    best = int(np.argmax(lasted))
+        lasted, evenness = _lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
+    best = int(np.argmax(lasted + evenness))
     if not lasted[best]:
         return form
     steps = int(form.steps) if lasted[best] == int(form.steps) else max(1, int(SHARE * lasted[best]))
@@ -75,8 +75,11 @@ def _left(condition: str, names: Names) -> Expression:
 
 def _lasted(
     scene: Any, formulas: Sequence[Expression], hessian: Sequence[Expression], q: Array, v: Array, steps: int
-) -> Array:
-    """For how many steps the classical Runge-Kutta method stays within bounds from each start (m,)."""
+) -> tuple[Array, Array]:
+    """For how many steps the classical Runge-Kutta method stays within bounds from each start (m,).
+
+    And how even the determinant of the Hessian is on the way, from 0 to below 1.
+    """
     n, h = len(scene.coordinates), float(scene.grid.step)
 
     def values(q: Array, v: Array) -> Array:
@@ -88,16 +91,19 @@ def _lasted(
     lasted, alive, first = np.zeros(len(q)), np.ones(len(q), dtype=bool), values(q, v)
     floor = np.full_like(first[:, n:], NEAR)
     floor[:, -1] = LEAST_PART * np.abs(first[:, -1])
+    least = most = np.abs(first[:, -1])
     for _ in range(steps):
         a = values(q, v)
         alive &= np.isfinite(a).all(1) & (np.abs(a[:, :n]) < LARGEST).all(1) & (np.abs(q) < LARGEST).all(1)
         alive &= (np.abs(a[:, n:]) > floor).all(1) & (np.sign(a[:, n:]) == np.sign(first[:, n:])).all(1)
         if not alive.any():
             break
+        least = np.where(alive, np.minimum(least, np.abs(a[:, -1])), least)
+        most = np.where(alive, np.maximum(most, np.abs(a[:, -1])), most)
         b = values(q + h / 2 * v, v + h / 2 * a[:, :n])
         c = values(q + h / 2 * (v + h / 2 * a[:, :n]), v + h / 2 * b[:, :n])
         d = values(q + h * (v + h / 2 * b[:, :n]), v + h * c[:, :n])
         q = q + h * v + h * h / 6 * (a + b + c)[:, :n]
         v = v + h / 6 * (a + 2 * b + 2 * c + d)[:, :n]
         lasted += alive
-    return lasted
+    return lasted, np.nan_to_num(0.9 * least / most)

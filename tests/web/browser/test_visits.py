@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from ...conftest import running_service
 from .conftest import Look, new_page
 from .test_every_page import Axe
 
@@ -24,6 +25,12 @@ LOOKS = [
     for scripts, narrow, scheme in itertools.product((True, False), (False, True), ("light", "dark"))
 ]
 SLEIGH = "/?lagrangian=m/2*(x'^2%2By'^2)%2BJ/2*phi'^2&constraints=x'*sin(phi)-y'*cos(phi)"
+
+
+@pytest.fixture(scope="module")
+def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A service with the time of a real one: the double pendulum takes 3 s of a processor that others use too."""
+    yield from running_service(tmp_path_factory.mktemp("visits"), 60)
 
 
 def student(page: Page, scripts: bool) -> None:
@@ -84,11 +91,11 @@ WAYS = (student, double_pendulum, researcher, teacher, tool_author)
 
 @pytest.mark.parametrize("look", LOOKS, ids=str)
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
-def test_a_visit_reaches_its_end(browser: Browser, service: str, way: Callable[[Page, bool], None], look: Look) -> None:
+def test_a_visit_reaches_its_end(browser: Browser, patient: str, way: Callable[[Page, bool], None], look: Look) -> None:
     page = new_page(browser, look)
     faults: list[str] = []
     page.on("pageerror", lambda error: faults.append(str(error)))
-    page.goto(service + "/")
+    page.goto(patient + "/")
     way(page, look.scripts)
     if look.scripts:
         found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]

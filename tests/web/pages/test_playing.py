@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -19,9 +20,15 @@ from inverse_service.web.pages.scenes import scene_document
 from inverse_service.web.pages.simulate import _form_of_result, changed_scene, form_of_system
 
 CONSTRAINED = catalogue.names("nonholonomic")
-# One of each fault that the first start has: a pole, a boundary of the domain, a blow-up, a fold of L, a singular Hessian.
-HARD = ("kepler-polar", "relativistic-charged-2d", "henon-heiles", "modified-emden", "sphere-geodesics",
-        "calogero-goldfish-2")
+# One of each fault that the first start has: a pole, a boundary of the domain, a blow-up, a fold of L, a singular g.
+HARD = (
+    "kepler-polar",
+    "relativistic-charged-2d",
+    "henon-heiles",
+    "modified-emden",
+    "sphere-geodesics",
+    "calogero-goldfish-2",
+)
 
 
 def scene_of(name: str) -> dict[str, Any]:
@@ -50,6 +57,20 @@ def test_the_start_that_the_form_offers_can_be_run(name: str) -> None:
 @pytest.mark.parametrize("name", catalogue.names())
 def test_every_system_of_the_catalogue_runs_from_the_start_that_the_form_offers(name: str) -> None:
     assert [one for one in not_completed(name) if one[1] != "unavailable"] == []
+
+
+def test_a_solved_system_is_run_with_the_energy_of_the_lagrangian_that_was_found() -> None:
+    solved = solve_document({"coordinates": ["x"], "equations": {"x": "-sin(x)"}}, SolveOptions(time_limit=600))
+    found = _form_of_result(solved, "job")
+    assert found is not None
+    form, base = found
+    scene = changed_scene(base, scene_document(form, base["system"]))
+    result = KINDS["simulate"].work(scene, JobOptions(60.0, 2000), lambda _: None)
+    x, v = (float(scene["initial"][kind]["x"]) for kind in ("positions", "velocities"))
+    for method in result["methods"]:
+        assert "energy_note" not in method
+        assert method["energy_start"] == pytest.approx(v * v / 2 - math.cos(x), rel=1e-12)
+        assert 0 < method["max_energy_error"] < 1e-2
 
 
 @pytest.mark.parametrize("name", CONSTRAINED)
