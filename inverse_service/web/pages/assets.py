@@ -1,4 +1,4 @@
-"""Files that pages load: our style sheets and scripts, and plotly out of its installed package."""
+"""Files that pages load: our style sheets, scripts and font."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from inverse_service.web.problems import Refusal
 router = APIRouter()
 TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
 FONT = "stix-two-math.woff2"
-NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "plotly.css", "icon.svg", "plotly.js")
-LOADED = {"style.css": (FONT,), "play.js": ("motion.js",)}
+NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "icon.svg")
+LOADED = {"style.css": (FONT,), "play.js": ("motion.js",), "figures.js": ("motion.js", "play.js")}
 # A changed file has another address, so an address never changes its content.
 FOREVER = "public, max-age=31536000, immutable"
 
@@ -44,8 +44,6 @@ def asset(name: str) -> Asset:
 
 
 def _source(name: str) -> bytes:
-    if name == "plotly.js":
-        return (resources.files("plotly") / "package_data" / "plotly.min.js").read_bytes()
     data = (resources.files("inverse_service.web") / "static" / name).read_bytes()
     # What they load themselves is named by its marked address, so that it is asked for once.
     for named in LOADED.get(name, ()):
@@ -55,11 +53,7 @@ def _source(name: str) -> bytes:
 
 @lru_cache(maxsize=len(NAMES))
 def address(name: str) -> str:
-    """Where a page finds the file; the version of plotly marks its file, so that no page waits for its hash."""
-    if name == "plotly.js":
-        from importlib.metadata import version
-
-        return f"/static/{version('plotly')}/{name}"
+    """Where a page finds the file."""
     return f"/static/{asset(name).mark}/{name}"
 
 

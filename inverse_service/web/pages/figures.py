@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
+from inverse_service.expressions.printing_names import greek_letter
 from inverse_service.web.pages.preview import angles_of_texts
 
+TRUE = ("exact", "reference")
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
 MOST_POINTS = 800
@@ -77,35 +80,102 @@ def figure_data(result: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _figure(name: str, title: str, result: Mapping[str, Any]) -> dict[str, Any]:
+    return {"name": name, "title": title, "views": _views(name, title, result)}
+
+
+def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    methods = result["methods"]
     if name == "work-precision":
-        lines = [_precision_line(k, method) for k, method in enumerate(result["methods"])]
-        return _axes(name, title, "steady time in s", "relative error", lines, log_x=True, log_y=True)
+        precise = [_precision_line(k, method) for k, method in enumerate(methods)]
+        return [_view(title, "steady time in s", "relative error", precise, log_x=True, log_y=True)]
     if name == "path":
         a, b = result["circle_coordinates"]
-        lines = [_line(k, m, columns_of(m).get(a), columns_of(m).get(b)) for k, m in enumerate(result["methods"])]
-        return _axes(name, title, a, b, lines, equal=True)
+        lines = _lines(methods, partial(_column, a), partial(_column, b))
+        return [_view(title, greek_letter(a) or a, greek_letter(b) or b, lines, equal=True)]
     if name == "coordinates":
-        lines = [
-            {**_line(k, m, columns_of(m).get("t"), columns_of(m).get(c)), "group": c}
-            for k, m in enumerate(result["methods"])
-            for c in result["system"]["coordinates"]
-        ]
-        return _axes(name, title, "t", "", lines, groups=result["system"]["coordinates"])
-    lines = [
-        _line(k, m, columns_of(m).get("t"), series(name, m))
-        for k, m in enumerate(result["methods"])
-        if m["method"] != "exact"
+        return [view for c in result["system"]["coordinates"] for view in _views_of(c, methods)]
+    others = [method for method in methods if method["method"] != "exact"]
+    views = [
+        _view(
+            "size, logarithmic",
+            "t",
+            SERIES[name][1],
+            _lines(others, _times, partial(series, name), methods),
+            log_y=True,
+        )
     ]
-    return _axes(name, title, "t", SERIES[name][1], lines, log_y=True)
+    return [*views, *_signed_views(name, result, others)]
 
 
-def _axes(name: str, title: str, x: str, y: str, lines: Sequence[Mapping[str, Any]], **more: Any) -> dict[str, Any]:
-    return {"name": name, "title": title, "x": x, "y": y, "lines": [line for line in lines if line["x"]], **more}
+def _signed_views(name: str, result: Mapping[str, Any], methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The energy, or each constraint, with its sign."""
+    columns = {"E": "energy"} if name == "energy" else {}
+    if name == "constraints":
+        count = len(result["system"]["constraints"])
+        columns = {f"\u03c9{k}(q) q\u2032": f"constraint_{k}" for k in range(1, count + 1)}
+    return [
+        _view(
+            f"{label}, with its sign", "t", label, _lines(methods, _times, partial(_column, column), result["methods"])
+        )
+        for label, column in columns.items()
+    ]
+
+
+def _column(name: str, method: Mapping[str, Any]) -> list[float | None] | None:
+    return columns_of(method).get(name)
+
+
+def _views_of(name: str, methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A coordinate in time, its difference from the true motion where that was computed, and its phase portrait."""
+    q = greek_letter(name) or name
+    views = [_view(f"{q} in time", "t", q, _lines(methods, _times, partial(_column, name)))]
+    truth = next((columns_of(m) for m in methods if m["method"] in TRUE), {})
+    if truth.get(name) and len(methods) > 1:
+        true = dict(zip(truth["t"], truth[name], strict=True))
+        others = [method for method in methods if method["method"] not in TRUE]
+        lines = _lines(others, _times, lambda m: _difference(columns_of(m), name, true), methods)
+        views.append(_view(f"{q}, difference from the true motion", "t", f"{q} \u2212 true {q}", lines))
+    lines = _lines(methods, partial(_column, name), lambda m: _rate(columns_of(m), name))
+    return [*views, _view(f"{q}, phase portrait", q, f"{q}\u2032", lines)]
+
+
+def _times(method: Mapping[str, Any]) -> list[float | None] | None:
+    return columns_of(method).get("t")
+
+
+def _difference(columns: Mapping[str, list[Any]], name: str, true: Mapping[Any, Any]) -> list[float | None]:
+    pairs = [(q, true.get(t)) for t, q in zip(columns.get("t", ()), columns.get(name, ()), strict=True)]
+    return [None if q is None or at is None else q - at for q, at in pairs]
+
+
+def _rate(columns: Mapping[str, list[Any]], name: str) -> list[float | None]:
+    """The recorded velocity; where there is none, that between the recorded points on either side."""
+    if f"v_{name}" in columns:
+        return columns[f"v_{name}"]
+    t, q = columns.get("t", []), columns.get(name, [])
+    last = len(q) - 1
+    ends = [(max(0, k - 1), min(last, k + 1)) for k in range(len(q))]
+    return [None if q[a] is None or q[b] is None or a == b else (q[b] - q[a]) / (t[b] - t[a]) for a, b in ends]
+
+
+def _view(label: str, x: str, y: str, lines: Sequence[Mapping[str, Any]], **axes: bool) -> dict[str, Any]:
+    return {"label": label, "x": x, "y": y, "lines": [line for line in lines if line["x"]], **axes}
+
+
+Column = Callable[[Mapping[str, Any]], Sequence[Any] | None]
+
+
+def _lines(
+    methods: Sequence[Mapping[str, Any]], x: Column, y: Column, whole: Sequence[Mapping[str, Any]] = ()
+) -> list[dict[str, Any]]:
+    """A line for each method, which keeps its colour by its place among the `whole`."""
+    places = {method["label"]: k for k, method in enumerate(whole or methods)}
+    return [_line(places[method["label"]], method, x(method), y(method)) for method in methods]
 
 
 def _line(k: int, method: Mapping[str, Any], x: Sequence[Any] | None, y: Sequence[Any] | None) -> dict[str, Any]:
     every = max(1, math.ceil(len(x or ()) / MOST_POINTS))
-    is_true = method["method"] in ("exact", "reference")
+    is_true = method["method"] in TRUE
     return {
         "label": method["label"],
         "colour": "ink" if is_true else COLOURS[k % len(COLOURS)],

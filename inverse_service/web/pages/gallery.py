@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 from fastapi import APIRouter
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from starlette.responses import HTMLResponse
 
 from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.documents import parameters_of
-from inverse_service.web.pages.paper_figures import FIGURES
+from inverse_service.web.pages.paper_figures import FIGURES, has_thumbnail, plane_of
 from inverse_service.web.pages.rendering import can_simulate, page
-from inverse_service.web.pages.thumbnails import has_thumbnail, plane_of
 
 router = APIRouter()
 WORDS = {"variational": "a Lagrangian", "not_variational": "none", "undetermined": "open"}
@@ -26,6 +26,19 @@ GROUP_TITLES = {
     "w''=0, x''=w' A(w) x' (contains the second-type systems and all groups with abelian codim-1 ideal)": (
         "Systems w'' = 0, x'' = w' A(w) x'"
     ),
+}
+
+
+REFERENCE = re.compile(
+    r"(?:arXiv:\s*|(?<=, ))(?P<arxiv>\d{4}\.\d{4,5})|doi:\s*(?P<doi>10\.\d{4,}/[^\s,;]+[^\s,;.])"
+    r"|math\.stackexchange\.com/questions/(?P<stack>\d+)|(?:MathOverflow |mathoverflow\.net/questions/)(?P<flow>\d+)",
+    re.I,
+)
+REFERRED = {
+    "arxiv": "https://arxiv.org/abs/{}",
+    "doi": "https://doi.org/{}",
+    "stack": "https://math.stackexchange.com/questions/{}",
+    "flow": "https://mathoverflow.net/questions/{}",
 }
 
 
@@ -39,7 +52,7 @@ class Line:
     words: str
     formulas: list[Markup] = field(default_factory=list)
     note: str = ""
-    source: str = ""
+    source: Markup | str = ""
     text: str = ""
 
 
@@ -118,9 +131,20 @@ def _line(entry: dict[str, Any], formulas: bool = False) -> Line:
         WORDS[verdict],
         shown,
         entry.get("note", ""),
-        entry.get("source", ""),
+        referenced(entry.get("source", "")),
         text_of(entry["document"]),
     )
+
+
+def referenced(source: str) -> Markup:
+    """A source with a link for each arXiv number, DOI and question of the two exchanges."""
+    shown = Markup("")
+    place = 0
+    for match in REFERENCE.finditer(source):
+        address = next(REFERRED[kind].format(number) for kind, number in match.groupdict().items() if number)
+        shown += escape(source[place : match.start()]) + Markup('<a href="{}">{}</a>').format(address, match.group())
+        place = match.end()
+    return shown + escape(source[place:])
 
 
 def text_of(document: dict[str, Any]) -> str:

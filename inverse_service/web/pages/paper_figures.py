@@ -1,21 +1,26 @@
-"""The figures of section 3 of the paper, drawn from scenes that the service runs when they are first looked at."""
+"""Pictures of the gallery, drawn from scenes that the service runs when they are first looked at.
+
+The figures of section 3 of the paper, and a small one of each constrained system: two methods on one path.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
+from inverse_service import catalogue
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.figures import SERIES, columns_of, series
 from inverse_service.web.pages.plots import PlotLine, plot
-from inverse_service.web.pages.rendering import sent
+from inverse_service.web.pages.rendering import can_simulate, sent
 from inverse_service.web.pages.results import missing, result_address
+from inverse_service.web.pages.scenes import PLANE, scene_document, scene_form
 
 router = APIRouter()
 WAIT = "wait=20"
@@ -100,14 +105,38 @@ FIGURES = (
 async def figure(request: Request, name: str) -> Response:
     """A figure of the paper; its scene is computed once as a job and kept like every answer."""
     found = _figure(name)
-    if found is None:
+    return missing() if found is None else await _drawn(request, found)
+
+
+@router.get("/gallery/{name}.svg")
+async def thumbnail(request: Request, name: str) -> Response:
+    """The path of a constrained system by two methods."""
+    if name not in catalogue.names("nonholonomic") or not has_thumbnail(name):
         return missing()
-    answer = await call(request, "POST", "/v1/simulate", dict(found.scene), {"Prefer": WAIT})
-    if answer.status != 200:
+    form = scene_form(catalogue.document(name), "", system=name)
+    methods = ("nonholonomic", "variational")
+    scene = scene_document(replace(form, methods=methods, observe=("trajectory",), steps="300"), {"catalogue": name})
+    return await _drawn(request, PaperFigure(name, "", "", scene, plane_of(name)))
+
+
+async def _drawn(request: Request, figure: PaperFigure) -> Response:
+    answer = await call(request, "POST", "/v1/simulate", dict(figure.scene), {"Prefer": WAIT})
+    if answer.status != 200 or not any(_points(figure, method) for method in answer.value["methods"]):
         # Not kept by the browser: the next look at the page asks again.
         return Response(status_code=503, headers={"Retry-After": "5"})
     headers = {"Cache-Control": "private, max-age=3600"}
-    return sent(drawing(found, answer.value), "image/svg+xml", headers)
+    return sent(drawing(figure, answer.value), "image/svg+xml", headers)
+
+
+def has_thumbnail(name: str) -> bool:
+    """Whether a picture of the system's motion can be drawn."""
+    return can_simulate() and len(catalogue.document(name)["coordinates"]) > 1
+
+
+def plane_of(name: str) -> tuple[str, str]:
+    """The coordinates of the picture: x and y, else the last two."""
+    coordinates = catalogue.document(name)["coordinates"]
+    return PLANE if set(PLANE) <= set(coordinates) else (coordinates[-2], coordinates[-1])
 
 
 @router.get("/gallery/figures/{name}")

@@ -16,7 +16,6 @@ from inverse_service.web.pages import (
     results,
     simulate,
     solve,
-    thumbnails,
 )
 from inverse_service.web.pages.visitor import note_visitor, require_visitor
 
@@ -24,7 +23,7 @@ router = APIRouter()
 router.include_router(assets.router)
 for part in (account, calls_page, manual):
     router.include_router(part.router, dependencies=[Depends(note_visitor)])
-for part in (solve, results, simulate, paper_figures, thumbnails, gallery, batches, learn):
+for part in (solve, results, simulate, paper_figures, gallery, batches, learn):
     router.include_router(part.router, dependencies=[Depends(require_visitor)])
 
 __all__ = ["router"]

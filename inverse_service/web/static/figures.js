@@ -1,88 +1,42 @@
-// Draws the figures of a simulation with plotly, which is loaded only here; the one in space by itself.
+// Draws the figures of a simulation: each has views to choose from; the one in space can be turned.
 
-const style = () => getComputedStyle(document.documentElement);
-const colour = (name) => style().getPropertyValue(name).trim();
+import { colour } from "./motion.js";
+import { chart } from "./play.js";
+
 // On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
 const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
 const inked = (name) => (name in LIFTED ? colour(LIFTED[name]) : name);
+const DASHES = { solid: [], dash: [7, 4], dot: [2, 4], dashdot: [9, 3, 2, 3], longdash: [13, 5], longdashdot: [13, 4, 2, 4] };
 
-function script(address) {
-  return new Promise((resolve, reject) => {
-    const node = document.createElement("script");
-    node.src = address;
-    node.onload = resolve;
-    node.onerror = reject;
-    document.head.append(node);
-  });
-}
-
-// Plotly writes style attributes and a style element, which the policy of the page forbids as text. The same
-// declarations may be set through the object model; the element is only for maps, which no figure here has.
-async function plotly(address) {
-  const setAttribute = Element.prototype.setAttribute;
-  Element.prototype.setAttribute = function set(name, value) {
-    if (name === "style") this.style.cssText = value;
-    else setAttribute.call(this, name, value);
-  };
-  const create = document.createElement;
-  document.createElement = function make(name, ...rest) {
-    return create.call(document, name === "style" ? "template" : name, ...rest);
-  };
-  try {
-    await script(address);
-  } finally {
-    document.createElement = create;
+class Figure {
+  constructor(node, data) {
+    this.canvas = node.querySelector("canvas");
+    this.views = data.views.filter((view) => view.lines.length);
+    const controls = node.querySelector(".controls");
+    controls.hidden = false;
+    this.choice = document.createElement("select");
+    this.choice.append(...this.views.map((view, k) => new Option(view.label, k)));
+    this.choice.setAttribute("aria-label", `${data.title}: what is drawn`);
+    this.choice.addEventListener("change", () => this.draw());
+    this.legend = document.createElement("span");
+    this.legend.className = "legend";
+    if (this.views.length > 1) controls.append(this.choice);
+    controls.append(this.legend);
+    new ResizeObserver(() => this.draw()).observe(this.canvas);
   }
-}
 
-function axis(title, logarithmic) {
-  return {
-    title: { text: title, standoff: 8 }, type: logarithmic ? "log" : "linear", gridcolor: colour("--line"),
-    linecolor: colour("--soft"), zerolinecolor: colour("--line"), exponentformat: "power", automargin: true,
-  };
-}
-
-function decades(figure) {
-  const values = figure.lines.flatMap((line) => line.y).filter((value) => value > 0);
-  return Math.log10(Math.max(...values) / Math.min(...values));
-}
-
-function layout(figure) {
-  const found = {
-    margin: { l: 60, r: 12, t: 8, b: 46 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-    font: { color: colour("--ink"), family: style().getPropertyValue("--sans"), size: 13 },
-    legend: { orientation: "h", y: -0.22 }, hovermode: "closest", xaxis: axis(figure.x, figure.log_x),
-    yaxis: axis(figure.y, figure.log_y), height: 400,
-  };
-  if (figure.log_y && decades(figure) > 1.5) found.yaxis.dtick = Math.max(1, Math.ceil(decades(figure) / 8));
-  if (figure.equal) {
-    found.yaxis.scaleanchor = "x";
-    // Margins that grow with the labels change the scale, which changes the labels: plotly gives up with a warning.
-    found.xaxis.automargin = found.yaxis.automargin = false;
+  draw() {
+    const view = this.views[Number(this.choice.value) || 0];
+    if (!view) return;
+    const lines = view.lines.map((line) => ({ ...line, colour: inked(line.colour), dash: DASHES[line.dash], width: line.colour === "ink" ? 1.2 : 1.8 }));
+    // The true motion lies under the others.
+    chart(this.canvas, { ...view, lines: [...lines].sort((a, b) => a.width - b.width), start: false });
+    this.legend.replaceChildren(...lines.map((line) => {
+      const name = Object.assign(document.createElement("span"), { textContent: line.label });
+      name.style.borderBottom = `3px ${line.dash.length ? (line.dash[0] < 3 ? "dotted" : "dashed") : "solid"} ${line.colour}`;
+      return name;
+    }));
   }
-  if (figure.groups) {
-    const count = figure.groups.length;
-    found.height = Math.max(352, 110 * count + 120);
-    found.xaxis = { ...axis(figure.x, false), anchor: "y" };
-    figure.groups.forEach((name, k) => {
-      const top = 1 - k / count;
-      found[`yaxis${k ? k + 1 : ""}`] = { ...axis(name, false), domain: [top - 0.86 / count, top] };
-    });
-    found.xaxis.anchor = `y${count > 1 ? count : ""}`;
-    found.legend.y = -0.3 / count;
-  }
-  return found;
-}
-
-function traces(figure) {
-  return figure.lines.map((line) => {
-    const place = figure.groups ? figure.groups.indexOf(line.group) : 0;
-    return {
-      x: line.x, y: line.y, name: line.label, legendgroup: line.label, showlegend: place === 0, yaxis: `y${place ? place + 1 : ""}`,
-      mode: line.markers ? "lines+markers" : "lines",
-      line: { color: inked(line.colour), dash: line.dash, width: line.colour === "ink" ? 1.4 : 2 },
-    };
-  });
 }
 
 class Space {
@@ -137,7 +91,7 @@ class Space {
     for (const line of this.data.lines) {
       pen.strokeStyle = inked(line.colour);
       pen.lineWidth = line.colour === "ink" ? 1.2 : 1.8;
-      pen.setLineDash(line.dash === "solid" ? [] : line.dash === "dot" ? [2, 3] : [7, 4]);
+      pen.setLineDash(DASHES[line.dash]);
       pen.beginPath();
       line.x.forEach((_, k) => pen.lineTo(...place([line.x[k], line.y[k], line.z[k]])));
       pen.stroke();
@@ -161,31 +115,15 @@ class Space {
 
 async function draw(place) {
   const data = await (await fetch(place.dataset.figures)).json();
+  const figures = data.filter((figure) => figure.views).map((figure) => new Figure(place.querySelector(`[data-plot="${figure.name}"]`), figure));
   const space = data.find((figure) => figure.name === "space");
   const holder = place.querySelector("[data-space]");
-  const inSpace = space && holder ? new Space(holder, space) : null;
-  const flat = data.filter((figure) => figure.name !== "space");
-  try {
-    await plotly(place.dataset.plotly);
-  } catch {
-    for (const figure of place.querySelectorAll("[data-plot]")) {
-      const picture = document.createElement("img");
-      picture.src = figure.querySelector("figcaption a").href;
-      picture.alt = figure.querySelector("h2").textContent;
-      picture.className = "sheet-white";
-      figure.querySelector(".plot").replaceWith(picture);
-    }
-    return;
-  }
-  const all = () => flat.forEach((figure) => {
-    const target = place.querySelector(`[data-plot="${figure.name}"] .plot`);
-    if (target) window.Plotly.react(target, traces(figure), layout(figure), { displayModeBar: false, responsive: true });
-  });
+  if (space && holder) figures.push(new Space(holder, space));
+  const all = () => figures.forEach((figure) => figure.draw());
   all();
   place.dataset.drawn = "yes";
-  const again = () => { all(); inSpace?.draw(); };
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
-  document.addEventListener("colours", again);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", all);
+  document.addEventListener("colours", all);
 }
 
 for (const place of document.querySelectorAll("[data-figures]")) draw(place);

@@ -154,7 +154,7 @@ export function section(system, start, c, d) {
 }
 
 // Axes with round values, lines or dots; the range is kept for who drags on it.
-export function chart(canvas, { lines, x, y, dots = false }) {
+export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y = false, equal = false, start = true }) {
   const ratio = devicePixelRatio || 1;
   const [width, height] = [canvas.clientWidth, canvas.clientWidth * 0.66];
   if (!width) return null;
@@ -168,16 +168,26 @@ export function chart(canvas, { lines, x, y, dots = false }) {
     const margin = 0.06 * (high - low) || 0.5 * Math.max(Math.abs(low), 1);
     return [low - margin, high + margin];
   };
+  const scaled = (values, isLogarithmic) => values.map((v) => (v === null ? NaN : isLogarithmic ? (v > 0 ? Math.log10(v) : NaN) : v));
+  lines = lines.map((line) => ({ ...line, x: scaled(line.x, log_x), y: scaled(line.y, log_y) }));
   const across = span(lines.flatMap((line) => line.x));
   const up = span(lines.flatMap((line) => line.y));
   const box = { left: 58, right: width - 10, top: 8, bottom: height - 40 };
+  if (equal) {
+    const unit = Math.max((across[1] - across[0]) / (box.right - box.left), (up[1] - up[0]) / (box.bottom - box.top));
+    for (const [range, size] of [[across, box.right - box.left], [up, box.bottom - box.top]]) {
+      const middle = (range[0] + range[1]) / 2;
+      [range[0], range[1]] = [middle - (unit * size) / 2, middle + (unit * size) / 2];
+    }
+  }
   const X = (v) => box.left + ((v - across[0]) / (across[1] - across[0])) * (box.right - box.left);
   const Y = (v) => box.bottom - ((v - up[0]) / (up[1] - up[0])) * (box.bottom - box.top);
   pen.font = "13px sans-serif";
   for (const [range, place, isX] of [[across, X, true], [up, Y, false]]) {
     const raw = (range[1] - range[0]) / 5;
     const power = 10 ** Math.floor(Math.log10(raw));
-    const step = [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
+    const isLogarithmic = isX ? log_x : log_y;
+    const step = isLogarithmic ? Math.max(1, Math.ceil(raw)) : [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
     for (let k = Math.ceil(range[0] / step); k * step <= range[1]; k += 1) {
       const at = place(k * step);
       pen.strokeStyle = colour("--line");
@@ -186,7 +196,7 @@ export function chart(canvas, { lines, x, y, dots = false }) {
       pen.stroke();
       pen.fillStyle = colour("--soft");
       pen.textAlign = isX ? "center" : "right";
-      const text = String(Number((k * step).toPrecision(6)));
+      const text = isLogarithmic ? `1e${k * step}` : String(Number((k * step).toPrecision(6)));
       pen.fillText(text, isX ? at : box.left - 6, isX ? box.bottom + 16 : at + 4);
     }
   }
@@ -199,23 +209,28 @@ export function chart(canvas, { lines, x, y, dots = false }) {
   pen.restore();
   lines.forEach((line, k) => {
     const [name, dash] = LOOKS[k % LOOKS.length];
-    pen.strokeStyle = pen.fillStyle = colour(name);
-    if (dots) {
+    pen.strokeStyle = pen.fillStyle = line.colour ?? colour(name);
+    if (dots || line.markers) {
       line.x.forEach((v, i) => pen.fillRect(X(v) - 1.5, Y(line.y[i]) - 1.5, 3, 3));
-      return;
+      if (dots) return;
     }
-    pen.lineWidth = k ? 1.5 : 2;
-    pen.setLineDash(dash);
+    pen.lineWidth = line.width ?? (k ? 1.5 : 2);
+    pen.setLineDash(line.dash ?? dash);
     pen.beginPath();
-    line.x.forEach((v, i) => pen.lineTo(X(v), Y(line.y[i])));
+    let isDrawn = false;
+    line.x.forEach((v, i) => {
+      const w = line.y[i];
+      if (Number.isFinite(v + w)) pen[isDrawn ? "lineTo" : "moveTo"](X(v), Y(w));
+      isDrawn = Number.isFinite(v + w);
+    });
     pen.stroke();
     pen.setLineDash([]);
   });
-  const start = lines[0] && !dots && { x: X(lines[0].x[0]), y: Y(lines[0].y[0]) };
-  if (start) {
+  const begin = start && lines[0] && !dots && { x: X(lines[0].x[0]), y: Y(lines[0].y[0]) };
+  if (begin) {
     pen.fillStyle = colour("--ink");
     pen.beginPath();
-    pen.arc(start.x, start.y, 4.5, 0, 2 * Math.PI);
+    pen.arc(begin.x, begin.y, 4.5, 0, 2 * Math.PI);
     pen.fill();
   }
   return { value: (u, v) => [across[0] + ((u - box.left) / (box.right - box.left)) * (across[1] - across[0]), up[0] + ((box.bottom - v) / (box.bottom - box.top)) * (up[1] - up[0])] };

@@ -70,7 +70,7 @@ def test_axe_finds_nothing_where_a_fault_is_shown(coloured: Visit) -> None:
 
 
 def weight(visit: Visit, path: str) -> int:
-    """Bytes of everything that the page loads at once, as they are sent; without plotly, which only figures load."""
+    """Bytes of everything that the page loads at once, as they are sent."""
     loaded: list[Request] = []
 
     def note(request: Request) -> None:
@@ -80,9 +80,8 @@ def weight(visit: Visit, path: str) -> int:
     visit.go(path)
     visit.page.wait_for_load_state("load")
     visit.page.remove_listener("requestfinished", note)
-    own = [request for request in loaded if not request.url.endswith("/plotly.js")]
     # What comes out of the cache has no size, which chromium counts as a little less than nothing.
-    return sum(max(0, request.sizes()["responseBodySize"]) for request in own)
+    return sum(max(0, request.sizes()["responseBodySize"]) for request in loaded)
 
 
 def test_a_page_weighs_less_than_100_kilobytes(fresh: Visit) -> None:

@@ -29,7 +29,7 @@ def test_one_click_leads_to_the_proof_that_the_disk_has_no_lagrangian(
 def test_one_click_leads_to_the_circle_of_the_second_system(visit: Visit) -> None:
     visit.go("/")
     visit.page.get_by_role("button", name="Rolling disk: see its circle").click()
-    expect(visit.page.locator("[data-plot=path] .main-svg").first).to_be_visible(timeout=40_000)
+    expect(visit.page.locator("[data-plot=path] .legend span").first).to_be_visible(timeout=40_000)
     expect(visit.page.get_by_role("button", name="Play")).to_be_visible()
     expect(visit.page.locator("main")).to_contain_text("second associated system")
     row = visit.page.locator("tbody tr", has_text="variational").first

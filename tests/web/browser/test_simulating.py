@@ -50,7 +50,7 @@ def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
     expect(visit.page.locator("[data-drawn]")).to_be_visible(timeout=40_000)
     assert visit.page.locator("tbody tr").filter(has_text="completed").count() == 3
     for name in ("path", "coordinates", "energy", "constraints"):
-        expect(visit.page.locator(f"[data-plot={name}] .main-svg").first).to_be_visible()
+        expect(visit.page.locator(f"[data-plot={name}] canvas").first).to_be_visible()
     assert visit.page.locator("[data-plot=error]").count() == 0
     space = visit.page.locator("[data-space] canvas")
     before = space.evaluate("node => node.toDataURL()")
@@ -119,7 +119,7 @@ def test_error_is_measured_against_time(visit: Visit) -> None:
     visit.go("/simulate?system=knife-edge")
     visit.page.get_by_label("Steps").fill("20")
     visit.page.get_by_role("button", name="Measure error against time").click()
-    expect(visit.page.locator("[data-plot=work-precision] .main-svg").first).to_be_visible(timeout=60_000)
+    expect(visit.page.locator("[data-plot=work-precision] .legend span").first).to_be_visible(timeout=60_000)
     assert visit.page.locator("tbody tr").count() >= 4
 
 
