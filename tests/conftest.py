@@ -143,6 +143,12 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     yield from running_service(tmp_path_factory.mktemp("service"))
 
 
+@pytest.fixture(scope="session")
+def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A service with the time of a real one: the double pendulum takes 3 s of a processor that others use too."""
+    yield from running_service(tmp_path_factory.mktemp("patient"), 60)
+
+
 def running_service(folder: Path, time_limit: int = 10) -> Iterator[str]:
     """A service with its store in a folder; `time_limit` in s by the clock, so a busy machine needs more."""
     command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]

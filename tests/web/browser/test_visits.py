@@ -6,14 +6,16 @@ With PICTURES=FOLDER in the environment each ends in a picture there; docs/pages
 from __future__ import annotations
 
 import itertools
+import json
 import os
-from collections.abc import Callable, Iterator
+import shutil
+import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from ...conftest import running_service
 from .conftest import Look, new_page
 from .test_every_page import Axe
 
@@ -25,12 +27,6 @@ LOOKS = [
     for scripts, narrow, scheme in itertools.product((True, False), (False, True), ("light", "dark"))
 ]
 SLEIGH = "/?lagrangian=m/2*(x'^2%2By'^2)%2BJ/2*phi'^2&constraints=x'*sin(phi)-y'*cos(phi)"
-
-
-@pytest.fixture(scope="module")
-def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A service with the time of a real one: the double pendulum takes 3 s of a processor that others use too."""
-    yield from running_service(tmp_path_factory.mktemp("visits"), 60)
 
 
 def student(page: Page, scripts: bool) -> None:
@@ -106,3 +102,19 @@ def test_a_visit_reaches_its_end(browser: Browser, patient: str, way: Callable[[
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth") if look.scripts else True
     page.context.close()
     assert faults == []
+
+
+FIREFOX, NODE = (shutil.which(name) or "" for name in ("firefox-esr", "node"))
+PUPPETEER = os.environ.get("PUPPETEER", "")
+
+
+@pytest.mark.skipif(
+    not (FIREFOX and NODE and PUPPETEER), reason="needs firefox-esr, and PUPPETEER, where it is installed"
+)
+def test_two_visits_reach_their_ends_in_firefox(patient: str) -> None:
+    script = Path(__file__).with_name("firefox.mjs")
+    command = [NODE, str(script), FIREFOX, PUPPETEER, patient, *([FOLDER] if FOLDER else [])]
+    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True, timeout=400).stdout)
+    assert found["version"].startswith("firefox/")
+    assert found["own"].startswith("Yes")
+    assert (found["shown"], found["completed"], found["faults"]) == ("double-pendulum", 2, [])
