@@ -73,7 +73,7 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
             yield display(f"{letter} = {part['latex']}")
             if part.get("domain"):
                 yield f"where {_conditions(part['domain'], system, momenta)}."
-            yield from (f"Regular {escaped(part["regular"])}." for _ in regular_where(part))
+            yield from (f"Regular {escaped(part['regular'])}." for _ in regular_where(part))
     if momenta and system:
         yield from (display(f"{to_latex(Symbol(p))} = {_latex(text, system, momenta)}") for p, text in momenta.items())
     if hamiltonian and hamiltonian["constraints"] and system:

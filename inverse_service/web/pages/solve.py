@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from functools import lru_cache
 from typing import Any
 
@@ -59,6 +60,7 @@ NONHOLONOMIC_EXAMPLES = (
     ("inclined-knife-edge", "Inclined knife edge", "under gravity"),
 )
 FIRST_NONHOLONOMIC = "nonholonomic-particle"
+AT_ONCE = 0.1  # s
 START = "x'' = -x + k*y\ny'' = -y + k*x"
 
 
@@ -78,7 +80,9 @@ async def form(request: Request) -> HTMLResponse:
         fields = lean_fields(example_document(FIRST_NONHOLONOMIC))
     else:
         fields = fields_from({"equations": START})
-    return solve_page(fields, reveal=revealed_of_link(query), **await understand(request, fields))
+    # A page at its start is shown at once: while the workers of a fresh service start, the script asks by itself.
+    patience = None if query else AT_ONCE
+    return solve_page(fields, reveal=revealed_of_link(query), **await understand(request, fields, patience))
 
 
 @router.post("/own")
@@ -140,12 +144,13 @@ def _not_read(refusal: Refusal) -> HTMLResponse:
     return solve_page(fields_from({"equations": START}), problem=problem, status=refusal.status)
 
 
-async def understand(request: Request, fields: dict[str, str]) -> dict[str, Any]:
-    """How the fields are understood, for the template; nothing where no worker has time to say."""
+async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:
+    """How the fields are understood, for the template; nothing where no worker has said it in `patience` seconds."""
     engine: Engine = request.app.state.engine
+    asked = engine.run_quick(client_of(request), echo_task, fields, seconds=QUICK_DEADLINE)
     try:
-        outcome = await engine.run_quick(client_of(request), echo_task, fields, seconds=QUICK_DEADLINE)
-    except Refusal:
+        outcome = await asyncio.wait_for(asked, patience)
+    except (Refusal, TimeoutError):
         return {}
     found: dict[str, Any] = outcome.value if outcome.status == "done" else {}
     return found

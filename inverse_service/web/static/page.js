@@ -316,6 +316,8 @@ for (const form of document.querySelectorAll("form[data-echo]")) {
   else {
     examples(form, ask);
     drafts(form, ask);
+    // A service that just started shows the form before it can say how the form is read.
+    if (!document.querySelector("#understood .formula, #understood [data-problem]")) ask();
   }
   submitKey(form);
   for (const button of document.querySelectorAll("[data-reveal]")) revealing(button, form);

@@ -1,4 +1,4 @@
-"""What is drawn of an observed quantity on a logarithmic axis."""
+"""What is drawn of a run: on logarithmic axes, as differences, in phase portraits, with signs."""
 
 from __future__ import annotations
 

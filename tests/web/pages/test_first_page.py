@@ -1,0 +1,39 @@
+"""The form is shown at once where no worker can read it yet."""
+
+from __future__ import annotations
+
+import asyncio
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.web.pages import solve
+
+
+class Starting:
+    """An engine whose workers answer after `delay` seconds; `withdrawn` counts those not waited for."""
+
+    def __init__(self, delay: float) -> None:
+        self.delay, self.withdrawn = delay, 0
+
+    async def run_quick(self, *arguments: Any, **options: Any) -> Outcome:
+        try:
+            await asyncio.sleep(self.delay)
+        except asyncio.CancelledError:
+            self.withdrawn += 1
+            raise
+        return Outcome("done", {"understood": "read"})
+
+
+@pytest.mark.parametrize(("delay", "patience", "found"), [(60, 0.01, {}), (0, 5, "read"), (0.05, None, "read")])
+def test_a_page_at_its_start_does_not_wait_for_workers(
+    monkeypatch: pytest.MonkeyPatch, delay: float, patience: float | None, found: Any
+) -> None:
+    engine = Starting(delay)
+    monkeypatch.setattr(solve, "client_of", lambda request: "one")
+    request: Any = SimpleNamespace(app=SimpleNamespace(state=SimpleNamespace(engine=engine)))
+    answer = asyncio.run(solve.understand(request, {}, patience))
+    assert answer == (found and {"understood": found})
+    assert engine.withdrawn == (0 if found else 1)
