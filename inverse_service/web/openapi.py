@@ -137,7 +137,8 @@ def described(app: FastAPI) -> dict[str, Any]:
         _finish_operations(found["paths"])
         for holder in _objects(found):
             for name, part in holder["properties"].items():
-                part.setdefault("description", _descriptions().get(name, ""))
+                own = _descriptions().get(f"{holder.get('title')}.{name}")
+                part.setdefault("description", own or _descriptions().get(name, ""))
         app.openapi_schema = found
     return app.openapi_schema
 
@@ -190,7 +191,7 @@ def _objects(value: Any) -> Iterator[dict[str, Any]]:
 
 @lru_cache(maxsize=1)
 def _descriptions() -> dict[str, str]:
-    """What each field is, by its name: the page docs/fields.md is made of the same sentences."""
+    """What each field is, by its name, or by Model.name where that means another thing; docs/fields.md has the same."""
     text = resources.files("api_schemas").joinpath("descriptions.json").read_text(encoding="utf-8")
     found: dict[str, str] = json.loads(text)
     return found
