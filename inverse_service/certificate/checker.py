@@ -424,6 +424,7 @@ class Question:
         order, degree, dimensions = document["order"], document["degree"], list(document["dimensions"])
         require(degree <= order, "degree has to be at most order.")
         idle, degrees = set[Row](), range(degree + 1)
+        most = order + 1 + max(2, *(depth for _, depth, _ in self.kinds_of_rows.values()))
         directions: list[list[int]] = []
         while not directions or fmpz_mat(directions).det() == 0:
             directions = [[self.generator.randrange(1, 1 << 20) for _ in self.variables] for _ in self.variables]
@@ -447,15 +448,13 @@ class Question:
             regular and ring.arithmetic.regular(ring.matrix(echelon))
 
         self.prepare(lambda ring: None)
-        results = self.modulo(order + 3, work)
+        results = self.modulo(most, work)
         steps, killing = (self.agreed(result[k] for result in results) for k in (0, 1))
         found, regular, sizes = results[0][2:]
         if any(result[2:] != results[0][2:] for result in results):
             raise Ended("incomplete", "The dimensions are different at different points.")
         if not self.rational:
-            self.proven_in_balls(
-                order + 3, real, "Balls at the real point do not show that the ranks are the generic ones."
-            )
+            self.proven_in_balls(most, real, "Balls at the real point do not show that the ranks are the generic ones.")
         require(found == [dimensions] * 2, "The dimensions are not those of this and the next order.")
         require(regular, "No multiplier g(p) that is left is regular.")
         claimed = document["symbol"]

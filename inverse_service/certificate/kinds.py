@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
-from itertools import combinations_with_replacement, product
+from itertools import combinations, combinations_with_replacement, product
 from typing import Any
 
 from .checker import KindsOfRows, Question, Tools
@@ -13,6 +13,7 @@ from .numbers import Arithmetic, Series
 from .series import Expansion, Term
 
 NATURAL, HOMOGENEOUS = ("natural", "riemannian", "rayleigh"), ("riemannian", "finsler")
+FRICTION = ("rayleigh", "rayleigh_general")
 Derivation = tuple[dict[int, Series], int, bool]  # its components, c of Y(L) = c L, and whether that holds exactly
 
 
@@ -21,8 +22,10 @@ class KindExpansion(Expansion):
 
     def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
         super().__init__(arithmetic, degree)
+        self.pushed = self.slopes  # those of f with its friction
         self.speeds = dict(zip(self.v, self.field[-2 * len(self.v) : -len(self.v)], strict=True))
         if self.question.without_drag:  # f, E f, E E f, E E E f with E = v^k d/dv^k
+            self.pushed = self.slopes
             powers = [[force] for force in self.forces]
             for _, each in product(range(3), powers):
                 each.append(self.along(self.speeds, each[-1]))
@@ -45,6 +48,8 @@ class KindExpansion(Expansion):
         return found
 
     def terms(self, kind: str, *place: int) -> list[Term]:
+        if kind[0] in "CD":
+            return self.curl(kind[0], int(kind[1:]), *place)
         if kind[0] not in "KS":
             return super().terms(kind, *place)
         (parts, weight, _), by = self.derivations[int(kind[1:])], tuple(self.v[a] for a in place)
@@ -57,6 +62,16 @@ class KindExpansion(Expansion):
         for v, (b, c) in product(self.v, (by, by[::-1])):
             rows.append((1, self.derivative(parts.get(v, {}), c), (b, v)))
         return rows
+
+    def curl(self, kind: str, k: int, i: int, j: int) -> list[Term]:
+        """d_w (g_il df^l/dv^j - g_jl df^l/dv^i): w = v^k, with 2 (d_(q^j) g_ik - d_(q^i) g_jk); or w = q^k, cyclic."""
+        cycle, found = [(i, j, k)] if kind == "C" else [(i, j, k), (j, k, i), (k, i, j)], list[Term]()
+        for (a, b, c), sign in product(cycle, (1, -1)):
+            i, j, w = *((a, b) if sign > 0 else (b, a)), (self.v if kind == "C" else self.q)[c]
+            for v, slope in zip(self.v, self.pushed, strict=True):
+                found += [(sign, slope[j], (self.v[i], v, w)), (sign, self.derivative(slope[j], w), (self.v[i], v))]
+            found += [(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))] * (kind == "C")
+        return found
 
     def multiplied(self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()) -> list[Term]:
         """Y(L) - c L, of the derivative of L by some variables."""
@@ -75,12 +90,10 @@ class OfKind(Question):
             check_shape(move, dict.fromkeys(move, TEXT), "among.invariant")
             self.moves.append({name: read_tokens(text, "among.invariant") for name, text in move.items()})
         require(not timed or self.kind not in HOMOGENEOUS, "A homogeneous Lagrangian is one without t.")
-        if self.kind == "rayleigh" and claim["kind"] == "lagrangian":
+        if self.kind in FRICTION and claim["kind"] == "lagrangian":
             self.drag = read_tokens(claim.get("dissipation"), "certificate.dissipation")
             require(timed or "t" not in self.drag, "The dissipation contains t, but the question does not.")
         self.without_drag = self.kind == "rayleigh" and not self.drag
-        if timed and self.without_drag:  # the even part of f is then no system with a natural Lagrangian
-            raise Ended("incomplete", "That there is no Lagrangian with friction is proven of L(q, q') only.")
         super().__init__(tools, document, timed, claim)
         words = {token for move in self.moves for text in move.values() for token in text if token[:1].isalpha()}
         good = all(move and {*move} <= {*self.coordinates} for move in self.moves) and bool(self.moves) == invariant
@@ -91,9 +104,15 @@ class OfKind(Question):
     def listed_rows(self) -> KindsOfRows:
         n, found = len(self.coordinates), super().listed_rows()
         natural, even = n * (self.kind in NATURAL), 2 * self.without_drag
+        if self.kind == "rayleigh_general" or (self.without_drag and self.timed):
+            found = {}  # with t the even part of f is no system with a natural Lagrangian
         count = natural + (self.kind in HOMOGENEOUS) + len(self.moves)
+        if self.kind in FRICTION:
+            found |= {f"C{k}": (1, 2, list(combinations(range(n), 2)) or [(0, 0)]) for k in range(n)}
+            found |= {f"D{k}": (1, 2, list(combinations(range(k), 2))) for k in range(n)}
         exact = [0] if self.kind == "rayleigh" else range(natural, count)
-        found |= {f"K{s}": (1, 2, found["H2"][2]) for s in range(count)}
+        pairs: list[tuple[int, ...]] = list(combinations_with_replacement(range(n), 2))
+        found |= {f"K{s}": (1, 2, pairs) for s in range(count)}
         found |= {f"S{s}": (0, 2, [(i, i) for i in range(n)]) for s in exact}
         return {kind: (order, depth + even, places) for kind, (order, depth, places) in found.items()}
 
@@ -116,14 +135,15 @@ class OfKind(Question):
         for slope, (value, sentence) in zip(push, super().residuals(ring, lagrangian), strict=True):
             yield ring.add([value, slope]), sentence
         exact = [(parts, weight, lagrangian) for parts, weight, holds in ring.derivations if holds]
-        for parts, weight, series in [*exact, *[(ring.speeds, 2, drag)] * bool(drag)]:
+        quadratic = bool(drag) and self.kind == "rayleigh"
+        for parts, weight, series in [*exact, *[(ring.speeds, 2, drag)] * quadratic]:
             yield ring.value(ring.multiplied(parts, weight), series), "It is not homogeneous, or not invariant."
         cubes = [*combinations_with_replacement(ring.v, 3)]
         for series, by in product([lagrangian, drag] if self.kind in NATURAL else [], cubes):
             yield ring.value([(1, ring.one, by)], series), "It is not quadratic in the velocities."
 
     def existence(self, document: dict[str, Any]) -> str:
-        if self.moves or self.kind == "rayleigh":
+        if self.moves or (self.timed and self.kind == "rayleigh"):
             raise Ended("incomplete", "Of this kind only a Lagrangian itself proves that there is one.")
         return super().existence(document)
 
@@ -131,7 +151,7 @@ class OfKind(Question):
 def named(kind: Any) -> Any:
     """The name of a kind, which may have vector fields."""
     if not isinstance(kind, dict):
-        check_shape(kind, "natural|riemannian|finsler|positive_definite|rayleigh", "among")
+        check_shape(kind, "natural|riemannian|finsler|positive_definite|rayleigh|rayleigh_general", "among")
         return kind
     check_shape(kind, {"invariant": [{}, MAX_NAMES]}, "among")
     require(len(kind) == 1, "among has to name one kind.")

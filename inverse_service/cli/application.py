@@ -118,7 +118,7 @@ def solve(
         typer.Option(
             "--kind",
             help="Also: is there an L of this kind? natural, riemannian, finsler, positive_definite, rayleigh, "
-            "invariant:x,y. Repeatable.",
+            "rayleigh_general, invariant:x,y. Repeatable.",
         ),
     ] = None,
     clock: Annotated[

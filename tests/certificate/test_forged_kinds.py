@@ -10,7 +10,7 @@ import pytest
 from inverse_service.certificate.checker import check_certificate, check_result
 
 Document = dict[str, Any]
-FORMAT = "inverse-service/certificate/2"
+FORMAT, GENERAL = "inverse-service/certificate/2", "rayleigh_general"
 
 
 def claim(kind: object, lagrangian: str = "", /, *forces: str, **more: object) -> Document:
@@ -24,7 +24,7 @@ def rows_of(kinds: dict[str, int], variables: int, order: int) -> list[Any]:
     """All rows of two coordinates, by the order of each condition."""
     found = []
     for kind, (i, j) in product(kinds, ((0, 0), (0, 1), (1, 1))):
-        if (kind == "H3" and i == j) or (kind[0] == "S" and i < j):
+        if ((kind[:1] in "CD" or kind == "H3") and i == j) or (kind[0] == "S" and i < j):
             continue
         least = order - kinds[kind]
         alphas = (list(a) for a in product(range(least + 1), repeat=variables) if sum(a) <= least)
@@ -35,6 +35,8 @@ def rows_of(kinds: dict[str, int], variables: int, order: int) -> list[Any]:
 NATURAL = {"H2": 1, "H3": 0, "K0": 1, "K1": 1}
 HOMOGENEOUS = NATURAL | {"K2": 1, "S2": 0}
 FINSLER = {"H2": 1, "H3": 0, "K0": 1, "S0": 0}
+RAYLEIGH = NATURAL | {"S0": 0, "C0": 1, "C1": 1}
+ANY_DRAG = {"C0": 1, "C1": 1}
 
 
 def no(kind: object, rows: list[Any], /, *forces: str, **more: object) -> Document:
@@ -61,8 +63,13 @@ TRUE = {
         "rayleigh", f"x'^2/2 + (1 + t)*y'^2/2 - ({POTENTIAL})", *DRIVEN,
         dissipation="y'^2/2", question="time_dependent",
     ),
+    "any friction": claim(GENERAL, "x'^2/2", "-x - x'^3", dissipation="-x*x' - x'^4/4"),
+    "any friction with time": claim(
+        GENERAL, "x'^2/2 + exp(t)*y'^2/2", "-t*x'^3", "-y'", dissipation="-t*x'^4/4", question="time_dependent"
+    ),
     "no riemannian": no("riemannian", [["S2", i, i, [0] * 4] for i in (0, 1)], "x'^3/y'", "x"),
     "no rayleigh": no("rayleigh", [["S0", 0, 0, [0, 0]]], "-x - x'^3"),
+    "no rayleigh with time": no("rayleigh", [["S0", 0, 0, [0, 0, 0]]], "-t*x'^3", question="time_dependent"),
 }  # fmt: skip
 
 FALSE = {
@@ -108,6 +115,11 @@ FALSE = {
     "friction on both sides": claim("rayleigh", "x'^4/12", "0", dissipation="0"),
     "friction without D": claim("rayleigh", "x'^2/2 - x^2/2", "-x"),
     "friction of a singular L": claim("rayleigh", "x", "0", dissipation="x'^2/2"),
+    "any friction, of another force": claim(GENERAL, "x'^2/2", "-x - x'^3", dissipation="-x*x' - x'^4/3"),
+    "any friction without D": claim(GENERAL, "x'^2/2", "-x - x'^3"),
+    "any friction of a singular L": claim(GENERAL, "x", "-x'^3", dissipation="-x'"),
+    "any friction with t": claim(GENERAL, "x'^2/2", "-x'^3", dissipation="-x'^4/4 + 0*t"),
+    "any friction that is no gradient": claim(GENERAL, "x'^2/2 + y'^2/2", "y'", "-x'", dissipation="x'*y'"),
     "friction by an integral": claim(
         "rayleigh", "x'^2/2", "-x'", dissipation="-x'^2/2*F(x)",
         integrals={"F": {"arguments": ["x"], "derivatives": {"x": "0"}}},
@@ -116,10 +128,18 @@ FALSE = {
     "no riemannian one where there is": no("riemannian", rows_of(HOMOGENEOUS, 4, 2), "x*y'^2", "-2*x'*y'/x"),
     "no finsler one where there is": no("finsler", rows_of(FINSLER, 4, 2), "0", "0"),
     "no invariant one where there is": no(TURN, rows_of(FINSLER, 4, 2), "-x", "-y"),
-    "none with friction where there is": no("rayleigh", rows_of(NATURAL | {"S0": 0}, 4, 2), "-x - x'", "-2*y - 2*y'"),
+    "none with friction where there is": no("rayleigh", rows_of(RAYLEIGH, 4, 2), "-x - x'", "-2*y - 2*y'"),
     "none with friction and time where there is": no(
+        "rayleigh", rows_of(ANY_DRAG | {"K0": 1, "K1": 1, "S0": 0}, 5, 2), *DRIVEN, question="time_dependent"
+    ),
+    "none with friction and time by rows without": no(
         "rayleigh", rows_of(NATURAL, 5, 2), *DRIVEN, question="time_dependent"
     ),
+    "none with any friction for two coordinates": no(GENERAL, rows_of(ANY_DRAG, 4, 2), "x'*y'^2 - x", "x^2*x'^3"),
+    "none with any friction for one": no(GENERAL, [], "x'^2 - x"),
+    "none with any friction by a row of one": no(GENERAL, [["C0", 0, 0, [0, 0]]], "x'^2 - x"),
+    "none with any friction by rows of H": no(GENERAL, rows_of(NATURAL, 4, 2), "x^2 + y^2", "-y'"),
+    "none with any friction by rows of D off their places": no(GENERAL, [["D1", 0, 1, [0] * 4]], "x^2 + y^2", "-y'"),
     "no natural one near a special place": no(
         "natural", rows_of(NATURAL, 4, 2), "-x + exp(-x^2)*y'", "-2*y - exp(-x^2)*x'", near={"x": "30"}
     ),
@@ -129,6 +149,8 @@ FALSE = {
     "rows of a motion": no("natural", [["free", 0, 0, [0] * 4]], "x'*y'", "y'^2"),
     "existence of a natural one by invented numbers": claim("natural", "", "x'*y'", "y'^2", **DATA),
     "existence of one with friction": claim("rayleigh", "", "-x", "-y", **DATA),
+    "existence of one with any friction": claim(GENERAL, "", "-x", "-y", **DATA),
+    "existence of one with friction and time": claim("rayleigh", "", *DRIVEN, question="time_dependent", **DATA),
     "existence of an invariant one": claim(SHIFT, "", "0", "0", **DATA),
     "a huge power": claim("natural", "x'^2/2 - (x*y + 1)^99999999", "-x", "-y"),
 }  # fmt: skip

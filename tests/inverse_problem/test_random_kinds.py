@@ -16,7 +16,7 @@ from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.kinds.restricted import invariant, kind_named
 from inverse_service.inverse_problem.of_kind.answering import answer_kind
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
-from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
+from inverse_service.inverse_problem.of_kind.rayleigh import answer_general, answer_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
@@ -71,6 +71,13 @@ def springs(draw: Draw, sign: int) -> str:
     return f"x'' = {a}*x + {b}*y; y'' = {c}*x + {d}*y"
 
 
+def dissipative(draw: Draw, more: str = "") -> str:
+    """Masses with dD/dv for a D of degrees 1 to 4, and what is no such force."""
+    a, b, c, d = (draw(1, 3) for _ in range(4))
+    return (f"{a}*x'' = -x*y - {b}*x'^3 + {c}*y*y'*z'; {b}*y'' = y - {d}*y'*z^2 + {c}*y*x'*z';"
+            f"{c}*z'' = -{a}*z'*x^2 + {c}*y*x'*y'{more}")  # fmt: skip
+
+
 # Of each kind: systems that have such a Lagrangian, and ones that just miss it.
 CASES: dict[str, tuple[Maker, Maker]] = {
     "natural": (lambda d: equations(natural(d)), lambda d: equations(natural(d), more=u * v**2 / d(2, 9))),
@@ -81,17 +88,21 @@ CASES: dict[str, tuple[Maker, Maker]] = {
         lambda d: equations(natural(d), friction(d)),
         lambda d: equations(natural(d), friction(d), more=u**3 / d(2, 9)),
     ),
+    "rayleigh_general": (dissipative, lambda d: dissipative(d, f" + {d(1, 5)}*x*y'^2 + x'^2*y'^2")),
     "positive_definite": (lambda d: springs(d, 1), lambda d: springs(d, -1)),
 }
 
 
 def verdict_on(name: str, text: str) -> str:
     """The verdict about one kind; its certificate is valid."""
-    given = read_given(["x", "y"], text, [], {})
-    system = read_system(coordinates=["x", "y"], equations=text, parameters=[], functions={})
+    variables = ["x", "y", "z"][: 2 + ("z" in text)]
+    given = read_given(variables, text, [], {})
+    system = read_system(coordinates=variables, equations=text, parameters=[], functions={})
     analysis, end, names = analyse(system), float("inf"), system.coordinates
     if name == "rayleigh":
         found = answer_rayleigh(analysis, given.residuals, lambda _: [], 1, end)
+    elif name == "rayleigh_general":
+        found = answer_general(analysis, [], given.residuals, 1, end)
     else:
         kind = invariant([{"x": ("1", number(1))}], names) if name == "invariant" else kind_named(name, names)
         tree = lagrangian_as_given(system, given.residuals)

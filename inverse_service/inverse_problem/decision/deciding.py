@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -15,7 +15,7 @@ from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, equations, local_system
 from inverse_service.inverse_problem.kinds import helmholtz
-from inverse_service.inverse_problem.kinds.restricted import Derivation, added_equations
+from inverse_service.inverse_problem.kinds.restricted import ANY_FRICTION, Among, added_equations
 from inverse_service.inverse_problem.outcome import SolutionSpace, Verdict
 from inverse_service.linear_pde.coefficients import Coefficients
 from inverse_service.linear_pde.deciding import Finding, Limits, settle
@@ -68,7 +68,7 @@ class HelmholtzAt:
         analysis: Analysis,
         with_time: bool,
         expander: Expander | None = None,
-        among: Sequence[Derivation] = (),
+        among: Among = (),
     ) -> None:
         names, self._among = analysis.system.coordinates, among
         self._analysis, self._with_time, self._expander = analysis, with_time, expander
@@ -90,7 +90,8 @@ class HelmholtzAt:
             return found
         expansion = Expansion(draw_point(self._analysis.tower, seed), self._variables, order + 2)
         more = added_equations(self._among, expansion, self._analysis.accelerations, self.unknowns)
-        return replace(found, equations=(*found.equations, *more))
+        own = () if ANY_FRICTION in self._among else found.equations
+        return replace(found, equations=(*own, *more))
 
     def _of_all(self, seed: int, order: int) -> LocalEquations:
         """By compiled series; by sparse ones where those would be too large."""
@@ -119,7 +120,7 @@ def decide(
     progress: Progress | None = None,
     analysis: Analysis | None = None,
     expander: Expander | None = None,
-    among: Sequence[Derivation] = (),
+    among: Among = (),
 ) -> Decision:
     """Is there a regular L(q, v), or with `time_dependent` a regular L(t, q, v)?
 

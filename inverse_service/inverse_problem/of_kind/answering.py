@@ -17,6 +17,7 @@ from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Lagrangian, Solution, Verdict
 from inverse_service.linear_pde.deciding import Limits
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _NO_TIME = "the time limit came before this question"
 NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"
@@ -47,7 +48,7 @@ def answer_kind(solution: Solution, kind: LagrangianKind, asked: SolveOptions, d
         return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
     try:
         analysis = analyse(solution.system)
-        return _of_known(analysis, main, kind, deadline) or _decided(analysis, kind, asked.seed, deadline)
+        return _of_known(analysis, main, kind, deadline) or decided(analysis, kind, asked.seed, deadline)
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
 
@@ -66,11 +67,15 @@ def lagrangians_of(main: Answer | None) -> Sequence[Lagrangian]:
     return () if main is None or main.lagrangian is None else (main.lagrangian, *main.other_lagrangians)
 
 
-def _decided(analysis: Analysis, kind: LagrangianKind, seed: int, deadline: float) -> KindAnswer:
+def decided(
+    analysis: Analysis, kind: LagrangianKind, seed: int, deadline: float, even: SecondOrderSystem | None = None
+) -> KindAnswer:
+    """By the conditions on all multipliers of the kind; those of a system `even` where the kind speaks of that."""
     if time.monotonic() > deadline:
         return KindAnswer("undetermined", _NO_TIME)
     with_time, limits = analysis.system.depends_on_time, Limits(deadline=deadline)
-    found = decide(analysis.system, with_time, seed, limits, analysis=analysis, among=kind.derivations)
+    own = None if even is not None else analysis
+    found = decide(even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations)
     if found.verdict == "undetermined":
         return KindAnswer("undetermined", found.reason)
     certificate = certify.of_decision(analysis, found, kind=kind)

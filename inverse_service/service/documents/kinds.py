@@ -17,9 +17,9 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, invariant, kind_named
-from inverse_service.inverse_problem.of_kind.answering import KindAnswer, answer_kind
+from inverse_service.inverse_problem.of_kind.answering import KindAnswer, answer_kind, lagrangians_of
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
-from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh, with_rayleigh
+from inverse_service.inverse_problem.of_kind.rayleigh import answer_general, answer_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
@@ -45,8 +45,6 @@ def to_kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[Lagrang
                 _field(field, schema, system, f"{pointer}/invariant/{k}") for k, field in enumerate(kind.invariant)
             ]
             found.append(invariant(fields, system.coordinates))
-        elif kind == "rayleigh":
-            found.append(with_rayleigh(system.coordinates))
         else:
             found.append(kind_named(kind, system.coordinates))
     if len({kind.name for kind in found}) < len(found):
@@ -97,7 +95,7 @@ def with_kinds(
         if kind.name == "positive_definite":
             found = answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, deadline)
         else:
-            answer = _rayleigh if kind.name == "rayleigh" else answer_kind
+            answer = _rayleigh if kind.name.startswith("rayleigh") else answer_kind
             found = answer(solution, kind, asked, deadline)
         parts[kind.name] = kind_part(found)
     return result.model_copy(update={"kinds": parts})
@@ -126,8 +124,12 @@ def _rayleigh(solution: Solution, kind: LagrangianKind, asked: SolveOptions, dea
         return [] if found is None or known is None else [one.expression for one in (known, *found.other_lagrangians)]
 
     try:
-        analysis = analyse(solution.system)
-        return answer_rayleigh(analysis, given_of(asked, solution.system), natural, asked.seed, deadline)
+        analysis, given = analyse(solution.system), given_of(asked, solution.system)
+        if kind.name == "rayleigh":
+            return answer_rayleigh(analysis, given, natural, asked.seed, deadline)
+        main = solution.with_time if solution.system.depends_on_time else solution.autonomous
+        known = [one.expression for one in lagrangians_of(main)]
+        return answer_general(analysis, known, given, asked.seed, deadline)
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
 

@@ -34,7 +34,7 @@ EXPECTED = {
     "special_cases": "true or false",
     "clock": 'a formula in the coordinates, such as "1 + x^2"',
     "kinds": """a list such as ["natural", "riemannian", "finsler", "positive_definite", "rayleigh", """
-    """{"invariant": ["x"]}]""",
+    """"rayleigh_general", {"invariant": ["x"]}]""",
     "near": """an object of numbers such as {"x": "1", "x'": "0"}""",
     "where": """an object of formulas such as {"r": "sqrt(x^2 + y^2)"}""",
     "search": """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",
@@ -100,7 +100,7 @@ def _expected(steps: list[Any]) -> str:
         return "a formula written as text"
     if steps[0] == "kinds":
         return (
-            "one of natural, riemannian, finsler, positive_definite, rayleigh"
+            "one of natural, riemannian, finsler, positive_definite, rayleigh, rayleigh_general"
             if len(steps) == 2
             else 'a list such as ["x", {"y": "x"}]'
         )

@@ -23,7 +23,7 @@ from inverse_service.service.documents.checking import compare_before_leaving
 SHARE_OF_SOLVER = 0.8
 # What the solver may take where special cases or kinds are wanted too.
 SHARE_BESIDE_CASES = 0.4
-# What a system without a Lagrangian has instead is looked for so long, in s.
+# What a system without a Lagrangian has instead is looked for so long, in s of processor time.
 QUICKLY = 2.0
 FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
 
@@ -58,7 +58,7 @@ def solve_document(
         from inverse_service.service.documents.instead import with_instead
         from inverse_service.service.documents.kinds import with_kinds
 
-        result = with_instead(result, solution, asked, min(limit, time.monotonic() + QUICKLY))
+        result = _quickly(lambda end: with_instead(result, solution, asked, end), result, limit)
         result = with_kinds(result, solution, schema, kinds, asked, limit) if kinds else result
     if schema.clock is not None:
         from inverse_service.service.documents.clock import clock_part
@@ -68,6 +68,18 @@ def solve_document(
     if schema.special_cases:
         result = with_special_cases(result, system, asked, (end, progress))
     return ordered(checked(result, end - time.monotonic()))
+
+
+def _quickly(work: Callable[[float], ResultDocument], before: ResultDocument, limit: float) -> ResultDocument:
+    """What the work finds until a deadline that is put off where others had the processor meanwhile."""
+    began, wait = time.thread_time(), QUICKLY
+    while True:
+        deadline = min(limit, time.monotonic() + wait)
+        found = work(deadline)
+        spent = time.thread_time() - began
+        if found is not before or time.monotonic() < deadline or deadline == limit or spent > QUICKLY:
+            return found
+        wait *= 2
 
 
 def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:

@@ -25,6 +25,7 @@ LAGRANGIANS = {
     "finsler": "homogeneous of degree 2 in the velocities",
     "positive_definite": "a definite Hessian at a real point",
     "rayleigh": "natural, with friction",
+    "rayleigh_general": "any, with any friction D(q, q')",
 }
 REVEALED = ("hint", "answer")
 LONGEST_LINK = 6_000
