@@ -245,6 +245,19 @@ def test_a_name_of_the_catalogue_is_an_argument(call: Any) -> None:
     assert json.loads(call("solve", "sho").out)["system"]["equations"] == {"x": "-x"}
 
 
+def test_kinds_and_a_clock_are_options(call: Any) -> None:
+    options = ("--kind", "natural", "--kind", "rayleigh_general", "--kind", "invariant:y", "--clock", "1 + y^2")
+    done = call("solve", "x'' = -x'^3; y'' = 0", *options, "--format", "json")
+    result = json.loads(done.out)
+    found = {kind: part["verdict"] for kind, part in result["kinds"].items()}
+    assert found == {"natural": "not_variational", "rayleigh_general": "variational", "invariant": "variational"}
+    assert result["with_clock"]["factor"] in ("1 + y^2", "y^2 + 1")
+    refused = call("solve", "x'' = -x", "--kind", "convex")
+    assert (refused.code, "rayleigh_general" in refused.err) == (2, True)
+    refused = call("solve", "x'' = -x", "--clock", "x'")
+    assert (refused.code, "coordinates and parameters" in refused.err) == (2, True)
+
+
 def test_a_lagrangian_alone_is_answered(call: Any, tmp_path: Path) -> None:
     name = written(tmp_path, {"lagrangian": "x'^2/2 - k*x^2/2", "parameters": ["k"]})
     found = call("solve", name, "--format", "text")

@@ -49,6 +49,8 @@ WITH_ANY_FRICTION = [
     ("a force without potential, which D takes", {"x": "x^2+y^2", "y": "-y'"}),
     ("a magnetic field that is not closed: T is indefinite", {"x": "z*y'-x'", "y": "-z*x'-2*y'", "z": "-3*z'"}),
 ]
+NOT_ANY = {"x": "y*z'^2+x'*z'-x*y'^2", "y": "x*x'^2+y'*z'+z", "z": "x'*y'+z*y'^2"}
+WITHOUT_ANY_FRICTION = [("three equations for one function", NOT_ANY)]
 
 
 def solved(equations: Any, *kinds: str) -> dict[str, Any]:
@@ -105,8 +107,7 @@ def test_systems_that_have_any_friction_have_a_lagrangian_and_D(name: str, equat
 
 @pytest.mark.parametrize("order", ["xyz", "zyx"])
 def test_three_equations_for_one_function_may_have_no_solution(order: str) -> None:
-    forces = {"x": "y*z'^2+x'*z'-x*y'^2", "y": "x*x'^2+y'*z'+z", "z": "x'*y'+z*y'^2"}
-    found = solved({name: forces[name] for name in order}, "rayleigh_general")["kinds"]["rayleigh_general"]
+    found = solved({name: NOT_ANY[name] for name in order}, "rayleigh_general")["kinds"]["rayleigh_general"]
     assert (found["verdict"], found["checked"]) == ("not_variational", "valid")
 
 

@@ -10,6 +10,7 @@ import pytest
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.documents import check_document, solve_document
+from tests.inverse_problem.test_kinds import residuals
 
 # The particle with constraint s' = -r1 r2' (Rosenberg 1977), reduced, in V = r2^2/2: N is 1/sqrt(1 + r1^2).
 REDUCED = {"a": "0", "b": "-a*a'*b'/(1+a^2) - b/(1+a^2)"}
@@ -56,6 +57,7 @@ def test_a_clock_is_found(name: str, equations: dict[str, str], factor: str) -> 
     result = solved(equations, "search")
     found = result["with_clock"]
     assert (found["factor"], found["verdict"], found["checked"]) == (factor, "variational", "valid"), name
+    assert max(residuals(found["equations"], found["lagrangian"]["text"])) < 1e-20
     assert check_document(json.dumps(result))["verdict"] == "valid"
 
 
