@@ -13,7 +13,6 @@ from .numbers import Arithmetic, Series
 from .series import Expansion, Term
 
 NATURAL, HOMOGENEOUS = ("natural", "riemannian", "rayleigh"), ("riemannian", "finsler")
-FRICTION = ("rayleigh", "rayleigh_general")
 Derivation = tuple[dict[int, Series], int, bool]  # its components, c of Y(L) = c L, and whether that holds exactly
 
 
@@ -25,7 +24,6 @@ class KindExpansion(Expansion):
         self.pushed = self.slopes  # those of f with its friction
         self.speeds = dict(zip(self.v, self.field[-2 * len(self.v) : -len(self.v)], strict=True))
         if self.question.without_drag:  # f, E f, E E f, E E E f with E = v^k d/dv^k
-            self.pushed = self.slopes
             powers = [[force] for force in self.forces]
             for _, each in product(range(3), powers):
                 each.append(self.along(self.speeds, each[-1]))
@@ -37,37 +35,31 @@ class KindExpansion(Expansion):
     @cached_property
     def derivations(self) -> list[Derivation]:
         found: list[Derivation] = [({v: self.one}, 0, False) for v in self.v if self.question.kind in NATURAL]
-        if self.question.kind in HOMOGENEOUS:
-            found.append((self.speeds, 2, True))
+        found += [(self.speeds, 2, True)] * (self.question.kind in HOMOGENEOUS)
         for move in self.question.moves:
             parts = {a: Reader(self, move[name]).value
                      for a, name in zip(self.q, self.question.coordinates, strict=True) if name in move}  # fmt: skip
             along = dict(zip(self.q, self.speeds.values(), strict=True))
-            rates = {a + len(self.v): self.along(along, part) for a, part in parts.items()}
-            found.append((parts | rates, 0, True))
+            found.append((parts | {a + len(self.v): self.along(along, part) for a, part in parts.items()}, 0, True))
         return found
 
     def terms(self, kind: str, *place: int) -> list[Term]:
-        if kind[0] in "CD":
-            return self.curl(kind[0], int(kind[1:]), *place)
         if kind[0] not in "KS":
-            return super().terms(kind, *place)
+            return self.curl(kind[0], int(kind[1:]), *place) if kind[0] in "CD" else super().terms(kind, *place)
         (parts, weight, _), by = self.derivations[int(kind[1:])], tuple(self.v[a] for a in place)
         if kind[0] == "S":  # g_ik s^k with s = Y(f) - Gamma(Y_v) - c f/2
             shifts = self.cubic if self.question.without_drag else [
                 self.add([self.along(parts, f), self.along(dict(enumerate(self.field)), parts.get(v, {})), f],
                          [1, -1, -(weight // 2)]) for v, f in zip(self.v, self.forces, strict=True)]  # fmt: skip
             return [(1, shift, (by[0], v)) for v, shift in zip(self.v, shifts, strict=True)]
-        rows = [*self.multiplied(parts, weight, by)]
-        for v, (b, c) in product(self.v, (by, by[::-1])):
-            rows.append((1, self.derivative(parts.get(v, {}), c), (b, v)))
-        return rows
+        turned = [(1, self.derivative(parts.get(v, {}), c), (b, v)) for v in self.v for b, c in (by, by[::-1])]
+        return self.multiplied(parts, weight, by) + turned
 
     def curl(self, kind: str, k: int, i: int, j: int) -> list[Term]:
         """d_w (g_il df^l/dv^j - g_jl df^l/dv^i): w = v^k, with 2 (d_(q^j) g_ik - d_(q^i) g_jk); or w = q^k, cyclic."""
-        cycle, found = [(i, j, k)] if kind == "C" else [(i, j, k), (j, k, i), (k, i, j)], list[Term]()
+        found, cycle = list[Term](), [(i, j, k), (j, k, i), (k, i, j)][: 1 if kind == "C" else 3]
         for (a, b, c), sign in product(cycle, (1, -1)):
-            i, j, w = *((a, b) if sign > 0 else (b, a)), (self.v if kind == "C" else self.q)[c]
+            (i, j), w = (a, b)[::sign], (self.v if kind == "C" else self.q)[c]
             for v, slope in zip(self.v, self.pushed, strict=True):
                 found += [(sign, slope[j], (self.v[i], v, w)), (sign, self.derivative(slope[j], w), (self.v[i], v))]
             found += [(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))] * (kind == "C")
@@ -90,7 +82,7 @@ class OfKind(Question):
             check_shape(move, dict.fromkeys(move, TEXT), "among.invariant")
             self.moves.append({name: read_tokens(text, "among.invariant") for name, text in move.items()})
         require(not timed or self.kind not in HOMOGENEOUS, "A homogeneous Lagrangian is one without t.")
-        if self.kind in FRICTION and claim["kind"] == "lagrangian":
+        if "rayleigh" in self.kind and claim["kind"] == "lagrangian":
             self.drag = read_tokens(claim.get("dissipation"), "certificate.dissipation")
             require(timed or "t" not in self.drag, "The dissipation contains t, but the question does not.")
         self.without_drag = self.kind == "rayleigh" and not self.drag
@@ -102,17 +94,13 @@ class OfKind(Question):
         require(not any(is_irrational(text) for move in self.moves for text in move.values()), "It is irrational.")
 
     def listed_rows(self) -> KindsOfRows:
-        n, found = len(self.coordinates), super().listed_rows()
-        natural, even = n * (self.kind in NATURAL), 2 * self.without_drag
-        if self.kind == "rayleigh_general" or (self.without_drag and self.timed):
-            found = {}  # with t the even part of f is no system with a natural Lagrangian
+        n, natural, even = len(self.coordinates), len(self.coordinates) * (self.kind in NATURAL), 2 * self.without_drag
+        found = {} if self.kind == "rayleigh_general" or (even and self.timed) else super().listed_rows()
         count = natural + (self.kind in HOMOGENEOUS) + len(self.moves)
-        if self.kind in FRICTION:
-            found |= {f"C{k}": (1, 2, list(combinations(range(n), 2)) or [(0, 0)]) for k in range(n)}
-            found |= {f"D{k}": (1, 2, list(combinations(range(k), 2))) for k in range(n)}
+        for kind, k in product("CD" if "rayleigh" in self.kind else "", range(n)):  # (0, 0) is a row of zeros
+            found[kind + str(k)] = 1, 2, list(combinations(range(n if kind == "C" else k), 2)) or [(0, 0)]
+        found |= {f"K{s}": (1, 2, list(combinations_with_replacement(range(n), 2))) for s in range(count)}
         exact = [0] if self.kind == "rayleigh" else range(natural, count)
-        pairs: list[tuple[int, ...]] = list(combinations_with_replacement(range(n), 2))
-        found |= {f"K{s}": (1, 2, pairs) for s in range(count)}
         found |= {f"S{s}": (0, 2, [(i, i) for i in range(n)]) for s in exact}
         return {kind: (order, depth + even, places) for kind, (order, depth, places) in found.items()}
 
@@ -131,15 +119,14 @@ class OfKind(Question):
     def residuals(self, ring: Any, lagrangian: Series) -> Iterator[tuple[Series, str]]:
         """Of L, E_i - dD/dv^i; then what has to be zero for L to be of the kind, and D quadratic and homogeneous."""
         drag = Reader(ring, self.drag).value if self.drag else {}
-        push = [ring.value([(-1, ring.one, (v,))], drag) for v in ring.v]
-        for slope, (value, sentence) in zip(push, super().residuals(ring, lagrangian), strict=True):
-            yield ring.add([value, slope]), sentence
+        for v, (value, sentence) in zip(ring.v, super().residuals(ring, lagrangian), strict=True):
+            yield ring.add([value, ring.value([(-1, ring.one, (v,))], drag)]), sentence
         exact = [(parts, weight, lagrangian) for parts, weight, holds in ring.derivations if holds]
-        quadratic = bool(drag) and self.kind == "rayleigh"
-        for parts, weight, series in [*exact, *[(ring.speeds, 2, drag)] * quadratic]:
+        for parts, weight, series in [*exact, *[(ring.speeds, 2, drag)] * (self.kind == "rayleigh")]:
             yield ring.value(ring.multiplied(parts, weight), series), "It is not homogeneous, or not invariant."
-        cubes = [*combinations_with_replacement(ring.v, 3)]
-        for series, by in product([lagrangian, drag] if self.kind in NATURAL else [], cubes):
+        for series, by in product(
+            [lagrangian, drag] * (self.kind in NATURAL), combinations_with_replacement(ring.v, 3)
+        ):
             yield ring.value([(1, ring.one, by)], series), "It is not quadratic in the velocities."
 
     def existence(self, document: dict[str, Any]) -> str:
