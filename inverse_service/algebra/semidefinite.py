@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 MOST = 8  # rows
 _ROUNDING = (1, 2, 6, 60, 1_000, 100_000, 10**8)
 _STEPS, _FINEST, _SHRINK = 40, 1e-9, 0.2
+_SOON, _INSIDE = 1e-3, 0.05
 _SMALL = 1e-4  # of the largest eigenvalue, those of Y that go to zero with mu
 
 
@@ -35,16 +36,16 @@ def definite_or_orthogonal(space: Sequence[Matrix], size: int) -> tuple[Matrix |
     basis = units[lengths > 1e-10 * lengths[0]].reshape(-1, size, size)
     try:
         with np.errstate(all="ignore"):
-            weights, orthogonal = _central_path(basis)
+            for weights, orthogonal in _central_path(basis):
+                member = np.tensordot(weights, basis, 1)
+                for w in _rounded(member, space, size) if np.linalg.eigvalsh(member)[0] > 0 else ():
+                    if is_semidefinite(w, definite=True):
+                        return w, None
+                for y in _on_faces(orthogonal, space, size):
+                    if any(map(any, y)) and is_semidefinite(y):
+                        return None, y
     except np.linalg.LinAlgError:
-        return None, None
-    member = np.tensordot(weights, basis, 1)
-    for w in _rounded(member, space, size) if np.linalg.eigvalsh(member)[0] > 0 else ():
-        if is_semidefinite(w, definite=True):
-            return w, None
-    for y in _on_faces(orthogonal, space, size):
-        if any(map(any, y)) and is_semidefinite(y):
-            return None, y
+        pass
     return None, None
 
 
@@ -60,8 +61,8 @@ def is_semidefinite(matrix: Matrix, definite: bool = False) -> bool:
     return True
 
 
-def _central_path(basis: Floats) -> tuple[Floats, Floats]:
-    """(c, Y) at the end of the path of max s/mu + log det(sum c_k w_k - s) + log(1 - |c|^2)."""
+def _central_path(basis: Floats) -> Iterator[tuple[Floats, Floats]]:
+    """(c, Y) on the path of max s/mu + log det(sum c_k w_k - s) + log(1 - |c|^2): soon, and at its end."""
     m, n, _ = basis.shape
     x, mu = np.append(np.zeros(m), -1.0), 1.0
     directions = np.concatenate([basis, -np.eye(n)[None]])
@@ -82,8 +83,9 @@ def _central_path(basis: Floats) -> tuple[Floats, Floats]:
             if decrement < 1e-6 or not _is_inside(x + step, directions):
                 break
             x = x + step
+        if x[m] > _INSIDE or mu < _SOON <= mu / _SHRINK or mu * _SHRINK <= _FINEST:
+            yield x[:m], mu * inverse
         mu *= _SHRINK
-    return x[:m], mu / _SHRINK * inverse
 
 
 def _is_inside(x: Floats, directions: Floats) -> bool:

@@ -113,3 +113,10 @@ def test_a_point_that_is_none_is_refused(near: dict[str, Any]) -> None:
 def test_a_point_without_the_kind_is_refused() -> None:
     with pytest.raises(InputError, match="positive_definite"):
         solve_document({"equations": {"x": "-x"}, "near": {"x": 1}}, SolveOptions(time_limit=5))
+
+
+def test_flutter_whose_proof_is_irrational_says_so() -> None:
+    """K^3 = 2: the only Y >= 0 is that of the complex eigenvectors, with entries in Q(2^(1/3))."""
+    found = solved({"x": "y", "y": "z", "z": "2*x"}, [], {})["kinds"]["positive_definite"]
+    assert (found["verdict"], found["certificate"]) == (OPEN, None)
+    assert "algebraic numbers" in found["reason"]

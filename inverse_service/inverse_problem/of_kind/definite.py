@@ -35,7 +35,9 @@ from inverse_service.mechanics.euler_lagrange import hessian
 
 FAMILY = "a sum with a definite Hessian"
 IRRATIONAL = "f is not rational, and no Lagrangian that was found has a definite Hessian at this point"
-_OPEN = "no matrix was found that settles this"
+_OPEN = (
+    "no matrix of rational numbers was found that settles this; one of algebraic numbers may, which is not looked for"
+)
 _SPECIAL = "the check could not confirm that the values of g at this point are those of a generic one"
 _DIGITS = 2
 
@@ -60,10 +62,8 @@ def answer_definite(solution: Solution, kind: LagrangianKind, given: Near, seed:
         return KindAnswer("undetermined", f"this is decided for at most {MOST} coordinates")
     if not is_rational(analysis) or PI in symbols_of(analysis):
         return KindAnswer("undetermined", IRRATIONAL)
-    with_time = analysis.system.depends_on_time
-    decision = decide(analysis.system, with_time, seed, Limits(deadline=deadline), analysis=analysis)
-    member = None
-    for order in dict.fromkeys((1, max(decision.order, 1))) if time.monotonic() < deadline else ():
+    with_time, decision, member, order = analysis.system.depends_on_time, None, None, 1
+    while time.monotonic() < deadline:  # first what two orders say, which mostly refutes
         space, rows = values_at(analysis, near, with_time, order)
         member, orthogonal = (
             (None, None) if space is None else definite_or_orthogonal(space, len(analysis.system.coordinates))
@@ -72,10 +72,16 @@ def answer_definite(solution: Solution, kind: LagrangianKind, given: Near, seed:
             refuted = Decision("not_variational", with_time, order, rows=rows)
             certificate = certify.of_decision(analysis, refuted, kind=kind) | _claim(near, "orthogonal", orthogonal)
             return _confirmed(certificate, "not_variational", deadline)
-    if member is not None and decision.verdict == "variational":
+        if decision is not None:
+            break
+        decision = decide(analysis.system, with_time, seed, Limits(deadline=deadline), analysis=analysis)
+        order = decision.order
+        if order <= 1 or decision.history[1][:1] == decision.history[order][:1]:  # the values are those of two orders
+            break
+    if member is not None and decision is not None and decision.verdict == "variational":
         certificate = certify.of_decision(analysis, decision, kind=kind) | _claim(near, "multiplier", member)
         return _confirmed(certificate, "variational", deadline)
-    return KindAnswer("undetermined", decision.reason or _OPEN)
+    return KindAnswer("undetermined", _OPEN if decision is None else decision.reason or _OPEN)
 
 
 def point_near(analysis: Analysis, given: Near) -> Near:
