@@ -45,7 +45,7 @@ class KindExpansion(Expansion):
 
     def terms(self, kind: str, *place: int) -> list[Term]:
         if kind[0] not in "KS":
-            return self.curl(kind[0], int(kind[1:]), *place) if kind[0] in "CD" else super().terms(kind, *place)
+            return [*self.curl(kind[0], int(kind[1:]), *place)] if kind[0] in "CD" else super().terms(kind, *place)
         (parts, weight, _), by = self.derivations[int(kind[1:])], tuple(self.v[a] for a in place)
         if kind[0] == "S":  # g_ik s^k with s = Y(f) - Gamma(Y_v) - c f/2
             shifts = self.cubic if self.question.without_drag else [
@@ -55,15 +55,14 @@ class KindExpansion(Expansion):
         turned = [(1, self.derivative(parts.get(v, {}), c), (b, v)) for v in self.v for b, c in (by, by[::-1])]
         return self.multiplied(parts, weight, by) + turned
 
-    def curl(self, kind: str, k: int, i: int, j: int) -> list[Term]:
+    def curl(self, kind: str, k: int, i: int, j: int) -> Iterator[Term]:
         """d_w (g_il df^l/dv^j - g_jl df^l/dv^i): w = v^k, with 2 (d_(q^j) g_ik - d_(q^i) g_jk); or w = q^k, cyclic."""
-        found, cycle = list[Term](), [(i, j, k), (j, k, i), (k, i, j)][: 1 if kind == "C" else 3]
+        cycle = [(i, j, k), (j, k, i), (k, i, j)][: 1 if kind == "C" else 3]
         for (a, b, c), sign in product(cycle, (1, -1)):
             (i, j), w = (a, b)[::sign], (self.v if kind == "C" else self.q)[c]
             for v, slope in zip(self.v, self.pushed, strict=True):
-                found += [(sign, slope[j], (self.v[i], v, w)), (sign, self.derivative(slope[j], w), (self.v[i], v))]
-            found += [(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))] * (kind == "C")
-        return found
+                yield from ((sign, slope[j], (self.v[i], v, w)), (sign, self.derivative(slope[j], w), (self.v[i], v)))
+            yield from [(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))] * (kind == "C")
 
     def multiplied(self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()) -> list[Term]:
         """Y(L) - c L, of the derivative of L by some variables."""
@@ -100,8 +99,7 @@ class OfKind(Question):
         for kind, k in product("CD" if "rayleigh" in self.kind else "", range(n)):  # (0, 0) is a row of zeros
             found[kind + str(k)] = 1, 2, list(combinations(range(n if kind == "C" else k), 2)) or [(0, 0)]
         found |= {f"K{s}": (1, 2, list(combinations_with_replacement(range(n), 2))) for s in range(count)}
-        exact = [0] if self.kind == "rayleigh" else range(natural, count)
-        found |= {f"S{s}": (0, 2, [(i, i) for i in range(n)]) for s in exact}
+        found |= {f"S{s}": (0, 2, [(i, i) for i in range(n)]) for s in even * [0] or range(natural, count)}
         return {kind: (order, depth + even, places) for kind, (order, depth, places) in found.items()}
 
     def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
