@@ -155,6 +155,69 @@ FALSE = {
     "a huge power": claim("natural", "x'^2/2 - (x*y + 1)^99999999", "-x", "-y"),
 }  # fmt: skip
 
+PLACE = {"t": "1", "a": "1", "x": "1", "y": "1", "x'": "1", "y'": "1"}
+CYCLE: Any = [["H3", 0, 1, [0, 0, 0, 0]]]  # of g Phi = Phi^T g at the point
+
+
+def definite(lagrangian: str, /, *forces: str, **more: object) -> Document:
+    return claim("positive_definite", lagrangian, *forces, **{"near": PLACE, **more})
+
+
+def none_definite(orthogonal: Any, /, *forces: str, **more: object) -> Document:
+    return (
+        definite("", *forces, claim="not_variational", kind="nonexistence", order=1, rows=CYCLE, orthogonal=orthogonal)
+        | more
+    )
+
+
+ROUND, MIXED = [[1, 0], [0, 1]], [["1", "-1/2"], ["-1/2", "1"]]
+# x'' = x y, y'' = -x^2/2 leaves g with x (g_11 + g_22) = y g_12.
+BENT = ("x*y", "-x^2/2")
+TRUE |= {
+    "definite": definite("x'^2/2 + y'^2/2 - x^2/2", "-x", "0"),
+    "negative definite": definite("-x'^2/2 - y'^2/2 + x^2/2", "-x", "0"),
+    "definite there": definite("x'^3 + y'^3", "0", "0"),
+    "none definite": none_definite(ROUND, "-y", "x"),
+    "none definite there": none_definite(MIXED, *BENT),
+}
+FALSE |= {
+    "an indefinite L": definite("x'^2/2 - y'^2/2 - x^2/2", "-x", "0"),
+    "an L that is hardly indefinite": definite(f"x'^2/2 - y'^2/2/10^{60}", "0", "0"),
+    "an L that is definite elsewhere": definite("x'^3 + y'^3", "0", "0", near=PLACE | {"y'": "-1"}),
+    "an L that is definite on one side": definite("x'^3 + y'^3", "0", "0", near=PLACE | {"y'": f"-1e-{30}"}),
+    "an L that is singular there": definite("x'^3 + y'^3", "0", "0", near=PLACE | {"x'": "0"}),
+    "an L that is singular": definite("(x' + y')^2/2", "0", "0"),
+    "a definite L of another system": definite("x'^2/2 + y'^2/2", "-x", "0"),
+    "a definite L beyond its pole": definite(
+        "x'^2/2 + y'^2/(2*x)", "y'^2/(2*x^2)*(-1)", "x'*y'/x", near=PLACE | {"x": "-1"}
+    ),
+    "a definite L at no place": definite("x'^2/2 + y'^2/2", "0", "0", near=None),
+    "a definite L at a place that lacks a velocity": definite(
+        "x'^3 + y'^3", "0", "0", near={k: v for k, v in PLACE.items() if k != "y'"}
+    ),
+    "a definite L at a place that lacks t": definite(
+        "exp(t)*(x'^2 + y'^2)/2",
+        "-x'",
+        "-y'",
+        question="time_dependent",
+        near={k: v for k, v in PLACE.items() if k != "t"},
+    ),
+    "none definite where there is": none_definite(ROUND, "-x", "-2*y"),
+    "none definite by an indefinite matrix": none_definite([[1, 0], [0, -1]], "y", "x"),
+    "none definite by a matrix that no row gives": none_definite([[1, 0], [0, 2]], "-y", "x"),
+    "none definite by zero": none_definite([[0, 0], [0, 0]], "-y", "x"),
+    "none definite by a matrix that is not symmetric": none_definite([[1, 1], [0, 1]], "-y", "x"),
+    "none definite by no rows": none_definite(ROUND, "-y", "x", rows=[]),
+    "none definite by the matrix of another place": none_definite(MIXED, *BENT, near=PLACE | {"x": "-1"}),
+    "none definite where the rows vanish": none_definite(MIXED, *BENT, near=PLACE | {"x": "0", "y": "0"}),
+    "none definite near where the rows vanish": none_definite(MIXED, *BENT, near=PLACE | {"x": f"1e-{40}"}),
+    "none definite beside the place": none_definite(MIXED, *BENT, near=PLACE | {"x": f"1.{'0' * 90}1"}),
+    "none definite where f is not rational": none_definite(ROUND, "-y*exp(0)", "x"),
+    "a definite matrix where none is left": definite("", "-y", "x", **DATA, multiplier=ROUND),
+    "an indefinite matrix": definite("", "y", "x", **DATA, multiplier=[[1, 0], [0, -1]]),
+    "a definite matrix by invented numbers": definite("", "x'*y'", "y'^2", **DATA, multiplier=ROUND),
+}
+
 
 @pytest.mark.parametrize("name", TRUE)
 def test_true_claims_are_valid(name: str) -> None:
