@@ -124,7 +124,9 @@ def turns(table: RealTable | None, atom: Expression, linear: Sequence[tuple[Expr
         steps = total / mpmath.pi * 12
         nearest = int(mpmath.nint(steps))
         if abs(steps - nearest) > _TINY:
-            raise IrreducibleAtoms("an arctangent is a constant, or holds one, that is no multiple of pi/12")
+            raise IrreducibleAtoms(
+                "an arctangent is a constant, or holds one, that is no multiple of pi/12: write a letter for it"
+            )
     return Fraction(nearest, 12)
 
 

@@ -196,7 +196,8 @@ def circle_twelfth(turns: Fraction, prime: int) -> tuple[int, int]:
     """(cos, sin) of pi * turns for multiples of pi/12."""
     steps = turns * _TWELFTH
     if steps.denominator != 1:
-        raise IrreducibleAtoms(f"the angle {turns} pi is no multiple of pi/12; write its sine and cosine as roots")
+        what = "is no multiple of pi/12 and its sine and cosine are not computed with"
+        raise IrreducibleAtoms(f"the angle {turns} pi {what}: write a letter for each, or roots where they are such")
     half = pow(2, -1, prime)
     root2, root3 = (positive_power(k, Fraction(1, 2), prime) for k in (2, 3))
     third = (half, root3 * half % prime)
