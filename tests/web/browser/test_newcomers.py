@@ -23,7 +23,7 @@ def test_one_click_leads_to_the_proof_that_the_disk_has_no_lagrangian(
     expect(at.page.locator(".verdict.not_variational h1")).to_contain_text("do not come from any regular Lagrangian")
     expect(at.page.locator("main")).to_contain_text("first associated system")
     expect(at.page.locator(".proof > li").last).to_contain_text("There is no Lagrangian")
-    expect(at.page.locator(".badge.valid")).to_be_visible()
+    expect(at.page.locator("#answer .badge.valid")).to_be_visible()
 
 
 def test_one_click_leads_to_the_circle_of_the_second_system(visit: Visit) -> None:
