@@ -28,8 +28,8 @@ from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
 from inverse_service.inverse_problem.search.gradings import by_degree
 from inverse_service.inverse_problem.search.linear_ansatz import letters_of
-from inverse_service.inverse_problem.search.material import Material, distinct
-from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct
+from inverse_service.inverse_problem.search.motion import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
 from inverse_service.inverse_problem.search.sampling import LetterTable, make_sampler, monomial_values, table_at
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of
@@ -175,7 +175,16 @@ def _functions(material: Material, factors: Factors, room: int) -> list[Monomial
     others = distinct([*material.parameter_monomials[: room // 3], *position_monomials(material, degree)])
     # A coordinate that does not occur in f can occur in L all the same.
     plain = [monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)]
-    return list(dict.fromkeys([*fitted, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
+    raised = _antiderivatives_of_forces(material)[: room // 3]
+    return list(dict.fromkeys([*fitted, *raised, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
+
+
+def _antiderivatives_of_forces(material: Material) -> list[Monomial]:
+    """B(q) with dB/dq_j = T for the functions of position T in f that hold more than powers of coordinates."""
+    motion = material.motion
+    parts = dict.fromkeys(split_velocities(key)[0] for terms in motion.forces for key in terms)
+    special = [part for part in parts if any(not isinstance(letter, Symbol) for letter, _ in part)]
+    return distinct([m for part in special for q in motion.coordinates for m in antiderivatives(part, q)])
 
 
 def with_parameters(material: Material, terms: Sequence[Monomial], most: int) -> list[Monomial]:
