@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
 from api_schemas.base import Document
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import Formula, HamiltonianPart, UnderstoodSystem
-from api_schemas.system import NamedDocument, Text
+from api_schemas.sizes import MAX_FORWARD
+from api_schemas.system import Name, NamedDocument, Text
 
 FORWARD_FORMAT: Final = "inverse-service/forward/1"
 
@@ -17,6 +18,7 @@ FORWARD_FORMAT: Final = "inverse-service/forward/1"
 class LagrangianDocument(NamedDocument):
     """A Lagrangian L(t, q, q') alone: its equations of motion, momenta and Hamiltonian are asked for."""
 
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_FORWARD)] | None = None
     lagrangian: Text
 
 

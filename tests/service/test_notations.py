@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from pathlib import Path
@@ -16,6 +17,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_document, check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
+from inverse_service.service.documents.refusals import DocumentRefused
 
 
 def read(equations: Any, **keys: Any) -> dict[str, str]:
@@ -262,3 +264,16 @@ def test_an_answer_without_a_verdict_is_not_called_invalid() -> None:
         assert checked["verdict"] == "incomplete"
         assert "claims no verdict" in checked["reasons"][0]
     assert check_plain({**found, "verdict": "variational"})["verdict"] == "invalid"
+
+
+def test_two_hundred_masses_get_their_equations_from_their_lagrangian() -> None:
+    names = [f"x{k}" for k in range(1, 201)]
+    kinetic = "+".join(f"m*{x}'^2/2" for x in names)
+    springs = "+".join(f"k*({b}-{a})^2/2" for a, b in itertools.pairwise(names))
+    document = {"coordinates": names, "parameters": ["m", "k"], "lagrangian": f"{kinetic}-({springs})"}
+    result = solve_document(document, SolveOptions())
+    assert result["equations"]["x1"]["text"] == "-k*x1/m + k*x2/m"
+    assert result["equations"]["x100"]["text"] == "-2*k*x100/m + k*x101/m + k*x99/m"
+    assert not result["hamiltonian"]["implicit"]
+    with pytest.raises(DocumentRefused, match="at most 256"):
+        solve_document({**document, "coordinates": [f"y{k}" for k in range(257)]}, SolveOptions())

@@ -106,7 +106,7 @@ def legendre(
     points = sample_points([lagrangian, *functions], positive)
     if not points:
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
-    if is_singular(hessian(lagrangian, names), points):
+    if any(is_singular(hessian(block.function, block.names), points) for block in parts.blocks):
         raise _degenerate(implicit, parts, names, points)
     found = {block.names: _best(block, points, reach) for block in parts.blocks}
     missing = [group for group, chosen in found.items() if chosen is None]

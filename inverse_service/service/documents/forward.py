@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from api_schemas.forward import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
 from api_schemas.problem import ParsedFormula
 from api_schemas.result import Formula, HamiltonianPart
+from api_schemas.sizes import MAX_FORWARD
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_latex, to_mathml, to_text
@@ -90,7 +91,7 @@ def understand_forward(document: Any) -> dict[str, Any]:
 
 
 def _motion(schema: LagrangianDocument) -> _Motion:
-    declared = Declared(schema.coordinates, schema.parameters, schema.functions, schema.where)
+    declared = Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most=MAX_FORWARD)
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     lagrangian, names = known.put_in(read_lagrangian(schema.lagrangian, known.names)), known.remaining()
     sums = euler_lagrange_sums(lagrangian, names.coordinates, [Acceleration(name) for name in names.coordinates])

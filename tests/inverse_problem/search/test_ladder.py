@@ -87,6 +87,12 @@ def test_own_terms_are_split_into_monomials_and_long_ones_kept_whole() -> None:
     assert len(monomials_of(long)) == 1
 
 
+def test_antiderivatives_of_functions_in_f_are_factors_of_powers_of_velocities() -> None:
+    outcome = searched({"x": "-log(x)*y'", "y": "0"})
+    assert outcome.found is not None
+    assert same_value(outcome.found.lagrangians[0], tree("x'^2/(2*sqrt(y')) - (x*log(x) - x)*sqrt(y')"))
+
+
 def leaf(name: str, cost: float, accepts: bool, proposed: Sequence[Expression] | None) -> Leaf:
     """One that proposes these, or (None) finds that atoms cannot be reduced."""
 
