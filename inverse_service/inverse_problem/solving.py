@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service.certificate.checker import CheckResult, check_certificate
+from inverse_service.certificate.formulas import MAX_TEXT
 from inverse_service.errors import CertificateRefused, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Arbitrary, Expression, walk
@@ -111,6 +112,9 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     """
     began = time.monotonic()
     system = branches_of(system)[0]
+    if max(len(to_text(tree)) for tree in system.accelerations) > MAX_TEXT:
+        reason = f"an acceleration, solved for, has more than {MAX_TEXT:,} characters, too many for a certificate"
+        return _unreduced(system, options, None, reason)
     report = progress or (lambda _: None)
     printed, left_out = None, ""
     if options.conditions:

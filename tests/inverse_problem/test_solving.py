@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.errors import CertificateRefused
+from inverse_service.expressions.tree import Symbol, add, multiply, number, power
 from inverse_service.inverse_problem import solving
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.options import SolveOptions
@@ -129,3 +131,13 @@ def test_the_seed_repeats_a_run_and_is_written_down() -> None:
     assert first.provenance["seed"] == 5
     assert first.provenance["points"] == second.provenance["points"]
     assert first.provenance["points"] != solved(ROTATION, seed=6).provenance["points"]
+
+
+def test_accelerations_too_long_for_a_certificate_are_undetermined_with_the_reason() -> None:
+    """The five-fold pendulum on a cart, solved for its accelerations, is of this kind: a limit, no fault."""
+    system = read_system(["x"], {"x": "-x"})
+    long = add(*(multiply(number(k), power(Symbol("x"), k)) for k in range(1, 9_000)))
+    answer = solve(replace(system, accelerations=(long,)), SolveOptions()).autonomous
+    assert answer is not None
+    assert answer.verdict == "undetermined"
+    assert "60,000 characters" in answer.reason
