@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 
@@ -10,6 +11,7 @@ import pytest
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search import rungs
+from inverse_service.inverse_problem.search.deadline import until
 from inverse_service.inverse_problem.search.families import NAME, monomials_of, own_family
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.material import Material
@@ -28,7 +30,8 @@ def searched(
 ) -> SearchOutcome:
     said = [] if reports is None else reports
     analysis = material(equations).analysis
-    return search(analysis, False, 1, time.monotonic() + seconds, said.append, [tree(text) for text in own])
+    with until(math.inf, seconds):
+        return search(analysis, False, 1, math.inf, said.append, [tree(text) for text in own])
 
 
 def test_families_are_reported_one_by_one_until_one_holds_a_regular_lagrangian() -> None:
