@@ -277,9 +277,11 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
 
 
 def _momenta(free: FreeLagrangian | None, members: Members, values: Mapping[str, float | Array]) -> Array | None:
-    """Those that L~ gives itself, one member after the other: they may be 0/0 in the velocities."""
+    """Those that L~ gives itself (they may be 0/0 in the velocities), member by member where parameters differ."""
     if free is None or free.start_momenta is None:
         return None
+    if not members.values:
+        return free.start_momenta(members.positions, members.velocities, {k: float(x) for k, x in values.items()})
     rows = []
     for k, (q, v) in enumerate(zip(members.positions, members.velocities, strict=True)):
         own = {name: float(value[k]) if isinstance(value, np.ndarray) else value for name, value in values.items()}

@@ -154,35 +154,36 @@ def _name(coordinate: str, taken: Sequence[str]) -> str:
 
 
 def start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array) -> Array:
-    """p = dL~/dv at a start on the constraints, (n,), with its limit where a d_i vanishes there.
+    """p = dL~/dv at starts on the constraints, (n,) or (m, n), with its limit where a d_i vanishes there.
 
     p_i = C_i n q_i'/(d_i r') is a constant of the motion; on the constraints q_i' is c d_i/n, so that
     the quotient stays finite: it is taken from d_i/d_i stripped, a constant. Not finite where r' = 0 or all d_i = 0.
     """
     with np.errstate(all="ignore"):
-        return _start_momenta(found, motion, positions, velocities)
+        rows = _start_momenta(found, motion, np.atleast_2d(positions), np.atleast_2d(velocities))
+        return rows.reshape(positions.shape)
 
 
 def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array) -> Array:
-    k, names = found.turning, motion.coordinates
-    rate = np.float64(velocities[k])  # of numpy, so that what is not defined becomes nan
-    table = turning_table(motion, positions[k : k + 1])
+    k, mass, rate = found.turning, motion.mass, velocities[:, found.turning]
+    table = turning_table(motion, positions[:, k])
     raw = _directions(motion)
-    mass = motion.mass
-    d = np.array([float(array_value(raw[i], table)[0]) if i in raw else 0.0 for i in range(len(names))])
-    length = np.sqrt(d @ mass @ d)
-    speed = d @ mass @ velocities / length
-    norm = float(array_value(found.norm, table)[0])
-    momenta = velocities.astype(float).copy()
-    shift = 0.0
+    d = np.zeros(positions.shape)
+    for i, tree in raw.items():
+        d[:, i] = array_value(tree, table)
+    length = np.sqrt(np.einsum("mi,ij,mj->m", d, mass, d))
+    speed = np.einsum("mi,ij,mj->m", d, mass, velocities) / length
+    norm = array_value(found.norm, table)
+    momenta = velocities.astype(float)
+    shift = np.zeros(len(positions))
     for i, name in enumerate(found.constants):
         if name is None:
             continue
         constant = motion.values[name]
         ratio = _constant_ratio(raw[i], found.directions[i], motion)
-        momenta[i] = constant * (norm / length) * speed * ratio / rate
-        shift += float(array_value(found.directions[i], table)[0]) * momenta[i] ** 2 / (2 * norm * constant)
-    momenta[k] = rate - shift
+        momenta[:, i] = constant * (norm / length) * speed * ratio / rate
+        shift += array_value(found.directions[i], table) * momenta[:, i] ** 2 / (2 * norm * constant)
+    momenta[:, k] = rate - shift
     return momenta
 
 

@@ -71,12 +71,15 @@ def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> Prog
         raise InputError(NOT_SEPARABLE)
     middle = MOMENT + STEP / 2
     slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "q", "p", middle) for letter in "qp")
-    half = [x + STEP / 2 * rate for x, rate in zip(q, slope_p(q, p), strict=True)]
-    kicks = [-STEP * force for force in slope_q(half, p)]
-    kicked = [symbol(f"e{k}") for k in range(f.size)]
-    after = slope_p(q, between(p, kicked, 1))
-    moves = [STEP / 2 * (a + b) for a, b in zip(slope_p(q, p), after, strict=True)]
-    statements = [Assign(str(name), kick) for name, kick in zip(kicked, kicks, strict=True)]
+    before = slope_p(q, p)
+    half = [x + STEP / 2 * rate for x, rate in zip(q, before, strict=True)]
+    found = slope_q(half, p)
+    forces = [symbol(f"g{k}") for k in range(f.size)]
+    kicked = [number(0) if g == number(0) else -STEP * name for name, g in zip(forces, found, strict=True)]
+    # Written as h T_p(p) + (h/2)(T_p(p') - T_p(p)): what does not need the force can be computed before it.
+    gains = [(b - a).expand() for a, b in zip(before, slope_p(q, between(p, kicked, 1)), strict=True)]
+    moves = [STEP * a + STEP / 2 * gain for a, gain in zip(before, gains, strict=True)]
+    statements = [Assign(str(name), force) for name, force in zip(forces, found, strict=True)]
     statements += [Assign(str(name), move) for name, move in zip(f.symbols("d"), moves, strict=True)]
     point = dict(zip([*q, *p, MOMENT], [*half, *p, middle], strict=True))
     watches = domain_watches(f, point)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from benchmarks.hard_cases import disk_start, particle_start
 from benchmarks.problems import DISK, PARTICLE, PENDULUM
 from inverse_service.errors import InputError
+from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation.ensembles import Many, run_ensemble
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.scene import Grid, MethodChoice, Problem, Start
@@ -81,3 +84,19 @@ def test_methods_without_kernels_are_refused() -> None:
         run_ensemble(DISK, MethodChoice("heyoka"), positions, velocities, Grid(0.1, 10), {"c": 1.0})
     with pytest.raises(InputError, match="needs a value"):
         run_ensemble(DISK, MethodChoice("variational"), positions, velocities, Grid(0.1, 10), {})
+
+
+def test_starts_with_momenta_of_their_own_are_those_of_single_runs() -> None:
+    """L~ of the disk is 0/0 where sin(phi) = 0: all starts are taken at once, and each is the start of a single run."""
+    angles = ["0", "pi/2", "0.3", "1"]
+    scene: dict[str, Any] = {
+        "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
+        "initial": {"positions": {"phi": 0, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}},
+        "step": 0.05, "steps": 20, "methods": ["variational"],
+    }  # fmt: skip
+    (many,) = simulate(scene | {"ensemble": {"initial": {"positions": {"phi": angles}}}})["methods"]
+    for k, angle in enumerate(angles):
+        scene["initial"] = {**scene["initial"], "positions": {"phi": angle, "theta": 0, "x": 0, "y": 0}}
+        (one,) = simulate(scene)["methods"]
+        for name, value in one["final"]["positions"].items():
+            assert many["members_columns"][f"{name}_end"][k] == pytest.approx(value, abs=1e-13)
