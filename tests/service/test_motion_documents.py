@@ -37,6 +37,8 @@ def test_the_answer_is_about_the_motion_alone() -> None:
     assert answer["statement"] == "This motion can be hamiltonised, by an associated system."
     assert answer["freedom"] == "1 function of 2 variables"
     assert len(answer["lagrangian"]["transverse_momenta"]) == 1
+    assert check_plain(found)["verdict"] == "valid"
+    assert check_plain(found, INCLINED | {"motion": {"phi": "0", "x": "0"}})["verdict"] == "invalid"
 
 
 @pytest.mark.parametrize(
@@ -71,7 +73,12 @@ def changed(result: dict[str, Any], part: str, name: str, text: str) -> dict[str
 def test_a_result_about_another_motion_is_refused_by_the_check() -> None:
     found = solve_document(KNIFE, SolveOptions(time_limit=30))
     assert found["any_associated"]["verdict"] == "variational"
-    assert check_plain(found)["verdict"] == "incomplete"  # the associated systems were not asked about
+    assert check_plain(found)["verdict"] == "valid"
+    assert check_plain(found, {**KNIFE, "lagrangian": "(x'^2 + y'^2 + phi'^2)/2"})["verdict"] == "invalid"
+    open_motion = found["any_associated"] | {"verdict": "undetermined", "verdict_with_time": "undetermined"}
+    open_motion |= {"certificate": None, "lagrangian": None}
+    assert check_plain(found | {"any_associated": open_motion})["verdict"] == "incomplete"
+    assert check_plain(found | {"verdict": "not_variational"})["verdict"] != "valid"
     motion = {key: KNIFE[key] for key in ("coordinates", "lagrangian", "constraints")}
     certificate = found["any_associated"]["certificate"]
     assert compared_claim(motion, certificate).verdict == "valid"
