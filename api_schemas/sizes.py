@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-MAX_COORDINATES = 8
+MAX_COORDINATES = 12
 MAX_SIMULATED = 32  # coordinates of a scene
 MAX_FORWARD = 256  # coordinates of a Lagrangian whose equations are asked for
 MAX_PARAMETERS = 32

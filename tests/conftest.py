@@ -71,7 +71,7 @@ HOSTILE = (
     Hostile("coordinates-number", system(coordinates=3), "list", "/coordinates"),
     Hostile("coordinates-empty", system(coordinates=[], equations={}), "empty", "/coordinates"),
     Hostile("coordinate-number", system(coordinates=["x", 2]), "name", "/coordinates/1"),
-    Hostile("nine-coordinates", system(coordinates=list("abcdxyuvw")), "at most 8", "/coordinates"),
+    Hostile("thirteen-coordinates", system(coordinates=list("abcdxyuvwmnpq")), "at most 12", "/coordinates"),
     Hostile("parameters-number", system(parameters=1), "wrong type", "/parameters"),
     Hostile("parameter-true", system(parameters={"k": True}), "number", "/parameters/k"),
     Hostile("functions-list", system(functions=["A"]), "object", "/functions"),

@@ -31,7 +31,7 @@ class Limits:
     name_characters: int = 40
     derivative_order: int = 20
     derivative_nodes: int = 1_000
-    coordinates: int = 8
+    coordinates: int = 12
     function_arguments: int = 6
     names: int = 200
 

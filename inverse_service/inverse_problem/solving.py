@@ -43,7 +43,7 @@ from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.members import reading_class
 from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
 from inverse_service.inverse_problem.search.tidy import tidied
-from inverse_service.linear_pde.deciding import Limits
+from inverse_service.linear_pde.deciding import MOST_UNKNOWNS, Limits
 from inverse_service.mechanics.branches import MOST_BRANCHES, MOST_COUNTED, branches_of, on_branch
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -55,6 +55,8 @@ _SEARCH_SHARE, _SEARCH_SHARE_OF_CLOCK = 0.5, 0.8
 AS_GIVEN = "the equations as given"
 # Nodes of f up to which the space of all multipliers is computed even where L is known already.
 _SHORT = 2_000
+# Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
+_MOST_FOR_FREEDOM = 30_000
 # Rational functions of the velocities, and what is harder to read (`reading_class`).
 _RATIONAL = 2
 # The cost up to which something nicer is searched for where a complete answer is known.
@@ -180,7 +182,7 @@ def _as_given(work: _Work) -> Answer | None:
             return None
         if _is_confirmed(work, form, with_time):
             short = sum(1 for f in system.accelerations for _ in walk(f)) <= _SHORT
-            decision = _decide(work, with_time) if short else None
+            decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
             found = of_lagrangian(work.analysis, with_time, form, AS_GIVEN, as_given_steps(form), decision)
             return _completed(work, replace(found, checked="valid"), [], with_time)
     return None
@@ -259,10 +261,10 @@ def _answer(work: _Work, with_time: bool) -> Answer:
     return _by_lagrangian(work, decision) or _checked(work, _by_existence(work, decision))
 
 
-def _decide(work: _Work, with_time: bool) -> Decision:
+def _decide(work: _Work, with_time: bool, unknowns: int = MOST_UNKNOWNS) -> Decision:
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
-    limits = Limits(deadline=work.deadline)
+    limits = Limits(deadline=work.deadline, unknowns=unknowns)
     decision = decide(work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis)
     work.seconds[stage] = decision.seconds
     work.points.extend(decision.points)

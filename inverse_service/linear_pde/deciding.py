@@ -25,6 +25,7 @@ from inverse_service.linear_pde.unknowns import Unknowns, count_of_degree
 # Most negative verdicts fall at order 1, most positive ones at order 3: series are made for these first.
 _FIRST_ORDER, SECOND_ORDER = 1, 3
 _POINTS = 4
+MOST_UNKNOWNS = 60_000
 # An order takes so many times as long as the one before: none is begun that would pass the deadline.
 _GROWTH = 3
 
@@ -35,7 +36,7 @@ class Limits:
 
     order: int = 7
     deadline: float = float("inf")
-    unknowns: int = 60_000
+    unknowns: int = MOST_UNKNOWNS
 
 
 class Card(Protocol):
