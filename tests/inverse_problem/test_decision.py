@@ -20,8 +20,9 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.inverse_problem.decision.deciding import Decision, decide
-from inverse_service.linear_pde.deciding import Limits
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.deciding import Decision, HelmholtzAt, decide
+from inverse_service.linear_pde.deciding import Limits, settle
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -30,6 +31,24 @@ def system(
     equations: dict[str, str], parameters: Sequence[str] = (), functions: dict[str, list[str]] | None = None
 ) -> SecondOrderSystem:
     return read_system(list(equations), equations, parameters, functions)
+
+
+@pytest.mark.parametrize("force", ["0", "-x", "-sin(x)-x'^3*x", "-x*t", "A(x)*x'^2+1/(1+x^2)", "sqrt(1+x'^2)"])
+def test_the_theorem_for_one_coordinate_says_what_prolongation_finds(force: str) -> None:
+    one = system({"x": force}, (), {"A": ["x"]} if "A" in force else None)
+    for time_dependent in (False, True):
+        found = decide(one, time_dependent)
+        with_time = time_dependent or one.depends_on_time
+        card = HelmholtzAt(analyse(one), with_time)
+        slow = settle(card, 1, Limits(), lambda _: None)
+        assert slow.exists
+        assert found.verdict == "variational"
+        assert (found.order, found.symbol, found.degree, found.history) == (
+            slow.order,
+            slow.symbol,
+            slow.degree,
+            slow.history,
+        )
 
 
 def test_constants_only_are_as_free_motion() -> None:

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import cast
 
-from inverse_service.algebra.point import Expansion, Variable
+from inverse_service.algebra.point import Expansion, Variable, evaluate
+from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.series_program import TooLarge
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
@@ -132,11 +133,32 @@ def decide(
     began = time.monotonic()
     with_time = time_dependent or system.depends_on_time
     try:
-        card = HelmholtzAt(analysis or analyse(system), with_time, expander, among)
+        analysis = analysis or analyse(system)
+        found = None if among or expander else _of_one_coordinate(analysis, with_time, seed)
+        if found is None:
+            card = HelmholtzAt(analysis, with_time, expander, among)
+            found = settle(card, seed, limits or Limits(), progress or (lambda _: None))
     except IrreducibleAtoms as problem:
         return Decision("undetermined", with_time, 0, reason=problem.detail)
-    found = settle(card, seed, limits or Limits(), progress or (lambda _: None))
     return replace(_decision(found, with_time), seconds=time.monotonic() - began)
+
+
+def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> Finding | None:
+    """Always yes where f has values: g has to solve Gamma(g) + g df/dv = 0 alone (Darboux 1894, no. 604).
+
+    No displacement is characteristic, so g on t = 0, or on q = 0, is arbitrary. None for more coordinates.
+    """
+    if len(analysis.system.coordinates) > 1:
+        return None
+    point = draw_point(analysis.tower, seed)
+    try:
+        evaluate(analysis.accelerations[0], point, {})
+    except SingularPoint:
+        return None
+    symbol = SymbolOfSystem(2, 3, (1, 1, 0)) if with_time else SymbolOfSystem(1, 1, (1, 0))
+    history = ((1,), (1, 3), (1, 3, 6)) if with_time else ((1,), (1, 2), (1, 2, 3))
+    points = ({"prime": point.prime, "seed": seed},)
+    return Finding(True, 2, symbol=symbol, degree=1, history=history, points=points)
 
 
 def _decision(found: Finding, with_time: bool) -> Decision:
