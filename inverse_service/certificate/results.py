@@ -42,16 +42,14 @@ def compared(result: Any, tools: Tools) -> list[str]:
         break
     certificates = [agreed(shown, system, tools) for shown in main]
     others = [agreed(shown, system, tools) for shown in of_kinds(result, system)]
-    others += on_constraints(result, timed, tools)
+    others += (motions := on_constraints(result, timed, tools))
     found = [certified(one, tools, everywhere=True) for one in (*certificates, *others) if one]
     given, motion = result["system"].get("given"), result.get("any_associated")
     only = isinstance(given, dict) and ("motion" in given or given.get("associated") == "any")
-    if only and motion and {verdict, later} <= {"undetermined", None}:  # of the motion, see on_constraints
-        proven, verdict, later = True, motion["verdict"], motion["verdict_with_time"]
-    else:
-        proven = later is None or any(one and proves(one, "time_dependent", later) for one in certificates)
-        proven = proven and None not in certificates
-    if not proven or "undetermined" in (verdict, later):
+    if only and motion and {verdict, later} <= {"undetermined", None}:
+        certificates, verdict, later = motions, motion["verdict"], motion["verdict_with_time"]
+    proven = later is None or any(one and proves(one, "time_dependent", later) for one in certificates)
+    if not proven or None in certificates or "undetermined" in (verdict, later):
         raise Ended("incomplete", "A verdict is undetermined, or no certificate proves it.")
     return found if given is None else [*found, "The equations as given were not compared."]
 

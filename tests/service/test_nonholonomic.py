@@ -25,7 +25,7 @@ WITH_POTENTIAL = ("mobile-robot-with-potential", "inclined-knife-edge", "generic
 @lru_cache
 def solved(name: str, associated: str | None = None) -> dict[str, Any]:
     document = catalogue.document(name) | ({} if associated is None else {"associated": associated})
-    return solve_document(document, SolveOptions(time_limit=60))
+    return solve_document(document, SolveOptions(time_limit=600))
 
 
 def part_of(result: dict[str, Any], kind: str) -> dict[str, Any]:
@@ -90,7 +90,7 @@ DISK = catalogue.document("vertically-rolling-disk")
 
 def test_multiples_of_the_constraints_are_added() -> None:
     turn = {"x": "-phi'*(y' - R*sin(phi)*theta')", "y": "phi'*(x' - R*cos(phi)*theta')"}
-    result = solve_document(DISK | {"multiples": turn}, SolveOptions(time_limit=30))
+    result = solve_document(DISK | {"multiples": turn}, SolveOptions(time_limit=300))
     third = solved("vertically-rolling-disk", "third")
     assert result["verdict"] == "variational"
     assert result["nonholonomic"]["main"] == "family 1"
@@ -102,7 +102,7 @@ def test_a_list_of_multiples_is_a_list_of_systems_with_their_own_parameters() ->
     turn = {"x": "-phi'*(y' - R*sin(phi)*theta')", "y": "phi'*(x' - R*cos(phi)*theta')"}
     families = [{"x": "mu*(x' - R*cos(phi)*theta')"}, turn]
     document = DISK | {"multiples": families, "parameters": ["M", "I", "J", "R", "mu"]}
-    part = solve_document(document, SolveOptions(time_limit=30))["nonholonomic"]
+    part = solve_document(document, SolveOptions(time_limit=300))["nonholonomic"]
     assert [(one["kind"], one["verdict"]) for one in part["associated"]] == [
         ("family 1", "not_variational"),
         ("family 2", "variational"),
@@ -118,7 +118,7 @@ SPHERE = {
 
 
 def test_integrable_constraints_are_said_to_be_so() -> None:
-    part = solve_document(SPHERE, SolveOptions(time_limit=30))["nonholonomic"]
+    part = solve_document(SPHERE, SolveOptions(time_limit=300))["nonholonomic"]
     assert part["integrable"]["holonomic"]
     assert "holonomic in disguise" in part["integrable"]["statement"]
     assert part["integrable"]["integrals"][0]["text"] == "(x^2 + y^2 + z^2)/2"
