@@ -36,14 +36,12 @@ def compared(result: Any, tools: Tools) -> list[str]:
     if other is not None:
         require(other.get("verdict") in (None, later), "with_time.verdict is not verdict_with_time.")
         main.append(Shown(other, later, "time_dependent"))
-    for branch in result.get("branches") or []:
+    for branch in (result.get("branches") or [])[:1]:
         same = all(value == result.get(key) for key, value in branch.items())
         require(same, "The first branch is not what the main fields say.")
-        break
-    certificates = [agreed(shown, system, tools) for shown in main]
-    others = [agreed(shown, system, tools) for shown in of_kinds(result, system)]
-    others += (motions := on_constraints(result, timed, tools))
-    found = [certified(one, tools, everywhere=True) for one in (*certificates, *others) if one]
+    certificates, kinds = ([agreed(one, system, tools) for one in some] for some in (main, of_kinds(result, system)))
+    motions = on_constraints(result, timed, tools)
+    found = [certified(one, tools, everywhere=True) for one in (*certificates, *kinds, *motions) if one]
     given, motion = result["system"].get("given"), result.get("any_associated")
     only = isinstance(given, dict) and ("motion" in given or given.get("associated") == "any")
     if only and motion and {verdict, later} <= {"undetermined", None}:

@@ -96,7 +96,7 @@ def test_a_coordinate_that_depends_on_others_may_stand_before_them() -> None:
         "constraints": ["z' = -x*y'"],
         "associated": "any",
     }
-    found = solve_document(made, SolveOptions(time_limit=60))["any_associated"]
+    found = solve_document(made, SolveOptions(time_limit=600))["any_associated"]
     assert found["certificate"]["system"]["coordinates"] == ["x", "z", "y"]
     assert (found["verdict"], found["checked"]) == ("not_variational", "valid")
 
@@ -126,7 +126,7 @@ def test_a_sleigh_cannot_be_hamiltonised_and_says_so_first() -> None:
         "parameters": ["a", "J"],
         "associated": "any",
     }
-    found = solve_document(sleigh, SolveOptions(time_limit=60))["any_associated"]
+    found = solve_document(sleigh, SolveOptions(time_limit=600))["any_associated"]
     assert (found["verdict"], found["verdict_with_time"], found["checked"]) == ("not_variational",) * 2 + ("valid",)
     assert found["statement"] == "This motion cannot be hamiltonised, by any associated system."
     assert found["certificate"]["question"] == "time_dependent"  # it covers L(q, q') too
@@ -151,6 +151,6 @@ def test_the_sleigh_is_settled_in_whatever_order_its_coordinates_are_named() -> 
 def test_a_document_that_asks_for_a_search_gets_what_decides_all_at_once() -> None:
     asked = {key: KNIFE[key] for key in ("coordinates", "lagrangian", "constraints")}
     asked |= {"associated": "search", "search": {"families": ["products"]}, "time_dependent_lagrangian": False}
-    found = solve_document(asked, SolveOptions(time_limit=60))
+    found = solve_document(asked, SolveOptions(time_limit=600))
     assert len(found["nonholonomic"]["associated"]) == 3
     assert found["any_associated"]["verdict"] == "variational"

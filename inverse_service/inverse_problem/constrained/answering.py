@@ -18,6 +18,7 @@ from inverse_service.inverse_problem.constrained import certify
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, analyse_motion, decide_motion
 from inverse_service.inverse_problem.constrained.lagrangian import JetOnConstraints, jet_of, own_system
+from inverse_service.inverse_problem.constrained.series import series_steps
 from inverse_service.inverse_problem.constrained.wording import finding_steps, freedom, lagrangian_steps, open_reason
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.inverse_problem.outcome import Lagrangian, Step, Verdict
@@ -140,7 +141,9 @@ def _proven(work: _Work, analysed: AnalysedMotion, found: Finding, with_time: bo
     if not _is_valid(certificate, work.left()):
         reason = f"the solver found {verdict.replace('_', ' ')} at order {found.order}, but {_NOT_CONFIRMED}"
         return MotionAnswer("undetermined", "undetermined", reason, (), None, size)
-    return MotionAnswer(verdict, verdict, "", (certificate,), None, size, finding_steps(analysed, found, with_time))
+    steps = finding_steps(analysed, found, with_time)
+    steps += series_steps(analysed, found, with_time) if found.exists else ()
+    return MotionAnswer(verdict, verdict, "", (certificate,), None, size, steps)
 
 
 def _is_valid(certificate: Mapping[str, Any], time_limit: float) -> bool:

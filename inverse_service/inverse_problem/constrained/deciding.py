@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.point import Variable
+from inverse_service.algebra.point import Point, Variable
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.series_program import TooLarge
@@ -54,11 +54,11 @@ def analyse_motion(motion: ConstrainedMotion) -> AnalysedMotion:
 
 
 class ConstrainedAt:
-    """The card for one motion, at random points."""
+    """The card for one motion, at random points or those that `draw` gives."""
 
     __slots__ = ("_series", "_shape", "matrix", "others", "unknowns")
 
-    def __init__(self, analysed: AnalysedMotion, with_time: bool) -> None:
+    def __init__(self, analysed: AnalysedMotion, with_time: bool, draw: Callable[[int], Point] | None = None) -> None:
         motion = analysed.motion
         self._shape = shape = Shape(len(motion.free), len(motion.dependent), with_time)
         self.unknowns: Unknowns = constrained.unknowns_of(shape)
@@ -69,7 +69,7 @@ class ConstrainedAt:
         field = [*free, *analysed.velocities, *analysed.forces]
         self._series = Coefficients(
             lambda order: constrained.written(shape, variables, field, order),
-            lambda seed: draw_point(analysed.tower, seed),
+            draw or (lambda seed: draw_point(analysed.tower, seed)),
             spare=1,
         )
 

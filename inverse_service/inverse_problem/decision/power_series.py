@@ -59,10 +59,11 @@ Choice = Callable[[tuple[int, ...], int], int]
 
 def is_rational(analysis: Analysis) -> bool:
     """Whether f is a rational function of t, q, v, the parameters and pi."""
-    return not any(_is_irrational(node) for f in analysis.accelerations for node in walk(f))
+    return not any(is_irrational(node) for f in analysis.accelerations for node in walk(f))
 
 
-def _is_irrational(node: Expression) -> bool:
+def is_irrational(node: Expression) -> bool:
+    """Whether the topmost operation of a formula is not rational."""
     if isinstance(node, Power):
         return not (isinstance(node.exponent, Number) and node.exponent.value.denominator == 1)
     return isinstance(node, Apply | Arbitrary)
