@@ -32,7 +32,7 @@ VERDICTS = "variational|not_variational|undetermined"
 CERTIFICATE = {"format": FORMAT, "system": {}, "question": "autonomous|time_dependent", "near?": {},
                "claim": VERDICTS, "kind": "lagrangian|existence|nonexistence"}  # fmt: skip
 RESULT = {"format": RESULT_FORMAT, "system": {}, "question?": r"L\((t, )?q, q'\)", "verdict": VERDICTS,
-          "lagrangian?": {}, "verdict_with_time?": VERDICTS,
+          "lagrangian?": {}, "verdict_with_time?": VERDICTS, "branches?": [{}, 8],
           "with_time?": {"verdict?": VERDICTS, "lagrangian?": {}}}  # fmt: skip
 
 

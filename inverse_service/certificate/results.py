@@ -33,12 +33,10 @@ def compared(result: Any, tools: Tools) -> list[str]:
     require(not timed or later in (None, verdict), "verdict and verdict_with_time answer one question differently.")
     require((verdict, later) != ("variational", "not_variational"), "An L(q, q') is an L(t, q, q') too.")
     main = [Shown(result, verdict, "time_dependent" if timed else "autonomous")]
-    if other is not None:
-        require(other.get("verdict") in (None, later), "with_time.verdict is not verdict_with_time.")
-        main.append(Shown(other, later, "time_dependent"))
-    for branch in (result.get("branches") or [])[:1]:
-        same = all(value == result.get(key) for key, value in branch.items())
-        require(same, "The first branch is not what the main fields say.")
+    require(other is None or other.get("verdict") in (None, later), "with_time.verdict is not verdict_with_time.")
+    main += [] if other is None else [Shown(other, later, "time_dependent")]
+    first = (result.get("branches") or [{}])[0]
+    require(all(b == result.get(a) for a, b in first.items()), "The first branch is not what the main fields say.")
     certificates, kinds = ([agreed(one, system, tools) for one in some] for some in (main, of_kinds(result, system)))
     motions = on_constraints(result, timed, tools)
     found = [certified(one, tools, everywhere=True) for one in (*certificates, *kinds, *motions) if one]

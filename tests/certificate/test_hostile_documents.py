@@ -180,3 +180,8 @@ def test_random_damage_is_answered(value: Any, number: int, data: st.DataObject)
     found = check_certificate(changed(document, path, value), time_limit=5)
     assert found.verdict in ("valid", "incomplete", "invalid")
     assert check_result(value).verdict == "invalid"
+
+
+@pytest.mark.parametrize("branches", [{"a": 1}, {"a": {}}, [1], "abc", 5, [[]]])
+def test_branches_that_are_no_list_of_objects_are_invalid(branches: Any) -> None:
+    assert check_result(result("oscillator", "undetermined", None, branches=branches)).verdict == "invalid"
