@@ -27,7 +27,7 @@ from inverse_service.service.figures.style import (
 )
 
 Tables = Mapping[str, Mapping[str, Array]]
-FLOOR = 1e-17
+FLOOR, ROUND_OFF = 1e-17, 1e-12
 BINS = 160
 MOST_PANELS = 4
 # A signed panel shows this many times the median of the greatest values; what is larger leaves it.
@@ -171,7 +171,7 @@ def _sizes(axes: Axes, lines: Sequence[Line]) -> int:
     for shift, (place, method, times, values) in enumerate(lines):
         style = look(place, method["method"])
         # At the start, which is given, nothing has gone wrong yet; zeros are drawn at the floor.
-        begin = 1 if len(values) > 1 and values[0] == 0 else 0
+        begin = 1 if len(values) > 1 and values[0] <= ROUND_OFF * np.nanmax(values) else 0
         heights = np.maximum(np.where(np.isfinite(values), values, np.nan), FLOOR)[begin:]
         t, _, high, every = envelope(times[begin:], heights, BINS)
         most = max(most, every)
