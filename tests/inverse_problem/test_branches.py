@@ -135,8 +135,8 @@ def test_the_text_page_begins_with_all_cases_and_says_where_each_holds() -> None
 
 def test_the_latex_page_begins_with_all_cases_too() -> None:
     page = latex_page(solved({"x": "-sqrt(x^2)"}), explain=False)
-    cases = page.index("2 cases: \\begin{itemize}\n\\item x $>$ 0: variational\n\\item x $<$ 0: variational\n")
-    assert cases < page.index("Variational on x $>$ 0, at generic points")
+    cases = page.index("2 cases: \\begin{itemize}\n\\item $x > 0$: variational\n\\item $x < 0$: variational\n")
+    assert cases < page.index("At generic points of the connected set where $x > 0$:\nVariational")
 
 
 @pytest.mark.parametrize(("verdict", "code"), [("variational", ExitCode.DONE), ("undetermined", ExitCode.OPEN)])

@@ -182,7 +182,7 @@ def _head(analysis: Analysis, domain: Domain, with_time: bool, claim: str, kind:
     parts = {
         "near": _near(system, domain.point),
         "conditions": [*dict.fromkeys(map(inequality_text, domain.positive))][:_MOST_CONDITIONS],
-        "roots": _roots(system),
+        "roots": [*_roots(system), *_signs(analysis, domain)],
     }
     return head | {key: part for key, part in parts.items() if part}
 
@@ -191,6 +191,13 @@ def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
     found = () if system.branch is None else system.branch.roots
     pairs = [pair if isinstance(pair[0], Power) else _hidden_root(*pair) for pair in found]
     return [{"root": to_text(pair[0]), "is": to_text(pair[1])} for pair in pairs if pair]
+
+
+def _signs(analysis: Analysis, domain: Domain) -> list[dict[str, str]]:
+    """Which signs functions under roots have, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
+    signed = (factor if sign > 0 else negate(factor) for factor, sign in analysis.tower.signs)
+    found = (u for u in signed if u not in domain.positive and any(isinstance(node, Apply) for node in walk(u)))
+    return [{"root": f"sqrt(({to_text(u)})^2)", "is": to_text(u)} for u in found]
 
 
 def _hidden_root(node: Expression, value: Expression) -> tuple[Expression, Expression] | None:
