@@ -103,7 +103,7 @@ def test_decisions_do_not_depend_on_how_series_are_kept(
 
 
 def test_a_denominator_that_vanishes_everywhere_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    system = system_of({"x": "x/(k-x)"}, ["k"])
+    system = system_of({"x": "y/(k-x)", "y": "x"}, ["k"])
     real = coefficients.constants_at
 
     def zeros(program: object, point: object) -> np.typing.NDArray[np.uint64]:

@@ -152,9 +152,9 @@ def test_a_bad_system_is_refused_by_name(name: str) -> None:
     assert caught.value.detail.rstrip(".").count(". ") == 0
 
 
-def test_a_ninth_coordinate_is_refused_with_the_limit() -> None:
-    names = [f"q{k}" for k in range(9)]
-    with pytest.raises(LimitError, match="limit is 8"):
+def test_a_thirteenth_coordinate_is_refused_with_the_limit() -> None:
+    names = [f"q{k}" for k in range(13)]
+    with pytest.raises(LimitError, match="limit is 12"):
         read_nonholonomic(names, "q0'^2", ["q1'"])
 
 

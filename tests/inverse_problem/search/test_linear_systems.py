@@ -113,7 +113,7 @@ UNIFORMLY_DAMPED = {
     "Kepler": ({"r": "r*p'^2-1/r^2-c*r'", "p": "-2*r'*p'/r-c*p'"}, "c"),
     "sphere": ({"a": "sin(a)*cos(a)*b'^2-(c+d)*a'-sin(a)", "b": "-2*a'*b'*cos(a)/sin(a)-(c+d)*b'"}, "cd"),
     "damping that fades": ({"x": "-sin(x)-k*sin(x-y)-c*x'/t", "y": "-sin(y)-k*sin(y-x)-c*y'/t"}, "ck"),
-    "driven": ({"x": "-sin(x)-c*x'+cos(t)"}, "c"),
+    "driven": ({"x": "-sin(x)-y-c*x'+cos(t)", "y": "-x-c*y'"}, "c"),
 }
 
 

@@ -58,8 +58,9 @@ class Visit:
         self.page.goto(self.address + path)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    """Closed after each file: while it is open its event loop runs, and `asyncio.run` in other tests fails."""
     expect.set_options(timeout=20_000)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
@@ -76,7 +77,7 @@ class Look:
     scheme: Scheme = "light"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def pages(browser: Browser) -> Iterator[Pages]:
     """Opened when first needed and then used again: a new one costs half a second of processor time."""
     opened: dict[Look, Page] = {}
