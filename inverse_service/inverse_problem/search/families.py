@@ -22,7 +22,7 @@ from flint import nmod_mat
 
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
@@ -180,10 +180,10 @@ def _functions(material: Material, factors: Factors, room: int) -> list[Monomial
 
 
 def _antiderivatives_of_forces(material: Material) -> list[Monomial]:
-    """B(q) with dB/dq_j = T for the functions of position T in f that hold more than powers of coordinates."""
+    """B(q) with dB/dq_j = T for the functions of position T in f that hold a function such as log x."""
     motion = material.motion
     parts = dict.fromkeys(split_velocities(key)[0] for terms in motion.forces for key in terms)
-    special = [part for part in parts if any(not isinstance(letter, Symbol) for letter, _ in part)]
+    special = [part for part in parts if any(isinstance(letter, Apply) for letter, _ in part)]
     return distinct([m for part in special for q in motion.coordinates for m in antiderivatives(part, q)])
 
 
