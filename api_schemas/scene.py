@@ -73,7 +73,7 @@ def _method_entry(value: Any) -> Any:
 
 
 def _whole(value: Any) -> Any:
-    """A whole number written as text, as YAML gives it, or as 2000.0."""
+    """An integer written as text, as YAML gives it, or as 2000.0."""
     if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) < 12:
         return int(value)
     return int(value) if isinstance(value, float | Decimal) and value == int(value) else value

@@ -112,7 +112,7 @@ def _whole(environment: Mapping[str, str], name: str, default: int, low: int, hi
     if not text:
         return default
     if not (text.isascii() and text.isdigit() and len(text) < 12 and low <= int(text) <= high):
-        raise InputError(f"The setting {PREFIX}{name} must be a whole number from {low} to {high}.")
+        raise InputError(f"The setting {PREFIX}{name} must be an integer from {low} to {high}.")
     return int(text)
 
 

@@ -1,1 +1,1 @@
-"""The paper, statement by statement, computed anew."""
+"""The paper, statement by statement, recomputed."""

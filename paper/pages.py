@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from paper.statement import Section, Statement, Table
 
-TITLE = "The paper, computed anew"
+TITLE = "The paper, recomputed"
 ABOUT = (
     "T. Mestdag, A. M. Bloch and O. E. Fernandez, Hamiltonization and geometric integration of nonholonomic mechanical "
     "systems (2009), statement by statement. Each line below was computed by the program; nothing is copied from the "

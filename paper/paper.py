@@ -1,4 +1,4 @@
-"""The whole report: every statement of the paper computed anew."""
+"""The whole report: every statement of the paper recomputed."""
 
 from __future__ import annotations
 

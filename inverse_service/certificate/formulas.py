@@ -53,7 +53,7 @@ def check_shape(value: Any, shape: Any, where: str) -> None:
         case str():
             good, what = isinstance(value, str) and bool(re.fullmatch(shape, value)), f"a text of the form {shape}"
         case range():
-            good, what = type(value) is int and value in shape, f"a whole number from {shape[0]} to {shape[-1]}"
+            good, what = type(value) is int and value in shape, f"an integer from {shape[0]} to {shape[-1]}"
         case [*_]:  # [shape of each, most], or a tuple: the shape of each in turn
             fixed, most = isinstance(shape, tuple), len(shape) if isinstance(shape, tuple) else shape[1]
             good = isinstance(value, list | tuple) and (len(value) == most if fixed else len(value) <= most)

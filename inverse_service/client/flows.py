@@ -93,7 +93,7 @@ def solve(
 ) -> Flow[ResultDocument]:
     """The result of one system. Raises JobFailed, JobDismissed, or WaitedTooLong after `timeout` s.
 
-    `time_limit` (s) is the service's for the work; `fresh` computes anew what has a stored answer.
+    `time_limit` (s) is the service's for the work; `fresh` computes again what has a stored answer.
     """
     result = yield from _asked(patience, document, "solve", time_limit, fresh, timeout)
     if not isinstance(result, ResultDocument):
@@ -255,7 +255,7 @@ def items(patience: float, reader: Reader[Any]) -> Flow[None]:
 
 
 def question(document: Any, kind: str, prefer: str, time_limit: float | None, fresh: bool) -> Call:
-    """The POST of a document; `fresh` asks anew what the service has answered before."""
+    """The POST of a document; `fresh` asks again what the service has answered before."""
     headers = {**JSON, "Prefer": prefer, **({"Cache-Control": "no-cache"} if fresh else {})}
     return Call("POST", KINDS[kind] + query_of(time_limit), encoded(document), headers)
 

@@ -240,7 +240,7 @@ class LatexTranslator(LatexDerivatives):
         self._take()
         digits = self._digits()
         if not digits or not self._take().is_character("]"):
-            raise refusal("the degree of a root is not a whole number", raw.column, "write \\sqrt[3]{x}")
+            raise refusal("the degree of a root is not an integer", raw.column, "write \\sqrt[3]{x}")
         self._begin_factor(raw)
         self._argument(raw)
         for text in "^(":

@@ -243,7 +243,7 @@ class OperandParser(ABC):
     def _order(self) -> int:
         token = self._stream.take()
         if token.kind != "number" or token.value.denominator != 1:
-            raise unexpected(token, "the order of a derivative, a whole number,")
+            raise unexpected(token, "the order of a derivative, an integer,")
         if token.value > self._limits.derivative_order:
             raise limit_passed("a derivative is too high", token.column, self._limits.derivative_order)
         return int(token.value)

@@ -41,13 +41,13 @@ def preference_of(request: Request) -> Preference:
 
 
 def wants_fresh(request: Request) -> bool:
-    """`Cache-Control: no-cache`: the question is to be computed anew."""
+    """`Cache-Control: no-cache`: the question is to be computed again."""
     directives = {part.strip().lower() for part in request.headers.get("cache-control", "").split(",")}
     return bool(directives & {"no-cache", "no-store"})
 
 
 def batch_key_of(request: Request) -> str:
-    """`Idempotency-Key`: batches of the same lines are told apart by it; asked anew without one, all are."""
+    """`Idempotency-Key`: batches of the same lines are told apart by it; asked again without one, all are."""
     given = request.headers.get("idempotency-key", "")
     if len(given) > LARGEST_KEY:
         raise Refusal(422, "limit", f"The header 'Idempotency-Key' takes at most {LARGEST_KEY} characters.")

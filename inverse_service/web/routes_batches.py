@@ -58,7 +58,7 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     All lines are stored before the answer, which is 202 with the address of the batch. A bad line is
     answered by a problem object. Equal documents are computed once. `?kind=` asks for another kind of job.
     The same lines sent again are the same batch, unless some of it was cancelled, `Cache-Control: no-cache`
-    asks anew, or `Idempotency-Key` is another one.
+    asks again, or `Idempotency-Key` is another one.
     """
     engine = engine_of(request)
     media_type = content_type(request)

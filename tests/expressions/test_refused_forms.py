@@ -127,7 +127,7 @@ REFUSED = [
     (r"x + \int x", 5, "integral"),
     (r"\partial x", 1, "diff"),
     (r"\frac{x}", 1, "argument"),
-    (r"\sqrt[n]{x}", 1, "whole number"),
+    (r"\sqrt[n]{x}", 1, "integer"),
     (r"\dot{x + y}", 1, "belongs to a name"),
     (r"\dddot{x}", 1, "second order"),
     (r"\left|x\right)", 8, "should stand"),

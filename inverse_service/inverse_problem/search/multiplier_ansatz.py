@@ -2,7 +2,7 @@
 
 The Hessian g of a combination has to fulfil (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi symmetric;
 (H1) holds. Terms linear in the velocities do not enter, so this small problem tells whether a family
-holds a regular Lagrangian before its potentials are sought.
+holds a regular Lagrangian before its potentials are searched for.
 """
 
 from __future__ import annotations

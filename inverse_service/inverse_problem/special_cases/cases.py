@@ -281,7 +281,7 @@ def equation_texts(stratum: Stratum, equations: Sequence[fmpq_mpoly]) -> list[st
 
 
 def sides(stratum: Stratum, equation: fmpq_mpoly) -> Equation:
-    """The equation with positive terms on both sides; whole numbers without a common factor."""
+    """The equation with positive terms on both sides; integers without a common factor."""
     content = equation.factor()[0] if not equation.is_zero() else 1
     terms = {exponents: value / content for exponents, value in (equation).terms()}
     owner = equation.context()

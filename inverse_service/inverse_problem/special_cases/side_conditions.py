@@ -111,7 +111,7 @@ class Reader:
         ]
 
     def inside_functions(self) -> list[Ideal]:
-        """Where what stands in such a function becomes zero or constant, or an exponent a small whole number."""
+        """Where what stands in such a function becomes zero or constant, or an exponent a small integer."""
         found: list[Ideal] = []
         for index in self.parametric:
             tree = self.ring.trees[index]

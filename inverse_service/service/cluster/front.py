@@ -1,7 +1,7 @@
 """The front's side of a Dask cluster: tasks out, outcomes back, and both again when something dies.
 
 Dask tells the truth about tasks only as long as its scheduler lives. So every task stays here until
-its outcome is here: a scheduler that comes back gets the open ones anew. A worker that dies is the
+its outcome is here: a scheduler that comes back gets the open ones again. A worker that dies is the
 scheduler's affair, which runs its tasks on another one; a task whose workers die again and again
 ends as a crash.
 """

@@ -70,7 +70,7 @@ def of_outcome(outcome: Outcome, time_limit: float, memory_limit: int) -> dict[s
         "killed": "The system killed the worker process again and again, most often for want of memory; ask for less.",
         "crash": "The worker process died on this document again and again; that is a fault of the program.",
         "cancelled": "The job was dismissed.",
-        "unstarted": "No worker process could be started for a long time; ask anew.",
+        "unstarted": "No worker process could be started for a long time; submit the request again.",
     }
     kind = f" ({outcome.value})" if isinstance(outcome.value, str) and outcome.value else ""
     fault = f"The program failed on this document{kind}; that is a fault of the program."

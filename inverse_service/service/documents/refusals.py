@@ -30,7 +30,7 @@ EXPECTED = {
     "functions": 'an object such as {"A": ["r1"]}, each function with the coordinates it depends on',
     "time_dependent_lagrangian": "true or false",
     "ansatz": """a list of terms such as ["y'^2/x'"]""",
-    "series_order": f"a whole number from 1 to {MAX_SERIES_ORDER}",
+    "series_order": f"an integer from 1 to {MAX_SERIES_ORDER}",
     "special_cases": "true or false",
     "clock": 'a formula in the coordinates, such as "1 + x^2"',
     "kinds": """a list such as ["natural", "riemannian", "finsler", "positive_definite", "rayleigh", """

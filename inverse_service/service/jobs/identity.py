@@ -63,7 +63,7 @@ def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, gener
 
 @functools.cache
 def engine_version() -> str:
-    """The version and a digest of the program's text, so that a changed engine answers anew."""
+    """The version and a digest of the program's text, so that a changed engine answers again."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):

@@ -55,7 +55,7 @@ def bound_processor(deadline: float) -> None:
 
 
 def forget_peak() -> None:
-    """Begin to measure the peak of memory anew (Linux only)."""
+    """Begin to measure the peak of memory again (Linux only)."""
     with contextlib.suppress(OSError), open("/proc/self/clear_refs", "w") as stream:
         stream.write("5")
 

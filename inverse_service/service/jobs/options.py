@@ -72,5 +72,5 @@ def read_time_limit(value: Any, largest: float, pointer: str = "/options/time_li
 def _whole(given: Mapping[str, Any], key: str, default: int, low: int, high: int) -> int:
     value = given.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise LimitError(f"{key} must be a whole number from {low} to {high}.", f"/options/{key}")
+        raise LimitError(f"{key} must be an integer from {low} to {high}.", f"/options/{key}")
     return value

@@ -120,7 +120,7 @@ async def own_lagrangian(request: Request, identifier: str) -> Response:
 
 @router.post("/results/{identifier}/again")
 async def again(request: Request, identifier: str) -> Response:
-    """The same question asked anew, for work that was cancelled or failed."""
+    """The same question asked again, for work that was cancelled or failed."""
     job = await _stored(request, identifier)
     if job is None:
         return missing()

@@ -127,7 +127,7 @@ def test_what_is_wrong_with_a_scene_is_told_on_the_form(visit: Visit) -> None:
     visit.go("/simulate")
     visit.page.get_by_label("Steps").fill("many")
     visit.page.get_by_role("button", name="Run").click()
-    expect(visit.page.locator(".problem")).to_contain_text("whole number")
+    expect(visit.page.locator(".problem")).to_contain_text("integer")
     expect(visit.page.get_by_label("Steps")).to_have_value("many")
     visit.page.get_by_label("Steps").fill("10")
     visit.page.get_by_label("Step h").fill("0.1*@")
