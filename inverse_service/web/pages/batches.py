@@ -80,15 +80,21 @@ def as_documents(text: str) -> str:
 @router.get("/batch/{identifier}/results.csv")
 async def as_table(request: Request, identifier: str) -> Response:
     """What is answered as CSV: line, name, verdict, L or the reason, and what the checker said."""
+    answers = await _answers(request, identifier, engine_of(request).settings.max_lines)
+    if answers is None:
+        return missing()
+    return Response(await engine_of(request).in_thread(_csv, answers), media_type="text/csv")
+
+
+def _csv(answers: list[BatchAnswer]) -> str:
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(("line", "name", "verdict", "lagrangian or reason", "checked"))
-    rows = map(row_of, await _answers(request, identifier, engine_of(request).settings.max_lines))
-    for row in sorted(rows, key=lambda row: row.number):
+    for row in sorted(map(row_of, answers), key=lambda row: row.number):
         # A leading sign makes a formula of a cell in a spreadsheet.
         cells = (row.name, row.verdict, row.text.removeprefix("L = "), row.checked)
         writer.writerow((row.number, *(f"'{cell}" if cell[:1] in ("=", "+", "-", "@") else cell for cell in cells)))
-    return Response(text.getvalue(), media_type="text/csv")
+    return text.getvalue()
 
 
 @router.get("/batch/{identifier}")
@@ -117,7 +123,7 @@ async def cancel(request: Request, identifier: str) -> Response:
 @router.get("/batch/{identifier}/lines/{number}")
 async def line(request: Request, identifier: str, number: int) -> Response:
     """The page of one line's result."""
-    for answer in await _answers(request, identifier):
+    for answer in await _answers(request, identifier) or []:
         if answer.number == number and answer.status == "successful":
             return RedirectResponse(f"/results/{answer.job}", 303)
     return missing()
@@ -130,18 +136,18 @@ async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
     if found.is_problem:
         return None
     counts = found.value["counts"]
-    answers = await _answers(request, identifier)
+    answers = await _answers(request, identifier) or []
     rows = await engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
     is_open = bool(counts.get("accepted", 0) + counts.get("running", 0))
     done = found.value["total"] - counts.get("accepted", 0) - counts.get("running", 0)
     return {"batch": found.value, "rows": rows[:SHOWN_LINES], "is_open": is_open, "done": done, "all_rows": len(rows)}
 
 
-async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer]:
-    """The answers that are there now; the call under /v1 would wait for all of them."""
+async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer] | None:
+    """The answers that are there now; the call under /v1 would wait for all. None where there is no such batch."""
     engine = engine_of(request)
     if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, viewer_of(request)) is None:
-        return []
+        return None
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 
 
