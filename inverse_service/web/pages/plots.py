@@ -128,7 +128,7 @@ def _frame(across: Axis, up: Axis) -> str:
 def _polyline(line: PlotLine, across: Axis, up: Axis) -> str:
     seen: list[tuple[float, float]] = []
     for place in ((across.place(a), up.place(b)) for a, b in line.points):
-        if not seen or math.dist(seen[-1], place) > 0.5:  # pixels
+        if not seen or math.dist(seen[-1], place) > 1.5:  # pixels
             seen.append(place)
     points = " ".join(f"{round(x, 1):g},{round(y, 1):g}" for x, y in seen)
     dashes = f' stroke-dasharray="{line.dashes}"' if line.dashes else ""
