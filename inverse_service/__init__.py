@@ -44,9 +44,10 @@ def solve(
     """The result of a system, its certificates checked.
 
     `document` is a document, a text of equations, a list of them, accelerations by coordinate, a name of the
-    catalogue, or SymPy objects (see `inverse_service.sympy`). `time_limit` in s is kept by the solver between its
-    stages, in this process: a result past it is `undetermined` and says so in `reason`. `seed` fixes the random points
-    and primes. The key `options` of a document asks for less time and another seed. Raises InputError.
+    catalogue, or SymPy objects (see `inverse_service.sympy`). `time_limit` in s of processor time is kept by the
+    solver between its stages, in this process: a result past it is `undetermined` and says so in `reason`. `seed`
+    fixes the random points and primes. The key `options` of a document asks for less time and another seed.
+    Raises InputError.
     """
     from inverse_service.sympy.result import result_of
 

@@ -13,12 +13,13 @@ unrecognised but every identity stays true.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field
 from fractions import Fraction
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 from flint.utils.flint_exceptions import DomainError
+
+from inverse_service.deadline import now
 
 Exponents = tuple[tuple[int, int], ...]
 
@@ -42,7 +43,7 @@ class Relation:
 
 @dataclass(slots=True)
 class Budget:
-    """How large one polynomial may become, until when (time.monotonic) work may go on, and how much of it.
+    """How large one polynomial may become, until when (`now`) work may go on, and how much of it.
 
     `work` counts the terms of all polynomials together, so it ends at the same place on every machine.
     """
@@ -59,7 +60,7 @@ class Budget:
             raise TooLarge(f"an expression would have more than {self.terms} terms")
         if self.done > self.work:
             raise TooLarge("the work for exact expressions is used up")
-        if time.monotonic() > self.deadline:
+        if now() > self.deadline:
             raise TooLarge("the time for exact expressions is used up")
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.certificate.formulas import MAX_TEXT
+from inverse_service.deadline import now, until
 from inverse_service.errors import CertificateRefused, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Arbitrary, Expression, walk
@@ -37,7 +37,6 @@ from inverse_service.inverse_problem.explanation.wording import printed_conditio
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
-from inverse_service.inverse_problem.search.deadline import until
 from inverse_service.inverse_problem.search.integrating import is_free_of_divergence
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.members import reading_class
@@ -49,9 +48,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
 log = logging.getLogger(__name__)
-# Of the time left after the decision, the part that the search for a closed form may take: in processor time, and by
-# the wall clock, which is the longer one on a busy machine.
-_SEARCH_SHARE, _SEARCH_SHARE_OF_CLOCK = 0.5, 0.8
+# Of the time left after the decision, the part that the search for a closed form may take.
+_SEARCH_SHARE = 0.5
 AS_GIVEN = "the equations as given"
 # Nodes of f up to which the space of all multipliers is computed even where L is known already.
 _SHORT = 2_000
@@ -79,10 +77,10 @@ class _Work:
     refused: set[tuple[str, bool]] = field(default_factory=set)
 
     def add_seconds(self, stage: str, began: float) -> None:
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.monotonic() - began
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now() - began
 
     def left(self) -> float:
-        return self.deadline - time.monotonic()
+        return self.deadline - now()
 
 
 def solve_branches(
@@ -100,9 +98,9 @@ def solve_branches(
             f"at most {MOST_BRANCHES} are solved: write the formulas of one"
         )
         return (_unreduced(system, options, None, reason),)
-    end, solutions = time.monotonic() + options.time_limit, []
+    end, solutions = now() + options.time_limit, []
     for place, branch in enumerate(branches):
-        share = (end - time.monotonic()) / (len(branches) - place)
+        share = (end - now()) / (len(branches) - place)
         solutions.append(solve(branch, replace(options, time_limit=max(0.1, share)), progress))
     return tuple(solutions)
 
@@ -112,7 +110,7 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
 
     Raises CertificateRefused where our own checker finds our certificate invalid: a fault of ours.
     """
-    began = time.monotonic()
+    began = now()
     system = branches_of(system)[0]
     if max(len(to_text(tree)) for tree in system.accelerations) > MAX_TEXT:
         reason = f"an acceleration, solved for, has more than {MAX_TEXT:,} characters, too many for a certificate"
@@ -122,13 +120,13 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     if options.conditions:
         report("conditions")
         printed, left_out = printed_conditions(system)
-    seconds = {"conditions": time.monotonic() - began}
+    seconds = {"conditions": now() - began}
     try:
         analysis = analyse(system)
         domain = domain_of(analysis).positive
     except IrreducibleAtoms as problem:
         return _unreduced(system, options, printed, problem.detail)
-    seconds["analysis"] = time.monotonic() - began - seconds["conditions"]
+    seconds["analysis"] = now() - began - seconds["conditions"]
     work = _Work(analysis, options, report, began + options.time_limit, seconds)
     autonomous, with_time = _placed(_explained(_answers(work), system), system, domain)
     provenance = {
@@ -172,7 +170,7 @@ def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
 def _as_given(work: _Work) -> Answer | None:
     """The answer by the Lagrangian of equations that are Euler-Lagrange equations as written; needs no decision."""
     system = work.analysis.system
-    began = time.monotonic()
+    began = now()
     work.progress("the equations as given")
     tree = lagrangian_as_given(system, tuple(on_branch(equation, system) for equation in work.options.given))
     work.add_seconds("search", began)
@@ -272,7 +270,7 @@ def _decide(work: _Work, with_time: bool, unknowns: int = MOST_UNKNOWNS) -> Deci
 
 
 def _negative(work: _Work, decision: Decision) -> Answer:
-    began = time.monotonic()
+    began = now()
     work.progress("explanation")
     try:
         steps = _reasons(work, decision.with_time)
@@ -319,8 +317,8 @@ def _proposed(work: _Work, decision: Decision, tree: Expression) -> Answer:
 
 def _searched(work: _Work, decision: Decision, highest: float) -> SearchOutcome:
     """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
-    began, checked = time.monotonic(), work.seconds.get("check", 0.0)
-    with until(time.monotonic() + _SEARCH_SHARE_OF_CLOCK * work.left(), _SEARCH_SHARE * work.left()):
+    began, checked = now(), work.seconds.get("check", 0.0)
+    with until(now() + _SEARCH_SHARE * work.left()):
         outcome = search(
             work.analysis,
             decision.with_time,
@@ -354,7 +352,7 @@ def _is_confirmed(work: _Work, tree: Expression, with_time: bool) -> bool:
 def _completed(work: _Work, answer: Answer, others: list[Expression], with_time: bool) -> Answer:
     """With the Hamiltonian, and those other Lagrangians that the checker confirms."""
     assert answer.lagrangian is not None
-    began = time.monotonic()
+    began = now()
     work.progress("Hamiltonian")
     names = work.analysis.system.coordinates
     hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
@@ -366,7 +364,7 @@ def _completed(work: _Work, answer: Answer, others: list[Expression], with_time:
 
 
 def _verdict(work: _Work, certificate: Mapping[str, Any]) -> CheckResult:
-    began = time.monotonic()
+    began = now()
     work.progress("check")
     found = check_certificate(certificate, time_limit=max(1.0, work.left()))
     work.add_seconds("check", began)

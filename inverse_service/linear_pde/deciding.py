@@ -8,7 +8,6 @@ coefficients being analytic, solutions exist through every element left (Cartan,
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -16,6 +15,7 @@ from typing import Protocol
 from inverse_service.algebra.echelon import Flags
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.series_program import TooLarge
+from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.linear_pde import involution
 from inverse_service.linear_pde.involution import Matrix
@@ -32,7 +32,7 @@ _GROWTH = 3
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How far to prolong: the highest order, a wall-clock deadline (time.monotonic), the most unknowns."""
+    """How far to prolong: the highest order, a deadline (`now`), the most unknowns."""
 
     order: int = 7
     deadline: float = float("inf")
@@ -143,9 +143,9 @@ def _prolong(run: _Run, seed: int) -> Finding:
                 stop = f"order {order} of prolongation would need too large series"
                 return _stopped(run, prolongation, stop)
         run.progress(f"prolongation to order {order}")
-        began = time.monotonic()
+        began = now()
         advance(prolongation)
-        run.lasted = time.monotonic() - began
+        run.lasted = now() - began
         run.history.append(tuple(prolongation.dimension(d) for d in range(order + 1)))
         found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
         if found:
@@ -174,7 +174,7 @@ def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
     """The sentence that names the limit in the way of this order, or nothing."""
     if order > run.limits.order:
         return f"not settled by order {run.limits.order} of prolongation"
-    if time.monotonic() + _GROWTH * run.lasted > run.limits.deadline:
+    if now() + _GROWTH * run.lasted > run.limits.deadline:
         return f"the time limit came before order {order} of prolongation"
     unknowns, bits = prolongation.unknowns, 63 // prolongation.size
     total = prolongation.width(order - 1) + count_of_degree(unknowns, order)

@@ -15,7 +15,6 @@ The tensors N, Phi, nabla Phi, R (and higher ones) of a system as exact expressi
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -24,6 +23,7 @@ from typing import Generic, Protocol, Self, TypeVar, cast
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.deadline import now
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -208,7 +208,7 @@ def conditions(
     depth 1 gives the four; depth d also nabla^k Phi for k <= d, R[nabla^k Phi] and nabla^k R for
     k < d. A tensor with an entry of more than `term_limit` terms, and all after it, is left out.
     """
-    budget = Budget(term_limit, time.monotonic() + time_limit)
+    budget = Budget(term_limit, now() + time_limit)
     found: dict[str, Matrix | tuple[Matrix, ...]] = {}
     reason = ""
     try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import itertools
 import logging
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence, Sized
@@ -55,19 +54,11 @@ STORE_THREADS = 32
 STORE_PATIENCE = 20.0
 READY_PATIENCE = 10.0
 READY_KEPT = 1.0
-# A deadline of reading is at most so many times as long where other programs want the same cores.
-MOST_CROWDED = 10.0
 LAG_EVERY = 0.25
 START_PATIENCE = 10.0
 PAGE_TASKS = tuple(f"inverse_service.web.pages.{name}" for name in ("form_tasks", "preview", "result_tasks"))
 P = ParamSpec("P")
 T = TypeVar("T")
-
-
-def crowd() -> float:
-    """How many tasks want each core, 1 to MOST_CROWDED: a document is not too large because the machine is busy."""
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
-    return min(MOST_CROWDED, max(1.0, load / (os.cpu_count() or 1)))
 
 
 class Engine:
@@ -267,7 +258,7 @@ class Engine:
     async def run_quick(self, client: str, task: Callable[..., Outcome], *arguments: Any, seconds: float) -> Outcome:
         """Run a task in one of the quick processes, for `seconds` and more where much is given."""
         size = sum(len(argument) for argument in arguments if isinstance(argument, bytes))
-        call = Call(task, arguments, crowd() * (seconds + SECONDS_FOR_A_BYTE * size), client=client)
+        call = Call(task, arguments, seconds + SECONDS_FOR_A_BYTE * size, client=client)
         return await self._run(self._quick, call)
 
     async def check(self, client: str, body: bytes) -> dict[str, Any]:

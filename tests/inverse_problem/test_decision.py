@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import time
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -11,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from inverse_service.deadline import now
 from inverse_service.expressions.tree import (
     Expression,
     Symbol,
@@ -123,7 +123,7 @@ def test_a_limit_that_is_reached_is_named(limits: Limits, reason: str) -> None:
 
 
 def test_a_deadline_in_the_future_is_no_obstacle() -> None:
-    assert decide(system({"x": "y", "y": "x"}), False, limits=Limits(deadline=time.monotonic() + 60)).order == 3
+    assert decide(system({"x": "y", "y": "x"}), False, limits=Limits(deadline=now() + 60)).order == 3
 
 
 def test_progress_is_reported_order_by_order() -> None:

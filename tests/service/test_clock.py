@@ -82,3 +82,9 @@ def test_what_is_no_clock_is_refused(clock: Any) -> None:
     with pytest.raises(InputError) as refused:
         solved({"x": "-x"}, clock)
     assert refused.value.pointer.startswith("/clock")
+
+
+def test_a_clock_that_is_searched_for_holds_no_time() -> None:
+    """With the damping x' the measure e^(2t) is invariant, which is no clock."""
+    asked = {"equations": {"x": "-x*y^2 - x'", "y": "-y*x^2 - y'"}, "clock": "search"}
+    assert solve_document(asked, SolveOptions(time_limit=60))["with_clock"]["factor"] == ""

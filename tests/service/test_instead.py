@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import time
 from typing import Any
 
 import pytest
 
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents import instead, solving
 from inverse_service.service.documents.documents import check_document, solve_document
 from inverse_service.service.documents.text_page import text_page
 
@@ -51,19 +49,3 @@ def test_a_particle_leaves_with_its_reduced_system_and_a_clock() -> None:
 def test_the_first_of_them_is_friction() -> None:
     asked = {"equations": {"x": "-2*x + y - c*x'", "y": "x - 2*y - 2*c*y'"}, "parameters": ["c"]}
     assert solve_document(asked, SolveOptions(time_limit=200))["instead"]["kind"] == "rayleigh"
-
-
-def test_a_busy_machine_only_puts_it_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    deadlines: list[float] = []
-
-    def with_instead(result: Any, solution: Any, asked: Any, deadline: float) -> Any:
-        deadlines.append(deadline)
-        time.sleep(max(0.0, deadline - time.monotonic()))  # others have the processor
-        return result if len(deadlines) < 3 else found(result, solution, asked, deadline + 60)
-
-    found = instead.with_instead
-    monkeypatch.setattr(instead, "with_instead", with_instead)
-    monkeypatch.setattr(solving, "QUICKLY", 0.2)
-    asked = {"equations": {"x": "-2*x + y - x'", "y": "x - 2*y - 2*y'"}}
-    assert solve_document(asked, SolveOptions(time_limit=200))["instead"]["kind"] == "rayleigh"
-    assert len(deadlines) == 3

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
@@ -67,7 +68,7 @@ def run_case(kind: str, seed: int, index: int) -> Outcome:
 
 def decided(equations: dict[str, str], with_time: bool) -> Decided:
     system = read_system(list(equations), equations)
-    limits = Limits(deadline=time.monotonic() + DECISION_LIMIT)
+    limits = Limits(deadline=now() + DECISION_LIMIT)
     try:
         analysis = analyse(system)
     except IrreducibleAtoms as problem:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from typing import Any
 
 import httpx
@@ -11,7 +10,6 @@ import pytest
 
 from inverse_service.errors import NoWorker
 from inverse_service.service.documents.answers import value_of
-from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.settings import Settings
 from inverse_service.web.application import create_application
@@ -108,22 +106,3 @@ def test_a_fault_is_counted_and_has_an_id(monkeypatch: pytest.MonkeyPatch) -> No
     assert asyncio.run(call()).status_code == 500
     (counted,) = (m for m in engine.counters.metrics() if m.name == "inverse_service_http_requests_total")
     assert counted.samples == {("", (("route", "/v1/solve"), ("status", "500"))): 1.0}
-
-
-@pytest.mark.parametrize(("load", "seconds"), [(0.5, 1.0), (18.0, 9.0), (400.0, 10.0)])
-def test_reading_has_longer_where_the_machine_is_crowded(
-    monkeypatch: pytest.MonkeyPatch, load: float, seconds: float
-) -> None:
-    seen: list[float] = []
-
-    class Noting(Inline):
-        def submit(self, call: Any, report: Any = None) -> Any:
-            seen.append(call.deadline)
-            return super().submit(call, report)
-
-    monkeypatch.setattr(os, "getloadavg", lambda: (load, load, load))
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    engine = Engine(Settings())
-    engine._quick = Noting()  # type: ignore[assignment]
-    outcome = asyncio.run(engine.run_quick("alice", tasks.ping_task, seconds=1.0))
-    assert (outcome.status, seen) == ("done", [seconds])

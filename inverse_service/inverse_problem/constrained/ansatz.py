@@ -19,6 +19,7 @@ from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import OutOfTime, check, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
@@ -36,7 +37,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.outcome import Lagrangian
-from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until
 from inverse_service.inverse_problem.search.factors import position_monomials, products
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, distinct, gather

@@ -6,12 +6,12 @@ an associated system that is known to have one, or by an ansatz. No verdict leav
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Number, Power, Velocity, walk
 from inverse_service.inverse_problem.constrained import certify
@@ -80,7 +80,7 @@ class _Work:
     progress: Callable[[str], None]
 
     def left(self) -> float:
-        return self.deadline - time.monotonic()
+        return self.deadline - now()
 
 
 def answer_motion(
@@ -117,7 +117,7 @@ def answer_motion(
 
 
 def _answer(work: _Work, analysed: AnalysedMotion, with_time: bool) -> MotionAnswer:
-    limit = time.monotonic() + _SHARE_OF_DECISION * work.left()
+    limit = now() + _SHARE_OF_DECISION * work.left()
     found = decide_motion(analysed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
     if found.exists is False:
         return _proven(work, analysed, found, with_time, "not_variational")
@@ -163,7 +163,7 @@ def _lagrangians(work: _Work, with_time: bool, exists: bool) -> Sequence[MotionL
     if not exists or work.left() < _LEAST_FOR_ANSATZ:
         return []
     work.progress("any: ansatz along the constraints")
-    limit = time.monotonic() + _SHARE_OF_ANSATZ * work.left()
+    limit = now() + _SHARE_OF_ANSATZ * work.left()
     return [_carried_on(work, tree) for tree in find_lagrangians(work.motion, with_time, work.seed, limit)[:1]]
 
 
@@ -179,7 +179,7 @@ def _is_steep(lagrangian: Expression) -> bool:
 def _carried_on(work: _Work, lagrangian: Lagrangian) -> MotionLagrangian:
     """To its own equations, H, and the constraints in phase space."""
     tree, report = lagrangian.expression, None
-    system = own_system(tree, work.motion, time.monotonic() + _SHARE_OF_ANSATZ * work.left())
+    system = own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())
     if system is not None and work.equations is not None and work.left() > 0:
         known = legendre(tree, system.coordinates, 0.0) if _is_steep(tree) else None
         report = hamiltonise(work.equations, system, tree, work.seed, known)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 from inverse_service.algebra.exact_atoms import exact_ring
@@ -60,8 +59,3 @@ def own_system(lagrangian: Expression, motion: ConstrainedMotion, deadline: floa
     except (TooLarge, ZeroDivisionError):
         return None
     return SecondOrderSystem(names, found, motion.parameters, motion.functions)
-
-
-def time_left(deadline: float) -> float:
-    """Seconds, at least one."""
-    return max(1.0, deadline - time.monotonic())

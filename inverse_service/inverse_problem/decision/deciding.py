@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import cast
@@ -11,6 +10,7 @@ from inverse_service.algebra.point import Expansion, Variable, evaluate
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.series_program import TooLarge
 from inverse_service.algebra.tower import draw_point
+from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
@@ -130,7 +130,7 @@ def decide(
     `expander` takes the place of the expansion of the trees of f, for systems that share work. `among`: only
     Lagrangians of a kind are asked about.
     """
-    began = time.monotonic()
+    began = now()
     with_time = time_dependent or system.depends_on_time
     try:
         analysis = analysis or analyse(system)
@@ -140,7 +140,7 @@ def decide(
             found = settle(card, seed, limits or Limits(), progress or (lambda _: None))
     except IrreducibleAtoms as problem:
         return Decision("undetermined", with_time, 0, reason=problem.detail)
-    return replace(_decision(found, with_time), seconds=time.monotonic() - began)
+    return replace(_decision(found, with_time), seconds=now() - began)
 
 
 def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> Finding | None:

@@ -9,7 +9,6 @@ excluded at every generic point.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,6 +20,7 @@ from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Point, Variable, number_value
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
+from inverse_service.deadline import now
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.local_system import RowName
@@ -91,7 +91,7 @@ class DifferentialNumbers:
 def differential_numbers(
     analysis: Analysis, with_time: bool, seed: int = 1, deadline: float = float("inf")
 ) -> DifferentialNumbers | None:
-    """The shortest of the first arguments found; None where none was met before the deadline (time.monotonic)."""
+    """The shortest of the first arguments found; None where none was met before the deadline (`now`)."""
     if not has_points(analysis):
         return None
     for order in range(1, HIGHEST_ORDER + 1):
@@ -107,7 +107,7 @@ def _shortest(analysis: Analysis, chosen: SufficientRows, deadline: float) -> Di
     best: DifferentialNumbers | None = None
     met = 0
     for attempt in range(_ATTEMPTS):
-        if time.monotonic() > deadline or met == chosen.points_wanted:
+        if now() > deadline or met == chosen.points_wanted:
             break
         residues = partial(_residues, analysis, chosen, attempt)
         values = fractions_of_one_prime(analysis, residues)
@@ -153,7 +153,7 @@ def sufficient_rows(
         return None
     for name in reversed(list(kept)) if len(kept) <= PRUNED else ():
         rest = {other: row for other, row in kept.items() if other != name}
-        if time.monotonic() < deadline and _needed(rest, n, point.prime) is not None:
+        if now() < deadline and _needed(rest, n, point.prime) is not None:
             kept = rest
     return SufficientRows(with_time, order, tuple(kept), rank_of_derivatives(kept, point.prime))
 

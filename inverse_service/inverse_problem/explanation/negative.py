@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.deadline import now
 from inverse_service.expressions.notation import matrix, row
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
@@ -77,7 +77,7 @@ def explain_negative(
     `with_time` says that the question was for L(t, q, v).
     """
     system = analysis.system
-    budget = Budget(TERM_LIMIT, time.monotonic() + time_limit)
+    budget = Budget(TERM_LIMIT, now() + time_limit)
     summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
     try:
         if chosen is None:
@@ -94,7 +94,7 @@ def _in_numbers(
     analysis: Analysis, chosen: SufficientSet | None, with_time: bool, seed: int
 ) -> tuple[Step, ...] | None:
     """The argument at one point; None where none was met in time."""
-    deadline = time.monotonic() + NUMBERS_LIMIT
+    deadline = now() + NUMBERS_LIMIT
     if chosen is None:
         derivatives = differential_numbers(analysis, with_time, seed, deadline)
         if derivatives is None:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import itertools
 import random
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -25,6 +24,7 @@ from inverse_service.algebra.modular import is_positive, reconstruct, safe_prime
 from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, number_value, variables_in
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import AngleRule, ExponentialRule, atoms_in_order, replay
+from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -255,13 +255,13 @@ def numbers_at_a_point(
 ) -> NumbersAtAPoint | None:
     """The chosen equations at a point where they still leave only singular g.
 
-    None where none was met before the deadline (time.monotonic), or numbers such as pi have no value.
+    None where none was met before the deadline (`now`), or numbers such as pi have no value.
     """
     if not has_points(analysis):
         return None
     size = len(analysis.system.coordinates)
     for attempt in range(_ATTEMPTS):
-        if time.monotonic() > deadline:
+        if now() > deadline:
             break
         values = in_fractions(analysis, partial(_residues, analysis, chosen, attempt))
         if values is None:

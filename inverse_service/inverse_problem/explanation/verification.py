@@ -6,11 +6,11 @@ The proof that needs no theory: L put into the Euler-Lagrange equations gives th
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Sequence
 
 from inverse_service.algebra.exact_ring import factor_trees, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.deadline import now
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.notation import Formula, matrix, partial_derivative, row, theory
@@ -46,7 +46,7 @@ def explain_positive(
     `complete` is False where an identity was not recognised (too large, or atoms whose relations are
     not known here): then the steps say what is to be computed only.
     """
-    budget = Budget(TERM_LIMIT, time.monotonic() + time_limit)
+    budget = Budget(TERM_LIMIT, now() + time_limit)
     try:
         if len(system.coordinates) > LARGEST_N:
             raise TooLarge("too many coordinates to write everything out")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.deadline import left, now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import Expression
@@ -48,7 +48,7 @@ def confirmed(system: SecondOrderSystem, proposals: Sequence[Known], deadline: f
 
 def _is_valid(analysis: Analysis, lagrangian: Expression, deadline: float) -> bool:
     certificate = certify.of_lagrangian(analysis, lagrangian, with_time=False)
-    return check_certificate(certificate, time_limit=max(1.0, deadline - time.monotonic())).verdict == "valid"
+    return check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"
 
 
 def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: SolveOptions) -> Solution:
@@ -56,7 +56,7 @@ def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: So
 
     The decision is made all the same: it says how large the space of multipliers is.
     """
-    began = time.monotonic()
+    began = now()
     found, left_out = printed_conditions(system) if options.conditions else (None, "")
     analysis = analyse(system)
     decision = decide(system, False, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis)
@@ -65,7 +65,7 @@ def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: So
         "seed": options.seed,
         "time_limit": options.time_limit,
         "points": [dict(point) for point in decision.points],
-        "seconds": {"decision": round(decision.seconds, 4), "all": round(time.monotonic() - began, 4)},
+        "seconds": {"decision": round(decision.seconds, 4), "all": round(now() - began, 4)},
         "conditions_left_out": left_out,
     }
     return Solution(system, answer, None if options.time_dependent is False else answer, found, provenance)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 from inverse_service.algebra.rational_functions import TooLarge
+from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute
 from inverse_service.inverse_problem.constrained.answering import KnownLagrangian, MotionAnswer, answer_motion
@@ -184,11 +184,11 @@ def study(
     The conditions are written out for the main one only.
     """
     quiet = replace(options, conditions=False)
-    end = time.monotonic() + options.time_limit
+    end = now() + options.time_limit
     answers = []
     for place, system in enumerate(systems):
         waiting = sum(other.system is not None for other in systems[place:])
-        share = (end - time.monotonic()) / max(waiting, 1)
+        share = (end - now()) / max(waiting, 1)
         answers.append(_answered(report, system, replace(quiet, time_limit=max(share, 0.1)), progress))
     main = _main(answers)
     solution = answers[main].solution
@@ -243,7 +243,7 @@ def _answered(
 ) -> AssociatedAnswer:
     if one.system is None:
         return AssociatedAnswer(one, None)
-    end = time.monotonic() + options.time_limit
+    end = now() + options.time_limit
     free = options.time_dependent is not True and not options.ansatz
     known = _known(report, one, end) if free else ()
     if known:
@@ -254,7 +254,7 @@ def _answered(
     asked = replace(options, time_limit=_SHARE_OF_SOLVING * options.time_limit)
     found = AssociatedAnswer(one, solve(one.system, asked, _named(progress, one.kind)))
     answer = found.answer
-    if answer is None or answer.lagrangian is None or time.monotonic() > end:
+    if answer is None or answer.lagrangian is None or now() > end:
         return found
     made = hamiltonise(report.motion, one.system, answer.lagrangian.expression, options.seed)
     return replace(found, reports=(Report(one.kind, "Lagrangian found", answer.checked or "incomplete", made),))

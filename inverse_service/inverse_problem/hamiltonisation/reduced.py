@@ -9,10 +9,10 @@ Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from inverse_service.deadline import left, now
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import (
     TIME,
@@ -82,7 +82,7 @@ def answer_reduced(
     system = reduced_system(motion)
     if system is None:
         return None
-    end, asked = time.monotonic() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
+    end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
     candidate = None if lagrangian is None else _on_constraints(motion, lagrangian)
     plain = _decided(system, candidate, replace(asked, time_limit=options.time_limit / 2))
     others = tuple(zip(motion.dependent, motion.dependent_velocities, strict=True))
@@ -91,8 +91,7 @@ def answer_reduced(
         return _searched(system, plain, others, found, asked, end)
     faster: dict[Expression, Expression] = {Velocity(r): multiply(found, Velocity(r)) for r in system.coordinates}
     known = None if candidate is None else tidied(substitute(candidate, faster))
-    left = max(0.1, end - time.monotonic())
-    changed = _decided(with_clock(system, found), known, replace(asked, time_limit=left))
+    changed = _decided(with_clock(system, found), known, replace(asked, time_limit=left(end)))
     if changed.answer.verdict == "not_variational" and plain.answer.verdict == "not_variational":
         other = _searched(system, plain, others, "", asked, end)
         return Reduced(plain, others, found, changed) if other.clocked is None else other
@@ -110,10 +109,10 @@ def _searched(
     """With the first clock made of factors of f, where there is no Lagrangian without one."""
     if plain.answer.verdict != "not_variational" or len(system.coordinates) == 1 or system.depends_on_time:
         return Reduced(plain, others, None, None, reason)
-    factor, _ = find_clock(system, asked.seed, (time.monotonic() + end) / 2)
+    factor, _ = find_clock(system, asked.seed, (now() + end) / 2)
     if factor is None:
         return Reduced(plain, others, None, None, reason)
-    changed = _decided(with_clock(system, factor), None, replace(asked, time_limit=max(0.1, end - time.monotonic())))
+    changed = _decided(with_clock(system, factor), None, replace(asked, time_limit=left(end)))
     return Reduced(plain, others, factor, changed)
 
 
@@ -143,7 +142,7 @@ def _on_constraints(motion: ConstrainedMotion, lagrangian: Expression) -> Expres
 
 def _decided(system: SecondOrderSystem, candidate: Expression | None, options: SolveOptions) -> Decided:
     """By the candidate, if the checker confirms it, else by the solver."""
-    end = time.monotonic() + options.time_limit
+    end = now() + options.time_limit
     if candidate is not None and TIME not in walk(candidate) and not system.depends_on_time:
         try:
             known = Known(candidate, legendre(candidate, system.coordinates), (), CONSTRAINED)
@@ -153,7 +152,7 @@ def _decided(system: SecondOrderSystem, candidate: Expression | None, options: S
             found = solution_with(system, [known], options)
             assert found.autonomous is not None
             return Decided(found.system, found.autonomous)
-    solution = solve(system, replace(options, time_limit=max(0.1, end - time.monotonic())))
+    solution = solve(system, replace(options, time_limit=left(end)))
     answer = solution.with_time if system.depends_on_time else solution.autonomous
     assert answer is not None
     return Decided(solution.system, answer)

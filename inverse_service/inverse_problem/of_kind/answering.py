@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.deadline import left, now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.decision import certify
@@ -71,7 +71,7 @@ def decided(
     analysis: Analysis, kind: LagrangianKind, seed: int, deadline: float, even: SecondOrderSystem | None = None
 ) -> KindAnswer:
     """By the conditions on all multipliers of the kind; those of a system `even` where the kind speaks of that."""
-    if time.monotonic() > deadline:
+    if now() > deadline:
         return KindAnswer("undetermined", _NO_TIME)
     with_time, limits = analysis.system.depends_on_time, Limits(deadline=deadline)
     own = None if even is not None else analysis
@@ -90,4 +90,4 @@ def decided(
 
 def is_valid(certificate: Mapping[str, Any], deadline: float) -> bool:
     """Whether the checker confirms it in the time that is left."""
-    return check_certificate(certificate, time_limit=max(1.0, deadline - time.monotonic())).verdict == "valid"
+    return check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"

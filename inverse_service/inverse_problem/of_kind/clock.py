@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import now
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     ONE,
@@ -63,7 +63,7 @@ def find_clock(
     """
     tried: list[Expression] = []
     for factor in _clocks(system, deadline):
-        if time.monotonic() > deadline:
+        if now() > deadline:
             break
         changed = system if factor == ONE else with_clock(system, factor)
         if decide(changed, False, seed, Limits(_ORDER, deadline)).verdict == "variational":
@@ -80,7 +80,7 @@ def _clocks(system: SecondOrderSystem, deadline: float) -> Iterator[Expression]:
     listed = [] if density is None else [power(density, k) for k in powers]
     listed += [power(factor, k) for factor in _factors(system)[:_MOST_FACTORS] for k in _POWERS]
     for factor in listed:
-        if factor not in seen and not isinstance(factor, Number):
+        if factor not in seen and not isinstance(factor, Number) and TIME not in walk(factor):
             seen.add(factor)
             yield factor
 

@@ -7,7 +7,6 @@ definite matrix in W is a yes where the system is involutive there, Y >= 0 with 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -17,6 +16,7 @@ import numpy as np
 
 from inverse_service.algebra.real_point import RealTable, is_defined
 from inverse_service.algebra.semidefinite import MOST, Matrix, definite_or_orthogonal
+from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import PI, Symbol, Velocity, add, multiply, number
@@ -63,7 +63,7 @@ def answer_definite(solution: Solution, kind: LagrangianKind, given: Near, seed:
     if not is_rational(analysis) or PI in symbols_of(analysis):
         return KindAnswer("undetermined", IRRATIONAL)
     with_time, decision, member, order = analysis.system.depends_on_time, None, None, 1
-    while time.monotonic() < deadline:  # first what two orders say, which mostly refutes
+    while now() < deadline:  # first what two orders say, which mostly refutes
         space, rows = values_at(analysis, near, with_time, order)
         member, orthogonal = (
             (None, None) if space is None else definite_or_orthogonal(space, len(analysis.system.coordinates))

@@ -7,13 +7,13 @@ Crampin, arXiv:1004.0674, with D homogeneous). With any D (rayleigh_general) the
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import chain, combinations, combinations_with_replacement, product
 
 from inverse_service.algebra.semidefinite import kernel
+from inverse_service.deadline import now
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -173,7 +173,7 @@ def _refuted(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | Non
 
 def _searched(analysis: Analysis, search: Search, deadline: float) -> KindAnswer | None:
     system = analysis.system
-    searched = search(_without_friction(system)) if time.monotonic() < deadline else ()
+    searched = search(_without_friction(system)) if now() < deadline else ()
     for tree in chain(_constant_metrics(system), searched):
         answer = _with_friction(analysis, tree, _push(analysis, tree), deadline)
         if answer is not None:

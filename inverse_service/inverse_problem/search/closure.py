@@ -14,8 +14,8 @@ from fractions import Fraction
 
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import check, end
 from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, Velocity, walk
-from inverse_service.inverse_problem.search.deadline import check, end
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct, oriented
 from inverse_service.inverse_problem.search.motion import MotionTerms, euler_lagrange, split_velocities
 from inverse_service.inverse_problem.search.terms import (

@@ -15,8 +15,8 @@ from flint import fmpq, fmpq_mat
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import check, end
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, add, multiply, walk
-from inverse_service.inverse_problem.search.deadline import check, end
 from inverse_service.inverse_problem.search.material import antiderivatives
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.terms import (

@@ -16,6 +16,7 @@ from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable
+from inverse_service.deadline import end
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import (
     HALF,
@@ -33,7 +34,6 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
 from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
 from inverse_service.inverse_problem.search.linear_systems.modes import Branch, Multipliers, all_branches, asymmetry

@@ -21,10 +21,10 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service.algebra.series import SingularPoint
+from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
-from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
 from inverse_service.inverse_problem.search.gradings import by_degree
 from inverse_service.inverse_problem.search.linear_ansatz import letters_of

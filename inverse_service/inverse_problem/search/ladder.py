@@ -9,13 +9,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from inverse_service.algebra.series import SingularPoint
+from inverse_service.deadline import OutOfTime, check, until, within
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Apply, Expression
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.search import rungs
 from inverse_service.inverse_problem.search.choice import as_tree
 from inverse_service.inverse_problem.search.closure import answers
-from inverse_service.inverse_problem.search.deadline import OutOfTime, check, until, within
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import (
     Family,

@@ -13,6 +13,7 @@ from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable, real_sign
+from inverse_service.deadline import end
 from inverse_service.expressions.tree import (
     TIME,
     Apply,
@@ -29,7 +30,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.motion import MotionTerms, has_velocity, split_velocities
 from inverse_service.inverse_problem.search.quadratic_letters import quadratic_antiderivatives
 from inverse_service.inverse_problem.search.terms import (

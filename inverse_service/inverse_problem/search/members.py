@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.algebra.real_point import RealTable, real_sign
+from inverse_service.deadline import check
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.choice import (
@@ -29,7 +30,6 @@ from inverse_service.inverse_problem.search.choice import (
     signature,
     velocity_degree,
 )
-from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial_tree, times

@@ -17,9 +17,9 @@ from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import compiled, multiply
 from inverse_service.algebra.point import Expansion, Point
+from inverse_service.deadline import check
 from inverse_service.expressions.tree import Expression, walk
 from inverse_service.inverse_problem.decision.local_system import local_system
-from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.linear_ansatz import (
     LagrangianSpace,

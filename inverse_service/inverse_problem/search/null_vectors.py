@@ -16,7 +16,7 @@ from flint import nmod_mat
 
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import reconstruct
-from inverse_service.inverse_problem.search.deadline import check
+from inverse_service.deadline import check
 
 _LARGEST_NUMBER = 10**7
 # Exponents and rates are small: what a larger bound admits are accidents.

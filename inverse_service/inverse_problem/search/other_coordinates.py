@@ -19,6 +19,7 @@ from functools import partial
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import OutOfTime, check, end, within
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import merge_powers
 from inverse_service.expressions.derivative import differentiate
@@ -44,7 +45,6 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.inverse_problem.search.deadline import OutOfTime, check, end, within
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.protocol import Smaller
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, TooManyTerms, terms_of, tree_of

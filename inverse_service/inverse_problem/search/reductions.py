@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 
+from inverse_service.deadline import end
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import (
@@ -36,7 +37,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import decide
-from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
 from inverse_service.inverse_problem.search.material import Material, coefficient
 from inverse_service.inverse_problem.search.motion import split_velocities

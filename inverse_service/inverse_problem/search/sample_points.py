@@ -16,8 +16,8 @@ from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, 
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import Tower, draw_point, moved_point
+from inverse_service.deadline import check
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.search.deadline import check
 
 
 class LetterValues(NamedTuple):

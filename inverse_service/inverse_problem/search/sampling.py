@@ -18,10 +18,10 @@ from inverse_service.algebra.point import Point
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
+from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, power
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
-from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.sample_points import KnownTower, LetterValues, SamplePoints
 from inverse_service.inverse_problem.search.terms import Monomial
 

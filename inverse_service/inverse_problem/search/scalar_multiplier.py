@@ -22,11 +22,11 @@ import numpy as np
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable
+from inverse_service.deadline import end
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import HALF, ONE, TIME, Expression, Integral, Velocity, add, multiply, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.completion import completed
-from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.members import MOST_PARTS, definite_weights
 from inverse_service.inverse_problem.search.members import Matrix as RealMatrix

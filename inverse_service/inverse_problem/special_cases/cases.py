@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flint import fmpq_mpoly
 
 from inverse_service.algebra.rational_functions import Budget, TooLarge, as_fraction
+from inverse_service.deadline import now, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
@@ -33,7 +33,6 @@ from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.outcome import Verdict
-from inverse_service.inverse_problem.search.deadline import until
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.special_cases.side_conditions import (
     Ideal,
@@ -59,7 +58,7 @@ _WITHOUT_LAGRANGIAN = "variational by existence alone, no closed form shows for 
 
 @dataclass(frozen=True)
 class Question:
-    """The system with letters, what is asked, the random numbers, and when to stop (time.monotonic).
+    """The system with letters, what is asked, the random numbers, and when to stop (`now`).
 
     `constants` names the coefficients of each function where it is a polynomial; they are in `space`.
     """
@@ -222,7 +221,7 @@ def _with_ideals(question: Question, analysis: Analysis, case: Case) -> Case:
 
 
 def _budget(question: Question) -> Budget:
-    return Budget(_TERMS, min(question.deadline, time.monotonic() + _EXACT_SECONDS))
+    return Budget(_TERMS, min(question.deadline, now() + _EXACT_SECONDS))
 
 
 def _negative(question: Question, analysis: Analysis, case: Case) -> Case:
@@ -249,7 +248,7 @@ def _of_rank(question: Question, analysis: Analysis) -> tuple[Ideal, ...]:
 
 def _positive(question: Question, analysis: Analysis, with_time: bool) -> tuple[Sequence[Ideal], bool]:
     """The ideals of a Lagrangian with letters, and whether they are all; (), False where none is found."""
-    with until(question.deadline, _SEARCH_SECONDS):
+    with until(min(question.deadline, now() + _SEARCH_SECONDS)):
         outcome = search(analysis, with_time, question.seed, question.deadline, lambda _: None)
     if outcome.found is None:
         return (), False

@@ -9,10 +9,10 @@ all of it off the cases below.
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
+from inverse_service.deadline import now
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Arbitrary, Expression, Number, Power, Product, Symbol, walk
 from inverse_service.inverse_problem.special_cases.cases import (
@@ -82,7 +82,7 @@ def special_cases(
     """For which values of the parameters, and which functions, is the system variational?
 
     `time_dependent` as in `SolveOptions`. At most `most` cases are examined, until `deadline`
-    (time.monotonic); what was left out is named in the reasons.
+    (`now`); what was left out is named in the reasons.
     """
     constants = _constants(system)
     space = ParameterSpace((*system.parameters, *itertools.chain.from_iterable(constants.values())))
@@ -148,7 +148,7 @@ def _zero(question: Question, names: Sequence[str]) -> Stratum:
 
 
 def _stopped(work: _Exploration, most: int) -> bool:
-    over = time.monotonic() > work.question.deadline
+    over = now() > work.question.deadline
     if len(work.cases) < most and not over:
         return False
     work.time_is_open = True

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice, product
 
+from inverse_service.deadline import now
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.tree import (
     Expression,
@@ -29,14 +29,14 @@ _MOST_BRANCHES = 8
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How deep blocks may be split into smaller problems, and until when (time.thread_time)."""
+    """How deep blocks may be split into smaller problems, and until when (`now`)."""
 
     depth: int = 4
     deadline: float = float("inf")
 
     @property
     def exhausted(self) -> bool:
-        return self.depth <= 0 or time.thread_time() > self.deadline
+        return self.depth <= 0 or now() > self.deadline
 
 
 def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:

@@ -6,12 +6,12 @@ not pass is never returned. Where p = dL/dv has several inverses, `note` says on
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 
+from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import merge_powers
@@ -97,7 +97,7 @@ def legendre(
     after `time_limit` seconds
     of processor time.
     """
-    reach = Reach(deadline=time.thread_time() + time_limit)
+    reach = Reach(deadline=now() + time_limit)
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
     functions = tuple(simplified(tree) for tree in momenta(lagrangian, names))

@@ -10,7 +10,6 @@ A Lagrangian with constraints on the velocities, as data.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -19,6 +18,7 @@ from itertools import combinations
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import Derivation, ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
@@ -115,7 +115,7 @@ def geometry(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> Geom
     Dependent, contradicting and velocity-free constraints are refused too, each with its pointer.
     """
     try:
-        return _geometry(system, Budget(TERM_LIMIT, time.monotonic() + time_limit))
+        return _geometry(system, Budget(TERM_LIMIT, now() + time_limit))
     except ZeroDivisionError:
         raise InputError("the Lagrangian or a constraint divides by zero: write it without that.") from None
     except TooLarge as error:

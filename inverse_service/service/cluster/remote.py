@@ -19,6 +19,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from inverse_service.service.cluster.orders import DONE, Cancel, Fingerprint, Order, difference, fingerprint
+from inverse_service.service.jobs.isolation import MOST_CROWDED
 from inverse_service.service.jobs.outcome import Outcome
 
 # A cold machine loads the engine and its kernels first; the deadline itself is the host's.
@@ -59,7 +60,7 @@ class HostProcess:
             if not self._send(order):
                 self._give_up()
         try:
-            return answer.result(order.call.deadline + GRACE)
+            return answer.result(MOST_CROWDED * order.call.deadline + GRACE)
         except WaitedTooLong:
             self.stop()
             return Outcome("crash", detail="the host of the worker processes kept silent past the deadline")

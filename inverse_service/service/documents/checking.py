@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
@@ -12,6 +11,7 @@ from inverse_service.algebra.real_point import RealTable, are_positive
 from inverse_service.algebra.tower import RADIAN
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text, judged
 from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT, RESULT_FORMAT
+from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.expressions.tree import Arbitrary, Symbol, Velocity, walk
 from inverse_service.inverse_problem.proofs.checked import checked_identities
@@ -53,7 +53,7 @@ def check_document(text: str) -> dict[str, Any]:
     of a document (`own_lagrangian`). What `solve --format identities` writes is checked exactly. InputError where
     one of these cannot be read.
     """
-    end = time.thread_time() + TIME_LIMIT
+    end = now() + TIME_LIMIT
     try:
         found = read_json(text)
     except InputError:  # the checker says what is wrong with it
@@ -61,7 +61,7 @@ def check_document(text: str) -> dict[str, Any]:
     if isinstance(found, dict) and found.keys() == {"system", "lagrangian"} and isinstance(found["lagrangian"], str):
         from inverse_service.service.documents.own_lagrangian import check_lagrangian  # brings the engine
 
-        return check_lagrangian(found["system"], found["lagrangian"], end - time.thread_time())
+        return check_lagrangian(found["system"], found["lagrangian"], end - now())
     if claims_nothing(found):
         return {"verdict": "incomplete", "reasons": [_NO_CLAIM]}
     if isinstance(found, dict) and "theorems" in found:
@@ -81,7 +81,7 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
     """The same for a result or a certificate as plain data."""
     if claims_nothing(result):
         return {"verdict": "incomplete", "reasons": [_NO_CLAIM]}
-    end = time.thread_time() + TIME_LIMIT
+    end = now() + TIME_LIMIT
     result = inward(result) if isinstance(result, dict) else result
     check = check_certificate if _object(result).get("format") in (FORMAT, OLD_FORMAT) else check_result
     return answer(_with_comparison(check(result), result, document, end))
@@ -102,8 +102,8 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
 
     Raises CertificateRefused where the system is found to be another one: that is a fault of ours.
     """
-    end = time.thread_time() + max(1.0, time_limit)
-    compare_motion(result, end - time.thread_time())
+    end = now() + max(1.0, time_limit)
+    compare_motion(result, end - now())
     found = _compared(result, result["system"]["given"], end)
     if found is None or found.verdict == "valid":
         return
@@ -154,24 +154,24 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
     given = _object(result.get("system")).get("given") if document is None else document
     found = None if given is None else _compared(result, given, end)
     for certificate in _claims(result) if given is not None else ():
-        motion = compared_claim(given, certificate, end - time.thread_time())
+        motion = compared_claim(given, certificate, end - now())
         found = motion if found is None or motion.verdict != "valid" else found
     changed = _object(result.get("with_clock")) if isinstance(result, dict) else {}
     if changed:
         from inverse_service.service.documents.clock import compared_clock  # brings the engine
 
-        clock = compared_clock(given, changed, end - time.thread_time())
+        clock = compared_clock(given, changed, end - now())
         found = clock if clock is not None and (found is None or clock.verdict != "valid") else found
     reduced = _object(result.get("reduced")) if isinstance(result, dict) and given is not None else {}
     if reduced:
         from inverse_service.service.documents.reduced import compared_reduced
 
-        part = compared_reduced(given, reduced, end - time.thread_time())
+        part = compared_reduced(given, reduced, end - now())
         found = part if part is not None and (found is None or part.verdict != "valid") else found
     if given is not None and isinstance(result, dict) and result.get("instead"):
         from inverse_service.service.documents.instead import compared_instead
 
-        other = compared_instead(given, result, end - time.thread_time())
+        other = compared_instead(given, result, end - now())
         found = other if other is not None and (found is None or other.verdict != "valid") else found
     energy = compared_hamiltonians(result, end) if isinstance(result, dict) else CheckResult("valid")
     if energy.verdict == "invalid":
@@ -249,7 +249,7 @@ def _compared(result: dict[str, Any], given: object, end: float) -> CheckResult 
     """The first comparison that does not hold, else the last one; None where there is no certificate."""
     found = None
     for canonical in _systems(result):
-        found = compared_with_document(given, canonical, end - time.thread_time())
+        found = compared_with_document(given, canonical, end - now())
         if found.verdict != "valid":
             break
     return found

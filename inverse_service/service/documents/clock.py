@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from api_schemas.result import ClockPart
 from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import CheckResult, check_certificate
+from inverse_service.deadline import left, now
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
@@ -52,16 +52,15 @@ def clock_part(
     system: SecondOrderSystem, factor: Expression | None, asked: SolveOptions, time_limit: float
 ) -> ClockPart:
     """The answer for L(q, q') of the system with the other clock, on its first branch; found where there is none."""
-    end = time.monotonic() + time_limit
+    end = now() + time_limit
     if factor is None:
-        factor, tried = find_clock(system, asked.seed, time.monotonic() + time_limit / 2)
+        factor, tried = find_clock(system, asked.seed, now() + time_limit / 2)
         if factor is None:
             listed = ", ".join(map(to_text, tried))
             reason = f"No Lagrangian was found with dtau = N dt for N = {listed}; others were not tried."
             return ClockPart(factor="", equations={}, verdict="undetermined", reason=reason)
     changed = with_clock(system, factor)
-    limit = max(0.1, end - time.monotonic())
-    options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=limit, conditions=False)
+    options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=left(end), conditions=False)
     solution = solve(changed, options)
     assert solution.autonomous is not None
     return ClockPart(factor=to_text(factor), **answered(solution.system, solution.autonomous))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from typing import Any
 
 from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import CheckResult
+from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
@@ -28,7 +28,7 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
     Names have to be the same, coordinates in the same order; then `mechanics.agreement` decides. Of a
     Lagrangian with constraints the system may be any associated one: it is compared where the constraints hold.
     """
-    end = time.thread_time() + time_limit
+    end = now() + time_limit
     try:
         document = prepared(document).document
         if is_nonholonomic(document):
@@ -39,7 +39,7 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
         return CheckResult("invalid", (f"The document as given cannot be read: {error}",))
     names, texts = given.names, _texts(schema, given.names)
     texts = texts if len(texts) == len(given.residuals) else []
-    limit = end - time.thread_time()
+    limit = end - now()
     return _named(names, canonical) or equations_agree(given.residuals, names.coordinates, canonical, limit, texts)
 
 
@@ -48,7 +48,7 @@ def _compared_motion(document: Any, canonical: Canonical, end: float) -> CheckRe
     motion = _nonholonomic(document)
     functions = {function.name: function.arguments for function in motion.functions}
     names = Names(motion.coordinates, motion.parameters, functions)
-    return _named(names, canonical) or motion_agrees(motion, canonical, end - time.thread_time())
+    return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
 
 
 def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: float = 60.0) -> CheckResult:

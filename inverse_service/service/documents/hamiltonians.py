@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import functools
-import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from inverse_service.certificate.checker import CheckResult, Claims, Question, judged, read_condition
 from inverse_service.certificate.formulas import Ended, Reader, check_shape, read_tokens
+from inverse_service.deadline import now
 
 _SHAPE = {
     "text": r"(?s:.*)",
@@ -25,7 +25,7 @@ def compared_hamiltonians(result: Mapping[str, Any], end: float) -> CheckResult:
     """The worst of the verdicts on all Hamiltonians; `reasons` are UNPROVEN where one only seems to be right."""
     worst = CheckResult("valid")
     for answer in _answers(result):
-        found = _compared(answer["certificate"], answer["hamiltonian"], end - time.thread_time())
+        found = _compared(answer["certificate"], answer["hamiltonian"], end - now())
         if found.verdict != "valid":
             return found
         worst = CheckResult("valid", found.reasons) if UNPROVEN in found.reasons else worst

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from api_schemas.nonholonomic import ReducedPart
 from api_schemas.result import ClockPart, InsteadPart, ResultDocument
 from inverse_service.certificate.checker import CheckResult
+from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
@@ -67,12 +67,12 @@ def _with_friction(solution: Solution, asked: SolveOptions, deadline: float) -> 
 
 def _with_parameters(system: SecondOrderSystem, seed: int, deadline: float) -> InsteadPart | None:
     """The first of the special cases, parameters given by others, where a Lagrangian is found."""
-    if not system.parameters or system.functions or time.monotonic() > deadline:
+    if not system.parameters or system.functions or now() > deadline:
         return None
     found = special_cases(system, False, deadline, None, seed, _MOST_CASES)
     for node in _variational(found.root):
         values = dict(conditions(node.case))
-        left = deadline - time.monotonic()
+        left = deadline - now()
         if left < 0 or not values or not all(isinstance(name, Symbol) for name in values):
             continue
         options = SolveOptions(time_dependent=False, seed=seed, time_limit=left, conditions=False)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
 from api_schemas.result import Formula, KindPart, ResultDocument
 from api_schemas.system import InvariantKind, SystemDocument
+from inverse_service.deadline import left, now
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
@@ -90,8 +90,8 @@ def with_kinds(
     """The result with an answer for each kind, which share the time that is left."""
     parts = {}
     for place, kind in enumerate(kinds):
-        share = (end - time.monotonic()) / (len(kinds) - place)
-        deadline = time.monotonic() + share
+        share = (end - now()) / (len(kinds) - place)
+        deadline = now() + share
         if kind.name == "positive_definite":
             found = answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, deadline)
         else:
@@ -117,7 +117,7 @@ def to_near(schema: SystemDocument, system: SecondOrderSystem) -> dict[Symbol | 
 
 def _rayleigh(solution: Solution, kind: LagrangianKind, asked: SolveOptions, deadline: float) -> KindAnswer:
     def natural(system: SecondOrderSystem) -> list[Expression]:
-        limit = _SHARE_OF_SEARCH * max(0.1, deadline - time.monotonic())
+        limit = _SHARE_OF_SEARCH * left(deadline)
         options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=limit, conditions=False)
         found = solve(system, options).autonomous
         known = None if found is None else found.lagrangian

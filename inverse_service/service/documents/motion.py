@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +9,7 @@ from pydantic import ValidationError
 
 from api_schemas.nonholonomic import MotionDocument, NonholonomicResult
 from api_schemas.result import ResultDocument
+from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.constrained.ansatz import first_system
 from inverse_service.inverse_problem.constrained.answering import answer_motion
@@ -35,7 +35,7 @@ def look_motion(document: Any) -> MotionDocument:
 
 def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
     """The result, all of it in `any_associated`; raises InputError."""
-    end = time.monotonic() + solving.SHARE_OF_SOLVER * options.time_limit
+    end = now() + solving.SHARE_OF_SOLVER * options.time_limit
     schema = look_motion(document)
     if schema.special_cases:
         raise InputError(
@@ -46,13 +46,13 @@ def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str],
     answer = answer_motion(motion, None, (), question, options.seed, end, progress or (lambda _: None))
     from inverse_service.service.documents.reduced import reduced_of_motion  # which reads motions too
 
-    reduced = reduced_of_motion(motion, options.seed, end - time.monotonic())
+    reduced = reduced_of_motion(motion, options.seed, end - now())
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     result = translate.to_result(Solution(first_system(motion), open_answer, None, None), schema)
     fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
     whole = NonholonomicResult(**fields, nonholonomic=None, any_associated=to_any_associated(answer), reduced=reduced)
     found = whole.model_dump(mode="json")
-    compare_motion(found, end - time.monotonic())
+    compare_motion(found, end - now())
     return solving.ordered(found)
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable
 from typing import Any
 
 from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicResult, ReducedPart
 from api_schemas.result import AdvicePart, ResultDocument
+from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     AssociatedAnswer,
@@ -53,7 +53,7 @@ def solve_nonholonomic(
     Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
     finds our own certificate invalid.
     """
-    end = time.monotonic() + options.time_limit
+    end = now() + options.time_limit
     schema = to_nonholonomic_schema(document)
     system = to_nonholonomic(schema)
     families = to_families(schema, system)
@@ -66,12 +66,12 @@ def solve_nonholonomic(
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
-        time_limit=_share(schema) * (end - time.monotonic()),
+        time_limit=_share(schema) * (end - now()),
         ansatz=() if defined is None else translate.to_ansatz(schema, defined),
         series_order=schema.series_order,
     )
     found = study(report, systems, asked, progress)
-    third = time.monotonic() + SHARE_OF_ANY * options.time_limit
+    third = now() + SHARE_OF_ANY * options.time_limit
     any_associated = answer_about(found, asked, min(end - SHARE_LEFT * options.time_limit, third), progress)
     main = found.answers[found.main]
     if main.solution is None:
@@ -89,7 +89,7 @@ def solve_nonholonomic(
     )
     if whole.verdict == "not_variational" and any_associated.verdict != "variational":
         whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
-    return solving.ordered(solving.checked(whole, end - time.monotonic()))
+    return solving.ordered(solving.checked(whole, end - now()))
 
 
 def _constrained(result: ResultDocument) -> dict[str, Any]:
@@ -123,13 +123,13 @@ def _about_the_motion(
         reduced=_reduced(report, options, end),
     )
     document = whole.model_dump(mode="json")
-    compare_motion(document, end - time.monotonic())
+    compare_motion(document, end - now())
     return solving.ordered(document)
 
 
 def _reduced(report: MotionReport, options: SolveOptions, end: float) -> ReducedPart | None:
     """In the time that is left, some of which is for checking."""
-    return reduced_of_report(report, options.seed, end - time.monotonic() - SHARE_LEFT * options.time_limit)
+    return reduced_of_report(report, options.seed, end - now() - SHARE_LEFT * options.time_limit)
 
 
 def _share(schema: NonholonomicDocument) -> float:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Sequence
 from typing import Any
 
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
@@ -68,7 +68,7 @@ def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]
     given = certificate["system"]
     functions = {name: tuple(arguments) for name, arguments in (given.get("functions") or {}).items()}
     system = read_system(given["coordinates"], given["equations"], given.get("parameters") or (), functions)
-    budget = Budget(TERM_LIMIT, time.monotonic() + TIME_LIMIT)
+    budget = Budget(TERM_LIMIT, now() + TIME_LIMIT)
     if certificate["kind"] == "nonexistence":
         return [_negative(system, seed, budget)]
     if certificate["kind"] == "existence":

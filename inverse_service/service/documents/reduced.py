@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from api_schemas.nonholonomic import ReducedPart
 from api_schemas.result import ClockPart
 from inverse_service.certificate.checker import CheckResult
+from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
@@ -65,14 +65,14 @@ def _part(found: Reduced | None) -> ReducedPart | None:
 
 def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> CheckResult | None:
     """The checker's verdicts on `reduced` and its `with_clock`, whose systems have to be those of the document."""
-    end = time.thread_time() + time_limit
+    end = now() + time_limit
     try:
         system = _of_document(prepared(document).document)
     except InputError:
         return _WRONG
     if system is None:
         return _WRONG
-    found = compared_answer(part, system, _WRONG, end - time.thread_time())
+    found = compared_answer(part, system, _WRONG, end - now())
     clock = part.get("with_clock")
     if (found is not None and found.verdict != "valid") or not isinstance(clock, dict):
         return found
@@ -83,7 +83,7 @@ def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> 
         return _WRONG
     if clock.get("factor") != to_text(factor) or factor == ZERO or _moves(factor):
         return _WRONG
-    return compared_answer(clock, with_clock(system, factor), _WRONG, end - time.thread_time()) or found
+    return compared_answer(clock, with_clock(system, factor), _WRONG, end - now()) or found
 
 
 def _moves(factor: Expression) -> bool:

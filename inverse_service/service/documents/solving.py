@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable
 from typing import Any
 
 from api_schemas.result import ResultDocument
 from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import check_result
+from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
@@ -37,14 +37,14 @@ def solve_document(
     Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
     finds our own certificate invalid.
     """
-    end = time.monotonic() + options.time_limit
+    end = now() + options.time_limit
     schema = translate.to_schema(document)
     system = translate.to_system(schema)
     share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
-        time_limit=share * (end - time.monotonic()),
+        time_limit=share * (end - now()),
         ansatz=translate.to_ansatz(schema, system),
         given=translate.to_given(schema),
         series_order=schema.series_order,
@@ -52,34 +52,22 @@ def solve_document(
     kinds, factor = _kinds(schema, system), _clock(schema, system)
     solution, *others = solve_branches(system, asked, progress)
     result = translate.to_result(solution, schema, others)
-    limit = time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
+    limit = now() + SHARE_OF_SOLVER * (end - now())
     if result.verdict == "not_variational" or kinds:
         # Loaded when asked for, so that others start sooner.
         from inverse_service.service.documents.instead import with_instead
         from inverse_service.service.documents.kinds import with_kinds
 
-        result = _quickly(lambda end: with_instead(result, solution, asked, end), result, limit)
+        result = with_instead(result, solution, asked, min(limit, now() + QUICKLY))
         result = with_kinds(result, solution, schema, kinds, asked, limit) if kinds else result
     if schema.clock is not None:
         from inverse_service.service.documents.clock import clock_part
 
-        part = clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - time.monotonic()))
+        part = clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
     if schema.special_cases:
         result = with_special_cases(result, system, asked, (end, progress))
-    return ordered(checked(result, end - time.monotonic()))
-
-
-def _quickly(work: Callable[[float], ResultDocument], before: ResultDocument, limit: float) -> ResultDocument:
-    """What the work finds until a deadline that is put off where others had the processor meanwhile."""
-    began, wait = time.thread_time(), QUICKLY
-    while True:
-        deadline = min(limit, time.monotonic() + wait)
-        found = work(deadline)
-        spent = time.thread_time() - began
-        if found is not before or time.monotonic() < deadline or deadline == limit or spent > QUICKLY:
-            return found
-        wait *= 2
+    return ordered(checked(result, end - now()))
 
 
 def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
@@ -110,7 +98,7 @@ def with_special_cases(
     from inverse_service.service.documents.translate_special_cases import to_special_cases
 
     end, progress = limits
-    deadline = time.monotonic() + SHARE_OF_SOLVER * (end - time.monotonic())
+    deadline = now() + SHARE_OF_SOLVER * (end - now())
     found = special_cases(system, asked.time_dependent, deadline, progress, asked.seed)
     return result.model_copy(update={"special_cases": to_special_cases(found)})
 
@@ -137,9 +125,9 @@ def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
     answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked, nor
     before its system was compared with the document as given.
     """
-    end = time.monotonic() + time_limit
+    end = now() + time_limit
     document = _certified(result.model_dump(mode="json"), time_limit)
-    compare_before_leaving(document, end - time.monotonic())
+    compare_before_leaving(document, end - now())
     return document
 
 

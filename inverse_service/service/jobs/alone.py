@@ -11,7 +11,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
-from inverse_service.service.jobs.isolation import isolate, silence_standard_error
+from inverse_service.service.jobs.isolation import Patience, isolate, silence_standard_error
 from inverse_service.service.jobs.outcome import Outcome, outcome_of_exit
 
 Report = Callable[[str], None]
@@ -28,7 +28,7 @@ def run_alone(
     memory_limit: int,
     report: Report | None = None,
 ) -> Outcome:
-    """Run `task(*arguments)` in a new process and kill it after `deadline` s.
+    """Run `task(*arguments)` in a new process and kill it after `deadline` s (see `Patience`).
 
     The process is forked from this one, which has no threads and has not loaded the engine. With
     `report` the task gets a further argument, a function whose texts come out of `report` here.
@@ -51,8 +51,8 @@ def run_alone(
 
 
 def _receive(receiver: Connection, process: Any, deadline: float, report: Report | None) -> Outcome:
-    end = time.monotonic() + deadline
-    while receiver.poll(max(0.0, end - time.monotonic())):
+    patience = Patience(process.pid, deadline)
+    while patience.is_answered(receiver):
         try:
             received: Outcome | str = receiver.recv()
         except EOFError:

@@ -49,7 +49,7 @@ def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
         label, fault = outcome.value.label, outcome.value.fault
         if fault:
             log.error("no verdict for a fault of the program (%s)", fault, extra={"job": job.id})
-        by_clock = label == "undetermined" and usage.wall > CLOCK_SHARE * options.time_limit
+        by_clock = label == "undetermined" and usage.cpu > CLOCK_SHARE * options.time_limit
         store.finish(job.id, job.attempt, outcome.value.body, usage, TRANSIENT if by_clock or fault else None)
         return str(label)
     if is_undetermined(job, outcome):

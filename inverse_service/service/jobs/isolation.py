@@ -10,12 +10,15 @@ import os
 import signal
 import sys
 import time
+from multiprocessing.connection import Connection
 
 from inverse_service.service.jobs.outcome import Spent
 
 PR_SET_PDEATHSIG = 1
 # The wall clock ends a task first; the bound on processor time is for tasks that start threads.
 THREADS = 2
+# A deadline is at most so many times as long where other programs have the processor.
+MOST_CROWDED = 10.0
 
 
 def isolate(memory_limit: int) -> None:
@@ -76,6 +79,31 @@ def silence_standard_error() -> None:
         silence = os.open(os.devnull, os.O_WRONLY)
         os.dup2(silence, 2)
         os.close(silence)
+
+
+class Patience:
+    """How long a process is waited for: so many seconds by the clock, and as long as others had the processor."""
+
+    def __init__(self, pid: int, deadline: float) -> None:
+        self._pid, self._deadline = pid, deadline
+        self._began, self._waited = time.monotonic(), _waited(pid)
+
+    def is_answered(self, connection: Connection) -> bool:
+        """Whether something comes over the connection in time."""
+        while True:
+            crowded = min(_waited(self._pid) - self._waited, (MOST_CROWDED - 1) * self._deadline)
+            left = self._began + self._deadline + crowded - time.monotonic()
+            if connection.poll(max(0.0, left)):
+                return True
+            if left <= 0:
+                return False
+
+
+def _waited(pid: int) -> float:
+    """Seconds in which a process was ready and others ran (Linux; 0 where the system does not tell)."""
+    with contextlib.suppress(OSError), open(f"/proc/{pid}/schedstat") as stream:
+        return int(stream.read().split()[1]) / 1e9
+    return 0.0
 
 
 class Meter:

@@ -16,6 +16,7 @@ from typing import Any
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.isolation import (
     Meter,
+    Patience,
     bound_memory,
     bound_processor,
     isolate,
@@ -67,7 +68,7 @@ class WorkerProcess:
         except (OSError, EOFError):
             raise NotStarted from None
         self.tasks += 1
-        outcome = self._await(began + call.deadline, report)
+        outcome = self._await(Patience(self.pid, call.deadline), report)
         return outcome if outcome.spent.wall else replace(outcome, spent=Spent(wall=time.monotonic() - began))
 
     def kill(self) -> None:
@@ -81,9 +82,9 @@ class WorkerProcess:
         self._process.join(5)
         self._connection.close()
 
-    def _await(self, end: float, report: Report | None) -> Outcome:
+    def _await(self, patience: Patience, report: Report | None) -> Outcome:
         while True:
-            if not self._connection.poll(max(0.0, end - time.monotonic())):
+            if not patience.is_answered(self._connection):
                 self.kill()
                 return Outcome("deadline")
             try:

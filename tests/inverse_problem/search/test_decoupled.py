@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
-
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.deadline import now
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.ladder import search
@@ -29,7 +28,7 @@ def test_each_coordinate_of_free_motion_is_a_block() -> None:
 def test_the_sum_of_the_blocks_lagrangians_is_a_lagrangian() -> None:
     equations = {"x": "-3*x*x' - x^3", "y": "y*z'^2", "z": "-2*y'*z'/y", "w": "-sin(w)"}
     analysis = analyse(read_system(list(equations), equations))
-    outcome = search(analysis, False, 1, time.monotonic() + 60, lambda _: None)
+    outcome = search(analysis, False, 1, now() + 60, lambda _: None)
     assert outcome.found is not None
     certificate = certify.of_lagrangian(analysis, outcome.found.lagrangians[0], False)
     assert check_certificate(certificate).verdict == "valid"
@@ -38,4 +37,4 @@ def test_the_sum_of_the_blocks_lagrangians_is_a_lagrangian() -> None:
 def test_a_block_without_a_closed_form_leaves_the_system_without_one() -> None:
     equations = {"x": "(1 - x^2)*x' - x", "y": "-y"}
     analysis = analyse(read_system(list(equations), equations))
-    assert search(analysis, False, 1, time.monotonic() + 60, lambda _: None).found is None
+    assert search(analysis, False, 1, now() + 60, lambda _: None).found is None

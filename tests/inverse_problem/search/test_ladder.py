@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 
 import pytest
 
+from inverse_service.deadline import now, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search import rungs
-from inverse_service.inverse_problem.search.deadline import until
 from inverse_service.inverse_problem.search.families import NAME, monomials_of, own_family
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.material import Material
@@ -30,7 +29,7 @@ def searched(
 ) -> SearchOutcome:
     said = [] if reports is None else reports
     analysis = material(equations).analysis
-    with until(math.inf, seconds):
+    with until(now() + seconds):
         return search(analysis, False, 1, math.inf, said.append, [tree(text) for text in own])
 
 
@@ -142,10 +141,10 @@ def test_a_family_whose_lagrangians_do_not_hold_is_passed_over() -> None:
         refused.append(tree)
         return len(refused) > 1
 
-    outcome = search(analysis, False, 1, time.monotonic() + 20, lambda _: None, (), holds)
+    outcome = search(analysis, False, 1, now() + 20, lambda _: None, (), holds)
     assert outcome.found is not None
     assert outcome.found.lagrangians[0] == refused[1]
-    assert search(analysis, False, 1, time.monotonic() + 20, lambda _: None, (), lambda _: False).found is None
+    assert search(analysis, False, 1, now() + 20, lambda _: None, (), lambda _: False).found is None
 
 
 def test_a_metric_given_by_a_frame_has_entries_of_many_letters() -> None:

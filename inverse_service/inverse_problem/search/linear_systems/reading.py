@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Budget
+from inverse_service.deadline import end
 from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol, walk
-from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import MotionTerms

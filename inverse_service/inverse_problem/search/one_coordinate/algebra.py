@@ -7,6 +7,7 @@ from fractions import Fraction
 
 from inverse_service.algebra import exact_atoms
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import end
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
@@ -26,7 +27,6 @@ from inverse_service.expressions.tree import (
     square_root,
     walk,
 )
-from inverse_service.inverse_problem.search.deadline import end
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 
 _TERMS, _WORK = 2_000, 75_000

@@ -16,6 +16,7 @@ from fractions import Fraction
 
 from inverse_service.algebra.real_point import real_sign
 from inverse_service.algebra.series import SingularPoint
+from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue
@@ -38,7 +39,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.search.choice import scaled
-from inverse_service.inverse_problem.search.deadline import check
 from inverse_service.inverse_problem.search.factors import Factors, find_factors
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import has_velocity

@@ -1,8 +1,8 @@
-"""When a search has to end: after processor time, at a moment, or after work; looked at in its long loops.
+"""When work has to end: at a moment, or after an amount of work; looked at in long loops.
 
-The share of a search is processor time of its thread, so that it goes as far on a busy machine as on a quiet one; the
-moment by the wall clock is the one at which the answer has to leave. Work is counted, not timed, so that a search
-inside a search finds the same on every machine. One unit is about ten microseconds on a machine of 2024.
+All moments of the solver are processor time of the thread that works (`now`), so that it goes as far on a busy machine
+as on a quiet one. The wall clock is for those who wait: it ends a process that is stuck. Work is counted, not timed, so
+that a search inside a search finds the same on every machine. One unit is about ten microseconds on a machine of 2024.
 """
 
 from __future__ import annotations
@@ -21,32 +21,35 @@ class _Work:
     left: int
 
 
+# The moment that it is, in s of processor time of this thread.
+now = time.thread_time
 _ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
-_SPENT: ContextVar[float] = ContextVar("spent", default=float("inf"))
 _AMOUNTS: ContextVar[tuple[_Work, ...]] = ContextVar("amounts", default=())
+# A part of the work that is begun has at least so long, in s.
+LEAST = 0.1
 
 
 class OutOfTime(Exception):
     """The time or the work for the search is used up; caught where that amount was set, and nowhere between."""
 
 
-@contextmanager
-def until(moment: float, seconds: float = float("inf")) -> Iterator[None]:
-    """Within the block `check` fails after this moment (time.monotonic), or an earlier one set outside.
+def left(moment: float, least: float = LEAST) -> float:
+    """The seconds until a moment (`now`), and no less than `least`."""
+    return max(least, moment - now())
 
-    It also fails after so many seconds of processor time of this thread, those of blocks inside included.
-    """
+
+@contextmanager
+def until(moment: float) -> Iterator[None]:
+    """Within the block `check` fails after this moment (`now`), or an earlier one set outside."""
     token = _ENDS.set(min(moment, _ENDS.get()))
-    spent = _SPENT.set(min(time.thread_time() + seconds, _SPENT.get()))
     try:
         yield
     finally:
         _ENDS.reset(token)
-        _SPENT.reset(spent)
 
 
 def end() -> float:
-    """The moment (time.monotonic) set outside."""
+    """The moment (`now`) set outside."""
     return _ENDS.get()
 
 
@@ -62,7 +65,7 @@ def within(work: int) -> Iterator[None]:
 
 def check(work: int = 1) -> None:
     """Count so many units; OutOfTime where the time set or an amount of work is used up."""
-    over = time.monotonic() > _ENDS.get() or time.thread_time() > _SPENT.get()
+    over = now() > _ENDS.get()
     for amount in _AMOUNTS.get():
         amount.left -= work
         over = over or amount.left < 0
