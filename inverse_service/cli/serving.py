@@ -16,14 +16,15 @@ from typing import Any, cast
 from inverse_service import __version__
 from inverse_service.cli.exits import ExitCode
 from inverse_service.errors import InputError
-from inverse_service.settings import read_settings
+from inverse_service.settings import Settings, read_settings
 
 log = logging.getLogger(__name__)
 # Of the web process itself, in MiB and in times MAX_BODY: no request can make it take the memory of the others.
 WEB_MEMORY = 1024
 SHARE_OF_BODIES = 128
-# Streams and running work have ended by then, or they never will; what was acknowledged is stored in any case, s.
-LONGEST_END = 4.5
+# Streams and running work have ended by then, or they never will; what was acknowledged is stored in any case, s. The
+# rest of the five seconds that are promised is for a machine on which a thread wakes up late.
+LONGEST_END = 3.0
 BACKLOG = 128
 # Descriptors that are no connections: the database, the pipes of the workers.
 OWN_DESCRIPTORS = 192
@@ -41,51 +42,65 @@ def serve_http(host: str, port: int) -> ExitCode:
         # Another name would be a page elsewhere that lets its own name point here.
         settings = replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
-    import uvicorn
-
     from inverse_service.service.jobs.isolation import bound_data
-    from inverse_service.service.jobs.warming import SENTENCE, is_warm
     from inverse_service.web import journal
     from inverse_service.web.application import create_application
-    from inverse_service.web.connections import KEEP_ALIVE, Connections
-    from inverse_service.web.middleware import LARGEST_HEADERS
 
     journal.begin(settings.log_level)
-    connections = Connections(_most_connections(settings.connections), settings.client_connections, settings.proxies)
-    if not (settings.api_keys or settings.api_keys_file or _is_local(listener)):
-        log.warning("no keys are set: whoever reaches %s may use this service and see all its jobs", host)
-    if not is_warm():
-        log.warning(SENTENCE)
+    _warn(settings, host, listener)
     application = create_application(settings)
-    application.state.engine.connections = connections
     # Opened here so that a database that cannot be used is one sentence, and before the address is told.
     application.state.engine.open()
     address = _address(host, listener.getsockname()[1])
     bound_data(WEB_MEMORY + SHARE_OF_BODIES * settings.max_body // 2**20)
+    server = _server(application, settings)
+    # uvicorn ends in order and then raises the signal once more, which is no fault; one that comes before it begins
+    # is heard too.
+    signal.signal(signal.SIGTERM, server.handle_exit)
     print(f"{address}\ncurl -s {address}/v1/solve -H 'Content-Type: application/json' -d '{EXAMPLE}'", flush=True)
-    configuration = uvicorn.Config(
-        application,
-        http=cast(Any, connections.protocol),
-        backlog=BACKLOG,
-        proxy_headers=bool(settings.proxies),
-        forwarded_allow_ips=list(settings.proxies),
-        log_config=None,
-        access_log=False,
-        server_header=False,
-        timeout_graceful_shutdown=1,
-        timeout_keep_alive=int(KEEP_ALIVE),
-        h11_max_incomplete_event_size=LARGEST_HEADERS,
-    )
-    server = uvicorn.Server(configuration)
-    _tell_of_the_end(server, application.state.engine.close_streams)
-    # uvicorn ends in order and then raises the signal once more, which is no fault.
-    signal.signal(signal.SIGTERM, lambda number, frame: None)
     log.info("started", extra={"version": __version__, "address": address, "workers": settings.workers})
     server.run(sockets=[listener])
     log.info("stopped")
     # Collecting what is left would take longer than all that stopped before, and nothing could end it.
     gc.freeze()
     return ExitCode.DONE
+
+
+def _warn(settings: Settings, host: str, listener: socket.socket) -> None:
+    from inverse_service.service.jobs.warming import SENTENCE, is_warm
+
+    if not (settings.api_keys or settings.api_keys_file or _is_local(listener)):
+        log.warning("no keys are set: whoever reaches %s may use this service and see all its jobs", host)
+    if not is_warm():
+        log.warning(SENTENCE)
+
+
+def _server(application: Any, settings: Settings) -> Any:
+    """uvicorn with our bounds on connections, which ends in time."""
+    import uvicorn
+
+    from inverse_service.web.connections import KEEP_ALIVE, Connections
+    from inverse_service.web.middleware import LARGEST_HEADERS
+
+    connections = Connections(_most_connections(settings.connections), settings.client_connections, settings.proxies)
+    application.state.engine.connections = connections
+    server = uvicorn.Server(
+        uvicorn.Config(
+            application,
+            http=cast(Any, connections.protocol),
+            backlog=BACKLOG,
+            proxy_headers=bool(settings.proxies),
+            forwarded_allow_ips=list(settings.proxies),
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=1,
+            timeout_keep_alive=int(KEEP_ALIVE),
+            h11_max_incomplete_event_size=LARGEST_HEADERS,
+        )
+    )
+    _tell_of_the_end(server, application.state.engine.close_streams)
+    return server
 
 
 def _most_connections(wanted: int) -> int:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import time
 from collections.abc import Iterator
 
@@ -77,6 +79,15 @@ def test_a_document_that_does_not_end_is_refused_after_its_second(service: Attac
     with service.client() as client:
         answer = client.post("/v1/parse", json=ENDLESS)
     assert (answer.status_code, answer.json()["type"]) == (422, "urn:inverse-service:problem:limit")
+
+
+def test_a_loop_that_is_held_for_a_moment_is_seen(service: Attacked) -> None:
+    with Watch(service) as watch:
+        os.kill(service.process.pid, signal.SIGSTOP)
+        time.sleep(0.3)
+        os.kill(service.process.pid, signal.SIGCONT)
+    with pytest.raises(AssertionError, match="/livez took"):
+        watch.hold()
 
 
 def test_the_service_ends_within_five_seconds_while_it_is_attacked(service: Attacked) -> None:

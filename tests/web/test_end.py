@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import httpx
 import pytest
 
+from inverse_service.service.jobs.locks import remove_abandoned
+
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc; the kernel's death signal is Linux")
+COMMAND = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
 NAMES = [f"x{k}" for k in range(8)]
 TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
 HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
@@ -32,9 +37,11 @@ def processes(session: int) -> list[int]:
 
 
 @pytest.mark.parametrize(("ending", "busy"), [(signal.SIGKILL, True), (signal.SIGTERM, False)])
-def test_no_worker_outlives_the_service(ending: signal.Signals, busy: bool) -> None:
-    command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+def test_no_worker_outlives_the_service(ending: signal.Signals, busy: bool, tmp_path: Path) -> None:
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    with subprocess.Popen(
+        COMMAND, stdout=subprocess.PIPE, text=True, start_new_session=True, env=environment
+    ) as process:
         try:
             assert process.stdout is not None
             address = process.stdout.readline().strip()
@@ -56,3 +63,21 @@ def test_no_worker_outlives_the_service(ending: signal.Signals, busy: bool) -> N
     while processes(process.pid) and time.monotonic() < end:
         time.sleep(0.05)
     assert processes(process.pid) == []
+    for folder in tmp_path.iterdir():  # a killed one leaves its folder to the next
+        assert ending == signal.SIGKILL
+        os.utime(folder, (0, 0))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(tmp_path))
+        remove_abandoned()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_that_comes_before_the_service_serves_ends_it() -> None:
+    with subprocess.Popen(COMMAND, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith("http://")
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(15) == 0
+        finally:
+            process.kill()

@@ -1,7 +1,7 @@
 """Many systems: every line of a file answered exactly once, in parallel, also after a kill.
 
 The output file is the truth of what is done. The jobs run on the same supervisor as those of the
-service, over a store in the temporary folder that lives as long as the run (`jobs/opening.py`).
+service, over a store in the temporary folder that lives as long as the run (`jobs/locks.py`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from inverse_service.service.documents.problem_documents import of_input_error
 from inverse_service.service.jobs.batch_files import Line, open_source, read_lines
 from inverse_service.service.jobs.batch_output import Known, Output, answer_line, error_line, key_of, open_output
 from inverse_service.service.jobs.kinds import request_of
+from inverse_service.service.jobs.locks import DATABASE, temporary_folder
 from inverse_service.service.jobs.model import BULK, BatchAnswer, Job
-from inverse_service.service.jobs.opening import temporary_database
 from inverse_service.service.jobs.options import JobOptions, read_options, split_options
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import Supervisor
@@ -188,8 +188,8 @@ class BatchEngine:
 @contextlib.contextmanager
 def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
     """A store, a supervisor and its processes for the time of one run."""
-    with temporary_database() as database:
-        store = SqliteStore(database, durable=False)
+    with temporary_folder() as folder:
+        store = SqliteStore(folder / DATABASE, durable=False)
         working = _executor(plan)
         try:
             working.start()

@@ -1,4 +1,4 @@
-"""Which store and which cluster the settings ask for; stores in the temporary folder; answers for worker processes."""
+"""Which store and which cluster the settings ask for; answers for worker processes."""
 
 from __future__ import annotations
 
@@ -7,70 +7,17 @@ import contextlib
 import importlib
 import logging
 import os
-import shutil
 import sqlite3
-import stat
-import tempfile
-import time
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from inverse_service.errors import InputError
+from inverse_service.service.jobs.locks import DATABASE, temporary_folder
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
-from inverse_service.service.jobs.sqlite_store import Damaged, SqliteStore, SupervisorLock, connect
+from inverse_service.service.jobs.sqlite_store import Damaged, SqliteStore, connect
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.workers import Executor
-
-PREFIX = "inverse-service-"
-NAME = "jobs.sqlite"
-# A new folder has its lock within a moment; s.
-YOUNG = 60.0
-
-
-@contextlib.contextmanager
-def temporary_database() -> Iterator[Path]:
-    """The path of a database in a new folder, which is removed at the end; so is what killed processes left."""
-    remove_abandoned()
-    folder = Path(tempfile.mkdtemp(prefix=PREFIX))
-    try:
-        yield folder / NAME
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def remove_abandoned() -> None:
-    """Remove this user's temporary stores whose process is gone: the kernel has given their locks back."""
-    with contextlib.suppress(OSError):
-        for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
-            if _is_ours(folder) and _is_abandoned(folder / NAME):
-                shutil.rmtree(folder, ignore_errors=True)
-
-
-def _is_ours(folder: Path) -> bool:
-    """A folder, not a link to one, of this user, that is no other program's."""
-    with contextlib.suppress(OSError):
-        found = folder.lstat()
-        names = {path.name for path in folder.iterdir()} if stat.S_ISDIR(found.st_mode) else set()
-        is_store = all(name.startswith(NAME) for name in names)
-        return is_store and _user_has(found) and time.time() - found.st_mtime > YOUNG
-    return False
-
-
-def _user_has(found: os.stat_result) -> bool:
-    return not hasattr(os, "getuid") or found.st_uid == os.getuid()
-
-
-def _is_abandoned(database: Path) -> bool:
-    if os.name != "posix" or not database.exists():
-        return False  # without flock nobody can tell
-    try:
-        SupervisorLock(database).release()
-    except (OSError, DatabaseTaken):
-        return False
-    return True
-
 
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
@@ -106,7 +53,7 @@ def _existing(path: Path) -> Path:
 def default_path() -> Path:
     """jobs.sqlite in the state folder of this user."""
     base = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
-    return Path(base) / "inverse-service" / "jobs.sqlite"
+    return Path(base) / "inverse-service" / DATABASE
 
 
 def _default_store() -> JobStore:
@@ -119,7 +66,7 @@ def _default_store() -> JobStore:
         "the database of this user cannot be used now (another service has it, or it cannot be written): jobs are "
         "kept in the temporary folder and forgotten at the end"
     )
-    return _store_at(kept.enter_context(temporary_database()))
+    return _store_at(kept.enter_context(temporary_folder()) / DATABASE)
 
 
 def _postgres_store(address: str) -> JobStore:

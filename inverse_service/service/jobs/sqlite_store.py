@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import json
-import os
 import queue
 import re
 import sqlite3
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from inverse_service.service.jobs import schema
+from inverse_service.service.jobs.locks import SupervisorLock
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
 from inverse_service.service.jobs.statements import SELECT
 from inverse_service.service.jobs.store import Changed, JobStore
@@ -31,37 +31,6 @@ SAVE, UNDO, KEEP = "SAVEPOINT change", "ROLLBACK TO change", "RELEASE change"
 # Larger files are not rewritten at the start to give space back later; s. docs/operating.md.
 REWRITTEN = 256 * 2**20
 OWN_TABLES = {"jobs", "bodies", "events", "batches", "lines", "counters"}
-
-
-class SupervisorLock:
-    """One supervisor for a database: a flock on `path` + ".lock", which the kernel gives back however its holder dies.
-
-    Raises DatabaseTaken where another process has it.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._descriptor: int | None = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        try:
-            _lock(self._descriptor)
-        except OSError:
-            self.release()
-            raise DatabaseTaken(
-                "Another service works on this database; stop it, or set INVERSE_SERVICE_DATABASE to another file."
-            ) from None
-
-    def release(self) -> None:
-        """Let the next one in; the file stays, as removing it would let two in."""
-        if self._descriptor is not None:
-            os.close(self._descriptor)
-            self._descriptor = None
-
-
-def _lock(descriptor: int) -> None:
-    try:
-        import fcntl
-    except ImportError:  # no flock on this system: the address of the service is the only guard
-        return
-    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ HEARTBEAT = 5.0
 LEASE = 30.0
 POLL = 0.5
 # A store that does not answer keeps no service from its end; what it does not hear is run again, s.
-STOP_PATIENCE = 2.0
+STOP_PATIENCE = 1.0
 # The store cannot be reached now and may be back: disk full or locked, server gone.
 AWAY = (sqlite3.OperationalError, StoreUnavailable, OSError)
 

@@ -1,6 +1,9 @@
-"""Imported by the server process that forks the workers: loads the engines and solves once.
+"""Imported by the server process that forks the workers, and by nothing else: it dies with the service, and is warm.
 
-The first solve loads the compiled kernels. Workers forked afterwards have them.
+A killed service (SIGKILL) cannot tell its workers. The kernel does: the service's death kills the forking server, and
+that one's death kills each worker (`isolation.die_with_parent`), even one that spins in C code. The first solve loads
+the compiled kernels, which workers forked afterwards have. The import is the act because multiprocessing lets the
+server only import modules.
 """
 
 from __future__ import annotations
@@ -10,9 +13,11 @@ import importlib
 
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.jobs import tasks, warming
+from inverse_service.service.jobs.isolation import die_with_parent
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
 
+die_with_parent()
 tasks.guard(tasks.load_engine)
 # Kernels and formulas of simulation take a second to import.
 tasks.guard(importlib.import_module, "inverse_service.service.scenes.simulating")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import multiprocessing.forkserver
+import multiprocessing.util
 import signal
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from inverse_service.service.jobs import tasks
@@ -22,15 +24,15 @@ from inverse_service.service.jobs.isolation import (
     isolate,
     silence_standard_error,
 )
+from inverse_service.service.jobs.locks import hold
 from inverse_service.service.jobs.outcome import Call, Outcome, Spent, outcome_of_exit
 
-BOND = "inverse_service.service.jobs.bond"
 WARM = "inverse_service.service.jobs.warm"
 STARTED, REPORT, DONE = "started", "report", "done"
 Report = Callable[[Any], None]
 _starting = threading.Lock()
 # What the server that forks the workers has loaded.
-_preloaded = [BOND, WARM]
+_preloaded = [WARM]
 
 
 class NotStarted(Exception):
@@ -119,8 +121,11 @@ def start_server() -> None:
 
     Linux ties the death signal of a process to the thread that made it.
     """
-    if process_context().get_start_method() == "forkserver":
+    if process_context().get_start_method() != "forkserver":
+        return
+    with _starting:
         multiprocessing.forkserver.ensure_running()
+        hold(Path(multiprocessing.util.get_temp_dir()))
 
 
 def serve(connection: Connection, memory_limit: int) -> None:

@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.service.jobs.opening import YOUNG, temporary_database
+from inverse_service.service.jobs.locks import DATABASE, YOUNG, temporary_folder
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs flock")
 HOLD = """
 import sys
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.opening import temporary_database
-with temporary_database() as database:
-    store = SqliteStore(database, durable=False)
-    print(database.parent, flush=True)
+from inverse_service.service.jobs.locks import DATABASE, temporary_folder
+with temporary_folder() as folder:
+    store = SqliteStore(folder / DATABASE, durable=False)
+    print(folder, flush=True)
     sys.stdin.read()
 """
 
@@ -43,9 +43,9 @@ def left(folder: Path) -> set[Path]:
 
 
 def test_the_folder_is_gone_at_the_end(folder: Path) -> None:
-    with temporary_database() as database:
-        SqliteStore(database, durable=False).close()
-        assert database.exists()
+    with temporary_folder() as used:
+        SqliteStore(used / DATABASE, durable=False).close()
+        assert (used / DATABASE).exists()
     assert left(folder) == set()
 
 
@@ -60,8 +60,8 @@ def test_what_a_killed_process_left_is_removed_at_the_next_start_and_what_is_in_
         first, second = (aged(Path(process.stdout.readline().strip())) for process in (killed, living))  # type: ignore[union-attr]
         killed.kill()
         killed.wait()
-        with temporary_database() as database:
-            assert left(folder) == {second, database.parent}
+        with temporary_folder() as used:
+            assert left(folder) == {second, used}
         assert not first.exists()
         assert living.stdin is not None
         living.stdin.close()
@@ -80,6 +80,6 @@ def test_only_old_folders_that_hold_a_store_and_nothing_else_are_removed(folder:
     before = left(folder)
     for path in (empty, other, target):
         aged(path)
-    with temporary_database():
+    with temporary_folder():
         pass
     assert left(folder) == before
