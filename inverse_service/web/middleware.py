@@ -32,8 +32,9 @@ LARGEST_HEADERS = 32_768
 class SecurityHeaders:
     """Adds HEADERS to every response that does not set them itself.
 
-    Refuses requests with too large ones (431), and those to another host than `hosts` (421): a page elsewhere may let
-    its own name point to this machine. No `hosts`: any is taken.
+    Refuses requests with too large ones (431), with two lengths, of which a proxy may believe the other (400), and those
+    to another host than `hosts` (421): a page elsewhere may let its own name point to this machine. No `hosts`: any is
+    taken.
     """
 
     def __init__(self, app: ASGIApp, hosts: Sequence[str] = ()) -> None:
@@ -45,13 +46,8 @@ class SecurityHeaders:
             await self.app(scope, receive, send)
             return
 
-        if sum(len(name) + len(value) for name, value in scope["headers"]) > LARGEST_HEADERS:
-            detail = f"The headers have more than {LARGEST_HEADERS} bytes; send less."
-            await _refuse(431, "headers-too-large", detail, (scope, receive, send))
-            return
-        if self._hosts and not self._hosts & {host_of(scope), "*"}:
-            detail = "This service does not answer to this host name; its operator lists them in INVERSE_SERVICE_HOSTS."
-            await _refuse(421, "host", detail, (scope, receive, send))
+        if (refusal := self._refusal(scope)) is not None:
+            await refusal(scope, receive, send)
             return
 
         async def send_with_headers(message: Message) -> None:
@@ -63,6 +59,18 @@ class SecurityHeaders:
 
         await self.app(scope, receive, send_with_headers)
 
+    def _refusal(self, scope: Scope) -> Response | None:
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > LARGEST_HEADERS:
+            detail = f"The headers have more than {LARGEST_HEADERS} bytes; send less."
+            return _refused(431, "headers-too-large", detail)
+        if {b"content-length", b"transfer-encoding"} <= {name for name, _ in scope["headers"]}:
+            detail = "The request has a Content-Length and a Transfer-Encoding; send one of them."
+            return _refused(400, "unreadable", detail)
+        if self._hosts and not self._hosts & {host_of(scope), "*"}:
+            detail = "This service does not answer to this host name; its operator lists them in INVERSE_SERVICE_HOSTS."
+            return _refused(421, "host", detail)
+        return None
+
 
 def host_of(scope: Scope) -> str:
     """The name in the Host header, in small letters and without its port."""
@@ -71,9 +79,11 @@ def host_of(scope: Scope) -> str:
     return name if name and port.isdigit() else text
 
 
-async def _refuse(status: int, kind: str, detail: str, call: tuple[Scope, Receive, Send]) -> None:
+def _refused(status: int, kind: str, detail: str) -> Response:
+    """Ends the connection too: what follows on it may be meant as a part of this request."""
     content = as_bytes(problem_document(status, kind, detail))
-    await Response(content, status, headers=HEADERS, media_type="application/problem+json")(*call)
+    headers = HEADERS | {"Connection": "close"}
+    return Response(content, status, headers=headers, media_type="application/problem+json")
 
 
 STREAMS = ("/events", "/results")

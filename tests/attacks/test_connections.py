@@ -67,6 +67,54 @@ def test_where_all_places_are_taken_the_longest_silent_one_is_closed(service: At
     close(found)
 
 
+CHUNKED = HEAD.replace(b"Content-Length: 500000", b"Transfer-Encoding: chunked")
+DOCUMENT = b'{"coordinates":["x"],"equations":{"x":"-x"}}'
+
+
+def in_chunks_of_one_byte(body: bytes) -> bytes:
+    return CHUNKED + b"".join(b"1\r\n%c\r\n" % byte for byte in body) + b"0\r\n\r\n"
+
+
+@pytest.mark.parametrize(
+    "data", [in_chunks_of_one_byte(b" " * 200_000), HEAD[:-2] + b"a:\r\n" * 7_900 + b"\r\n"], ids=["chunks", "headers"]
+)
+def test_what_comes_in_crumbs_on_many_connections_holds_up_nobody(service: Attacked, data: bytes) -> None:
+    with Watch(service) as watch:
+        found = opened(service, 20)
+        for connection in found:
+            connection.setblocking(False)
+        rest = dict.fromkeys(found, data)
+        end = time.monotonic() + 3
+        while any(rest.values()) and time.monotonic() < end:
+            for connection in [each for each in found if rest[each]]:
+                try:
+                    rest[connection] = rest[connection][connection.send(rest[connection]) :]
+                except BlockingIOError:
+                    continue
+            time.sleep(0.01)
+        close(found)
+    watch.hold()
+
+
+def test_a_document_in_chunks_of_one_byte_is_read(service: Attacked) -> None:
+    body = DOCUMENT + b" " * 20_000
+    with socket.create_connection(("127.0.0.1", service.port)) as connection:
+        connection.sendall(in_chunks_of_one_byte(body))
+        connection.settimeout(30)
+        answer = connection.recv(65_536)
+    assert answer.startswith(b"HTTP/1.1 200 "), answer
+
+
+def test_a_request_of_two_lengths_is_refused_with_all_that_follows_it(service: Attacked) -> None:
+    hidden = b"GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    with socket.create_connection(("127.0.0.1", service.port)) as connection:
+        connection.sendall(HEAD[:-2] + b"Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n" + hidden)
+        connection.settimeout(30)
+        answer = b"".join(iter(lambda: connection.recv(65_536), b""))
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert answer.count(b"HTTP/1.1 ") == 1
+
+
 @pytest.mark.nightly
 def test_heads_and_bodies_that_do_not_come_are_not_waited_for(service: Attacked) -> None:
     began = time.monotonic()
