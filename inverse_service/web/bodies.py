@@ -67,10 +67,15 @@ class Account:
 
 @asynccontextmanager
 async def body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
-    """The body, which counts as under way to the end of the context; 413 for more than `limit` bytes, unread."""
+    """The body, which counts as under way to the end of the context; 413 for more than `limit` bytes, unread.
+
+    415 where it is compressed: how large it becomes nobody says.
+    """
     declared = request.headers.get("content-length", "0")
     if declared.isascii() and declared.isdigit() and (len(declared) > 15 or int(declared) > limit):
         raise too_large(limit)
+    if request.headers.get("content-encoding", "identity").lower() != "identity":
+        raise Refusal(415, "content-type", "A body is taken as it is; send it without 'Content-Encoding'.")
     engine: Engine = request.app.state.engine
     with engine.bytes.account(client_of(request)) as account:
         parts = []

@@ -18,6 +18,7 @@ from starlette.requests import Request
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.identity import Viewer
 from inverse_service.settings import Settings, hash_of_key, read_key
+from inverse_service.web.middleware import host_of, name_of
 from inverse_service.web.problems import Refusal
 
 log = logging.getLogger(__name__)
@@ -111,7 +112,7 @@ def _key(number: int, line: str) -> Key:
 
 # Holds the key after a person logged in on the page; scripts cannot read it, and other sites never send it.
 COOKIE = "inverse-service-key"
-OWN_PAGES = ("same-origin", "none", "")
+OWN_PAGES = ("same-origin", "none")
 
 
 def require_client(request: Request) -> None:
@@ -143,10 +144,18 @@ def cookie_of_key(key: str) -> str:
     return base64.urlsafe_b64encode(key.encode()).decode().rstrip("=")
 
 
+def is_of_own_page(request: Request) -> bool:
+    """Whether a page of ours sends it, or no browser. Older ones, and all without TLS, tell the page's origin only."""
+    site, origin = request.headers.get("sec-fetch-site"), request.headers.get("origin")
+    if site is not None or origin is None:
+        return site is None or site in OWN_PAGES
+    return name_of(origin.rpartition("//")[2]) == host_of(request.scope)
+
+
 def key_of_cookie(request: Request) -> str:
     """The key that a page of ours put into the cookie; nothing where another site sends the request."""
     value = request.cookies.get(COOKIE, "")[: 2 * LARGEST_KEY]
-    if request.headers.get("sec-fetch-site", "") not in OWN_PAGES and request.method not in ("GET", "HEAD"):
+    if request.method not in ("GET", "HEAD") and not is_of_own_page(request):
         return ""
     try:
         return base64.urlsafe_b64decode(value + "=" * (-len(value) % 4)).decode()

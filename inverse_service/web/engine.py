@@ -216,7 +216,7 @@ class Engine:
 
     async def create_batch(self, kind: str, viewer: Viewer, lines: Sequence[BatchLine], key: str) -> Batch:
         """The stored batch of these lines; one with cancelled lines is left as it is and a new one made."""
-        return await self.in_thread(self._create_batch, kind, viewer, lines, key)
+        return await self.read(self._create_batch, kind, viewer, lines, key)
 
     def _create_batch(self, kind: str, viewer: Viewer, lines: Sequence[BatchLine], key: str) -> Batch:
         client, lines = viewer.name, [viewer.own_line(line) for line in lines]
@@ -235,7 +235,7 @@ class Engine:
         """Cancel what is still open in a batch; how many jobs stopped."""
         if await self.batch(id, viewer) is None:
             return 0
-        dismissed = await self.in_thread(self.store.dismiss_batch, id)
+        dismissed = await self.read(self.store.dismiss_batch, id)
         for job in dismissed:
             self.supervisor.cancel(job)
         return len(dismissed)

@@ -18,7 +18,7 @@ HEADERS = {
         "base-uri 'none'; frame-ancestors 'none'"
     ),
     "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
+    "Referrer-Policy": "same-origin",
     "X-Frame-Options": "DENY",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -32,9 +32,9 @@ LARGEST_HEADERS = 32_768
 class SecurityHeaders:
     """Adds HEADERS to every response that does not set them itself.
 
-    Refuses requests with too large ones (431), with two lengths, of which a proxy may believe the other (400), and those
-    to another host than `hosts` (421): a page elsewhere may let its own name point to this machine. No `hosts`: any is
-    taken.
+    Refuses requests with too large ones (431), with two lengths, of which a proxy may believe the other (400), with a
+    NUL, which databases do not take (404), and those to another host than `hosts` (421): a page elsewhere may let its
+    own name point to this machine. No `hosts`: any is taken.
     """
 
     def __init__(self, app: ASGIApp, hosts: Sequence[str] = ()) -> None:
@@ -66,6 +66,8 @@ class SecurityHeaders:
         if {b"content-length", b"transfer-encoding"} <= {name for name, _ in scope["headers"]}:
             detail = "The request has a Content-Length and a Transfer-Encoding; send one of them."
             return _refused(400, "unreadable", detail)
+        if "\x00" in scope["path"] or b"%00" in scope["query_string"]:
+            return _refused(404, "not-found", "There is nothing at an address that has a NUL character.")
         if self._hosts and not self._hosts & {host_of(scope), "*"}:
             detail = "This service does not answer to this host name; its operator lists them in INVERSE_SERVICE_HOSTS."
             return _refused(421, "host", detail)
@@ -74,9 +76,13 @@ class SecurityHeaders:
 
 def host_of(scope: Scope) -> str:
     """The name in the Host header, in small letters and without its port."""
-    text = Headers(scope=scope).get("host", "").lower()
-    name, _, port = text.rpartition(":")
-    return name if name and port.isdigit() else text
+    return name_of(Headers(scope=scope).get("host", ""))
+
+
+def name_of(address: str) -> str:
+    """A host name in small letters and without its port."""
+    name, _, port = address.lower().rpartition(":")
+    return name if name and port.isdigit() else address.lower()
 
 
 def _refused(status: int, kind: str, detail: str) -> Response:

@@ -94,6 +94,17 @@ def test_forms_of_other_sites_are_refused(site: str) -> None:
     assert [answer.status_code for answer in refused] == [403, 403, 403]
 
 
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [("http://service.example", 303), ("http://SERVICE.example:80", 303), ("https://evil.example", 403), ("null", 403)],
+)
+def test_a_browser_that_only_tells_the_origin_of_a_page_is_believed(origin: str, status: int) -> None:
+    form = {"data": {"theme": "dark"}, "headers": {"origin": origin}}
+    theme, page = ask(("POST", "/theme", form), get("/login"))
+    assert theme.status_code == status
+    assert page.headers["referrer-policy"] == "same-origin"  # or browsers send the origin "null"
+
+
 @pytest.mark.parametrize("site", OUTSIDE)
 def test_the_cookie_does_not_count_where_another_site_sends_a_body(site: str) -> None:
     body: dict[str, Any] = {"json": {}, "headers": {"sec-fetch-site": site}}

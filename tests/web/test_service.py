@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
 from collections.abc import Iterator
@@ -71,6 +72,16 @@ def test_raw_input_is_never_echoed(client: httpx.Client) -> None:
 @pytest.mark.parametrize("kind", ["text/plain", "application/x-www-form-urlencoded", "application/xml", ""])
 def test_another_content_type_is_415(client: httpx.Client, kind: str) -> None:
     problem(client.post("/v1/solve", content=json.dumps(OSCILLATOR), headers={"Content-Type": kind}), 415)
+
+
+def test_a_compressed_body_is_415(client: httpx.Client) -> None:
+    headers = {"Content-Type": "application/x-ndjson", "Content-Encoding": "gzip"}
+    problem(client.post("/v1/batches", content=gzip.compress(b" " * 100_000), headers=headers), 415)
+
+
+@pytest.mark.parametrize("path", ["/v1/jobs/%00", "/v1/jobs?kind=%00", "/results/a%00b", "/v1/catalogue/%00"])
+def test_an_address_with_a_nul_is_not_there(path: str, client: httpx.Client) -> None:
+    problem(client.get(path), 404)
 
 
 def test_a_json_content_type_with_a_charset_is_fine(client: httpx.Client) -> None:

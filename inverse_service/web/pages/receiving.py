@@ -9,7 +9,7 @@ from starlette.requests import Request
 
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.web.bodies import body_of
-from inverse_service.web.clients import OWN_PAGES, client_of
+from inverse_service.web.clients import client_of, is_of_own_page
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages.form_tasks import form_task
 from inverse_service.web.pages.forms import Form, form_of
@@ -29,7 +29,7 @@ async def read_sent(
     request: Request, limit: int, task: Callable[[bytes, str], Outcome], seconds: float = QUICK_DEADLINE
 ) -> Any:
     """What a task of `form_tasks` makes of the sent form; refuses as `read_form` does."""
-    if request.headers.get("sec-fetch-site", "") not in OWN_PAGES:
+    if not is_of_own_page(request):
         raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
     engine: Engine = request.app.state.engine
     content_type = request.headers.get("content-type", "")
