@@ -1,4 +1,4 @@
-"""Connections that are not for ever: so many in all and of one address, each with a time for its head and its body."""
+"""Connections that are not for ever: so many in all and of one address, heard in turn, each with its time."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ BYTES_A_SECOND = 10_000
 # An answer of which the client takes nothing for so long is given up, s.
 STALL = 120.0
 LOOK_EVERY = 1.0
+# In one turn of the loop so many connections are heard, and of what waits one of each address after the other.
+HEARD_AT_ONCE = 8
 # Data with a line end in so many bytes, as chunks of a byte or thousands of headers are, cost the loop far more than
-# their length; they are taken so much at a time, one connection after the other.
-CRUMB, AT_ONCE = 16, 2048
+# their length: of them so much is taken in a turn, of others so much.
+CRUMB, FEW_BYTES, MANY_BYTES = 16, 2048, 65_536
 FULL = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
@@ -37,7 +39,8 @@ class Connections:
     timed_out: int = 0
     _open: set[Connection] = field(default_factory=set)
     _addresses: Counter[str] = field(default_factory=Counter)
-    _turns: deque[Connection] = field(default_factory=deque)
+    _turns: dict[str, deque[Connection]] = field(default_factory=dict)
+    _heard: int = 0
 
     def __len__(self) -> int:
         return len(self._open)
@@ -68,18 +71,29 @@ class Connections:
             if not self._addresses[connection.address]:
                 del self._addresses[connection.address]
 
-    def wait_for_turn(self, connection: Connection) -> None:
-        """Let a connection take some more of what came in crumbs when it is its turn."""
-        if not self._turns:
-            connection.loop.call_soon(self._give_turn, connection.loop)
-        self._turns.append(connection)
+    def hears(self, connection: Connection) -> bool:
+        """Whether a connection may take what came at once, or waits for its turn: nobody's burst holds up others."""
+        if self._heard == 0 and not self._turns:
+            connection.loop.call_soon(self._give_turns, connection.loop)
+        self._heard += 1
+        return self._heard <= HEARD_AT_ONCE and connection.address not in self._turns
 
-    def _give_turn(self, loop: asyncio.AbstractEventLoop) -> None:
-        connection = self._turns.popleft()
-        if connection.take_some():
-            self._turns.append(connection)
-        if self._turns:
-            loop.call_soon(self._give_turn, loop)
+    def wait_for_turn(self, connection: Connection) -> None:
+        """Let a connection take what came when it is its turn."""
+        self._turns.setdefault(connection.address, deque()).append(connection)
+
+    def _give_turns(self, loop: asyncio.AbstractEventLoop) -> None:
+        addresses = list(self._turns)[:HEARD_AT_ONCE]
+        self._heard = len(addresses)
+        if addresses:
+            loop.call_soon(self._give_turns, loop)
+        for address in addresses:
+            waiting = self._turns.pop(address)
+            connection = waiting.popleft()
+            if waiting:
+                self._turns[address] = waiting  # behind all others
+            if connection.take_some():
+                self.wait_for_turn(connection)
 
     def _is_proxy(self, address: str) -> bool:
         try:
@@ -133,7 +147,7 @@ class Connection(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        if not self._rest and (len(data) <= AT_ONCE or CRUMB * data.count(b"\n") <= len(data)):
+        if not self._rest and self._all.hears(self) and len(data) <= _most_of(data):
             self._take(data)
             return
         if not self._rest:
@@ -142,11 +156,12 @@ class Connection(H11Protocol):
         self.transport.pause_reading()
 
     def take_some(self) -> bool:
-        """Take a little of what came in crumbs; whether there is more."""
-        some, self._rest = bytes(self._rest[:AT_ONCE]), self._rest[AT_ONCE:]
+        """Take some of what came and waits; whether there is more."""
         if self.transport.is_closing():
             self._rest.clear()
             return False
+        most = _most_of(self._rest)
+        some, self._rest = bytes(self._rest[:most]), self._rest[most:]
         self._take(some)
         if not self._rest and not self.flow.read_paused:
             self.transport.resume_reading()
@@ -183,3 +198,8 @@ class Connection(H11Protocol):
         if unread == 0 or unread != self._unread:
             self._unread, self.since = unread, now
         return now - self.since > STALL
+
+
+def _most_of(data: bytes | bytearray) -> int:
+    """How much of it may be taken in a turn."""
+    return FEW_BYTES if CRUMB * data.count(b"\n") > len(data) else MANY_BYTES

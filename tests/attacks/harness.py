@@ -5,6 +5,7 @@ Everything stays on this machine: the attacker is 127.0.0.1, the other client 12
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
@@ -36,9 +37,26 @@ ENDLESS = {
 }
 
 
-def kept_waiting(thread: str) -> float:
-    """Seconds for which a thread was ready to run and the cores did something else, as the kernel counts them."""
-    return int(Path(f"/proc/{thread}/schedstat").read_text().split()[1]) / 1e9
+@dataclass(frozen=True)
+class Cores:
+    """For how long a thread was on a core, and ready for one that did something else; s."""
+
+    ran: float
+    waited: float
+
+    @staticmethod
+    def of(thread: Path) -> Cores:
+        ran, waited, _ = map(int, (thread / "schedstat").read_text().split())
+        return Cores(ran / 1e9, waited / 1e9)
+
+
+def cores_of(process: int) -> dict[str, Cores]:
+    """Those of each thread of a process."""
+    found = {}
+    for place in Path(f"/proc/{process}/task").iterdir():
+        with contextlib.suppress(OSError):  # ended meanwhile
+            found[place.name] = Cores.of(place)
+    return found
 
 
 @dataclass(frozen=True)
@@ -113,8 +131,8 @@ def attacked(folder: Path, descriptors: int | None = None, **settings: str) -> I
 class Watch:
     """Looks at /livez as another client while an attack goes on, and at the memory of the web process.
 
-    What other programs on the same cores take is no work of the service: the time for which its loop, or who looks,
-    waited for a core is taken off each look.
+    What other programs on the same cores take is no work of the service: the time for which its threads, or who looks,
+    waited for a core is taken off each look. A look is never shorter than what the loop itself did meanwhile.
     """
 
     service: Attacked
@@ -150,14 +168,21 @@ class Watch:
         assert self.memory < MEMORY, f"the web process had {self.memory:.0f} MiB"
 
     def _look(self) -> None:
+        own = Path("/proc/thread-self")
         with self.service.other() as client:
             while not self._end.is_set() or len(self.seconds) < FEWEST_LOOKS:
-                began, waited = time.monotonic(), self._waited()
+                before, waited, began = cores_of(self.service.process.pid), Cores.of(own).waited, time.monotonic()
                 assert client.get("/livez").status_code == 200
                 self.whole.append(time.monotonic() - began)
-                self.seconds.append(max(0.0, self.whole[-1] - (self._waited() - waited)))
+                self.seconds.append(self._held(before, self.whole[-1] - (Cores.of(own).waited - waited)))
                 self.memory = max(self.memory, self.service.memory())
                 time.sleep(LOOK_EVERY)
 
-    def _waited(self) -> float:
-        return kept_waiting(str(self.service.process.pid)) + kept_waiting("thread-self")
+    def _held(self, before: dict[str, Cores], seconds: float) -> float:
+        """What of a look the service took: all but the time for which its loop, or a thread that had the interpreter,
+        waited for a core; never less than what the loop did meanwhile."""
+        loop = str(self.service.process.pid)
+        now = {name: found for name, found in cores_of(self.service.process.pid).items() if name in before}
+        others = (now[name].waited - before[name].waited for name in now if name != loop)
+        waited = now[loop].waited - before[loop].waited + max(others, default=0.0)
+        return max(now[loop].ran - before[loop].ran, seconds - waited)
