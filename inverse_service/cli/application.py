@@ -91,6 +91,8 @@ def run() -> None:
     gc.set_threshold(100_000, 10, 10)
     # Nothing here multiplies large matrices of floats, and threads for it take NumPy 0.05 s to start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if sys.argv[1:] in (["help"], ["version"]):
+        sys.argv[1] = f"--{sys.argv[1]}"
     # What goes wrong is said in one sentence; the log with its tracebacks belongs to the service.
     logging.getLogger("inverse_service").addHandler(logging.NullHandler())
     with exit_codes():
@@ -107,6 +109,7 @@ def solve(
         ),
     ],
     format: Annotated[Format, typer.Option("--format", "-f", help="How to write the result.")] = Format.json,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="A file for the result.")] = None,
     time_limit: Seconds = None,
     seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
     explain: Annotated[bool, typer.Option("--explain", help="With text and latex: conditions and every step.")] = False,
@@ -135,7 +138,8 @@ def solve(
     """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
     from inverse_service.cli.solving import solve_file
 
-    sys.exit(solve_file(file, format.value, time_limit, seed, explain, special_cases, guess, kind or (), clock))
+    form = format.value
+    sys.exit(solve_file(file, form, time_limit, seed, explain, special_cases, guess, kind or (), clock, output))
 
 
 @application.command()

@@ -73,8 +73,15 @@ def _exit(found: dict[str, Any]) -> ExitCode:
 
 
 def is_batch(name: str) -> bool:
-    """Whether the file is the output of a batch, by its ending."""
-    return name.endswith((".ndjson", ".jsonl", ".gz"))
+    """Whether the file is the output of a batch: by its ending, or because its first line is a whole object."""
+    if name.endswith((".ndjson", ".jsonl", ".gz")):
+        return True
+    try:
+        with Path(name).open(encoding="utf-8") as stream:
+            first, second = stream.readline(MAX_RESULT_BYTES), stream.readline(2)
+        return bool(second.strip()) and isinstance(json.loads(first), dict)
+    except (OSError, ValueError):
+        return False
 
 
 def check_batch(name: str) -> ExitCode:

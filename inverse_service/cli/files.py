@@ -31,11 +31,14 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     return data
 
 
-def write(text: str) -> None:
-    """Write to standard output; raises InputError where it takes no more: a full disk, or closed."""
-    if sys.stdout is None:
+def write(text: str, target: Path | None = None) -> None:
+    """Write to standard output, or to a file; raises InputError where it takes no more: a full disk, or closed."""
+    if target is None and sys.stdout is None:
         raise InputError("Standard output is closed; send it to a file.")
     try:
+        if target is not None:
+            target.write_text(text, encoding="utf-8")
+            return
         sys.stdout.write(text)
         sys.stdout.flush()
     except BrokenPipeError:

@@ -37,8 +37,9 @@ def solve_file(
     guess: bool | None = None,
     kinds: Sequence[str] = (),
     clock: str | None = None,
+    output: Path | None = None,
 ) -> ExitCode:
-    """Solve the document in a process of its own and print the result."""
+    """Solve the document in a process of its own and print the result, or write it to a file."""
     settings = read_settings()
     limit = time_limit_or(settings.time_limit, time_limit)
     document, given = split_options(given_document(name, guess))
@@ -51,7 +52,9 @@ def solve_file(
         document = {**document, "clock": clock}
     warm_alone(settings.memory_limit)
     result = _solve(document, SolveOptions(seed=asked.seed, time_limit=asked.time_limit), asked.memory_limit)
-    write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain))
+    write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
+    if form == "json" and output is None and sys.stdout.isatty():
+        print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
     if result.get("guessed") and form != "text":
         print(f"Not declared, taken as constants: {', '.join(result['guessed'])}.", file=sys.stderr)
     return ExitCode.OPEN if _is_open(result) else ExitCode.DONE

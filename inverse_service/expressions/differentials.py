@@ -38,6 +38,8 @@ def with_differentials(tokens: list[Token], names: Names) -> list[Token]:
 
 def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token], int] | None:
     """What the quotient that begins here is in our grammar, and the place after it; None where there is none."""
+    if tokens[place].text == "d" and names.role("d") is None and (ended := _of_bracket(tokens, place, names)):
+        return ended
     above = _above(tokens, place, names)
     slash = place + (above.length if above else 0)
     if above is None or slash >= len(tokens) or not tokens[slash].is_operator("/"):
@@ -59,6 +61,28 @@ def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token
     if names.role(names.spelling(above.name.text)) != "function":
         return None
     return _call([above.name], below.name, above.order), after
+
+
+def _of_bracket(tokens: list[Token], place: int, names: Names) -> tuple[list[Token], int] | None:
+    """d(m x')/dt as diff(m x', t)."""
+    if not tokens[place + 1 : place + 2] or not tokens[place + 1].is_operator("("):
+        return None
+    end = _closing(tokens, place + 1)
+    below = _below(tokens, end + 2, 1) if tokens[end + 1 : end + 2] and tokens[end + 1].is_operator("/") else None
+    following = tokens[end + 2 + below.length :][:1] if below else []
+    if below is None or below.name is None or (following and following[0].is_operator("^")):
+        return None
+    return _call(with_differentials(tokens[place + 2 : end], names), below.name, 1), end + 2 + below.length
+
+
+def _closing(tokens: list[Token], opening: int) -> int:
+    """The place of the bracket that closes the one at `opening`; the end where none does."""
+    depth = 0
+    for place in range(opening, len(tokens)):
+        depth += tokens[place].is_operator("(") - tokens[place].is_operator(")")
+        if depth == 0:
+            return place
+    return len(tokens)
 
 
 def _above(tokens: list[Token], place: int, names: Names) -> _Part | None:
@@ -112,15 +136,11 @@ def _operator(
     tokens: list[Token], place: int, variable: Token, order: int, names: Names
 ) -> tuple[list[Token], int] | None:
     """d/dt ( u ) as diff(u, t)."""
-    depth = 0
-    for end in range(place, len(tokens)):
-        depth += tokens[end].is_operator("(") - tokens[end].is_operator(")")
-        if depth == 0:
-            after = tokens[end + 1 : end + 2]
-            if after and after[0].is_operator("^"):
-                return None
-            return _call(with_differentials(tokens[place + 1 : end], names), variable, order), end + 1
-    return None
+    end = _closing(tokens, place)
+    after = tokens[end + 1 : end + 2]
+    if end == len(tokens) or (after and after[0].is_operator("^")):
+        return None
+    return _call(with_differentials(tokens[place + 1 : end], names), variable, order), end + 1
 
 
 def _call(inner: list[Token], variable: Token, order: int) -> list[Token]:

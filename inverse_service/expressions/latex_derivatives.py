@@ -43,7 +43,7 @@ class LatexDerivatives(LatexWords, ABC):
     def _time_derivative(self, raw: Raw) -> bool:
         """\\frac{dx}{dt} as x', \\frac{\\partial A}{\\partial x} as diff(A, x), A declared; else nothing is taken."""
         start, partial = self._place, self._raw[self._place + 1].is_command("partial")
-        name, order = self._derivative_part()
+        name, order, dots = self._derivative_part()
         variables = self._variables_part() if name else []
         declared = self._names.role(self._names.spelling(name)) == "function"
         if 0 < order == len(variables) and declared and not (partial and "t" in variables):
@@ -52,7 +52,7 @@ class LatexDerivatives(LatexWords, ABC):
                 raise refusal("a bracket follows a derivative", self._ahead.column, instead)
             self._emit_call(raw, name, *variables)
         elif 0 < order == len(variables) and {*variables} == {"t"} and not partial:
-            self._emit_name(name, raw, order)
+            self._emit_name(name, raw, order + dots)
         elif 0 < order == len(variables) and "t" not in variables and (partial or not self._names.role("d")):
             instead = f'declare {name} in "functions" with its arguments, or write {name}\'({variables[0]})'
             raise refusal(f"a derivative of {name} by {variables[0]} stands", raw.column, instead)

@@ -27,6 +27,13 @@ _REASONS = {
     "infty": "write a finite number",
     "pm": "write one sign",
     "mp": "write one sign",
+    "prod": "write the factors",
+    "nabla": "write an equation for each component",
+    "rm": "write \\mathrm{d}",
+    "over": "write \\frac{a}{b}",
+    **dict.fromkeys(("dv", "odv", "derivative"), "write \\frac{d^2 x}{dt^2}"),
+    **dict.fromkeys(("approx", "equiv", "sim", "simeq", "propto", "cong", "coloneqq"), "write ="),
+    **dict.fromkeys(("ne", "neq", "le", "leq", "ge", "geq", "lt", "gt"), "write an equation with ="),
     "dddot": "write equations of second order",
     "ddddot": "write equations of second order",
 }
@@ -147,7 +154,12 @@ class LatexTranslator(LatexDerivatives):
         self._emit_name(name, raw)
 
     def _font(self, raw: Raw) -> None:
+        start = self._place
         name = self._name_part()
+        if any(piece.space_before for piece in self._raw[start + 1 : self._place]):
+            raise refusal("words stand", raw.column, "write the equations alone, separated by ;")
+        if name == "d" and self._names.role("d") is None:
+            raise refusal("a differential stands", raw.column, "write \\frac{dx}{dt} for a derivative")
         if not name:
             raise refusal(f"\\{raw.text} holds no name", raw.column, "write letters and digits in it")
         self._emit_name(self._with_subscript(name), raw)
@@ -283,6 +295,7 @@ class LatexTranslator(LatexDerivatives):
         else:
             self._emit("^", caret)
             if raw.is_character("{"):
+                self._refuse_index(self._raw[self._place + 1 : self._place + 3])
                 self._emit("(", raw)
                 self._group(self._take())
                 self._emit(")", raw)
@@ -295,11 +308,19 @@ class LatexTranslator(LatexDerivatives):
         if raw.kind == "letter":
             self._emit_name(self._with_subscript(self._word()), raw)
         else:
+            self._refuse_index([raw])
             digits = self._digits()
             if len(digits) > 1:
                 raise refusal("a power of several digits has no braces", raw.column, "write x^{23} or x^{2} \\cdot 3")
             self._tokens.append(number_token(digits, raw.column, False, self._limits))
         self._emit(")", raw)
+
+    def _refuse_index(self, raised: list[Raw]) -> None:
+        """InputError for q^1, which is a component and no power."""
+        alone = len(raised) == 1 or raised[1].is_character("}")
+        digits = self._run(raised[0]) if len(raised) == 1 else raised[:1]
+        if alone and [piece.text for piece in digits] == ["1"] and self._tokens and self._tokens[-1].kind != "number":
+            raise refusal("a raised 1 stands", raised[0].column, "an index? write it below, as in q_1 and q_2")
 
     def _primes(self) -> None:
         while _is_prime(self._ahead):

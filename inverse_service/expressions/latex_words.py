@@ -145,20 +145,29 @@ class LatexWords:
             return raw.text if self._names.role(raw.text) else LETTER_COMMANDS.get(raw.text, "")
         return raw.text if raw.kind in ("letter", "digit") else ""
 
-    def _derivative_part(self) -> tuple[str, int]:
-        """(name, order) of {d^k name} or {d name^k}, ('', 0) if it is not one."""
+    def _derivative_part(self) -> tuple[str, int, int]:
+        """(name, order, dots) of {d^k name}, {d name^k}, {d \\dot name}, ('', 0, 0) if it is not one."""
         if not self._take().is_character("{") or not self._differential():
-            return "", 0
+            return "", 0, 0
         first = self._small_power()
         raw = self._take()
+        dots = {"dot": 1, "ddot": 2}.get(raw.text, 0) if raw.kind == "command" else 0
+        braces = dots and self._ahead.is_character("{")
+        if dots:
+            self._place += bool(braces)
+            raw = self._take()
         if raw.kind == "letter":
             self._place -= 1
             name = self._with_subscript(self._word())
         else:
             plain = self._plain_piece(raw)
             name = self._with_subscript(plain) if plain else ""
+        if braces and not self._take().is_character("}"):
+            return "", 0, 0
         order = first * self._small_power()
-        return (name, order) if self._take().is_character("}") else ("", 0)
+        if [piece.text for piece in self._raw[self._place : self._place + 3]] == ["(", "t", ")"]:
+            self._place += 3
+        return (name, order, dots) if self._take().is_character("}") else ("", 0, 0)
 
     def _variables_part(self) -> list[str]:
         """x, x for {dx^2} and {d x{\\left(t \\right)}^{2}}, y, x for {\\partial y \\partial x}; [] if it is none."""

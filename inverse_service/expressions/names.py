@@ -95,13 +95,19 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
         hint = " or ".join(dict.fromkeys(meant))
         return refusal(shown, column, f'did you mean {hint}? else add it to "parameters"', meant)
     if looks_like_a_coordinate(name):
-        return refusal(shown, column, ASK_FOR_THE_TIME, ("t",))
+        return refusal(shown, column, ask_for_the_time(name, names.coordinates), ("t",))
     return refusal(shown, column, f'add it to "parameters"; the coordinates are {joined(names.coordinates)}')
 
 
-ASK_FOR_THE_TIME = (
-    'is it the independent variable? write t; a coordinate? add its equation; a constant? add it to "parameters"'
-)
+def ask_for_the_time(name: str, coordinates: Sequence[str]) -> str:
+    """What a name such as x, which no equation moves, may be."""
+    named = f"t, or {coordinates[0]}''({name})" if coordinates else "t"
+    return (
+        f"is it the independent variable? write {named}; a coordinate? add its equation; "
+        'a constant? add it to "parameters"'
+    )
+
+
 _LONGEST_PRODUCT = 20
 _COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
 
@@ -118,13 +124,16 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     A letter may have a number (k1x); with a coordinate there may be two (mgx). dx is x' to most and is given both
     ways; V_x is a derivative where V is a function of x; a Greek letter is a name.
     """
-    if name in _GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
+    if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
     head, _, below = name.partition("_")
     arguments = names.functions.get(head, ())
     by = [below] if below in arguments else list(below)
     if by and set(by) <= set(arguments):
         return (f"diff({head}({', '.join(arguments)}), {', '.join(by)})",)
+    called = _CALLED_WITH_A_NUMBER.fullmatch(name)
+    if called and called[1] in FUNCTIONS:
+        return (f"{called[1]}({called[2]}{called[3] and '*' + called[3]})",)
     known = {*names.declared(), "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
     letters, cut = _cut(name, known)
     moves = any(part in names.coordinates for part in cut)
@@ -134,7 +143,8 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     return (*motion, _written(cut, names))
 
 
-_GREEK_NAMES = frozenset(GREEK.values())
+GREEK_NAMES = frozenset(GREEK.values())
+_CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
 _NUMBERED = re.compile(r"([A-Za-z]+)_?[0-9]+")
 
 
@@ -148,9 +158,9 @@ def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
             match = _NUMBERED.fullmatch(part)
             stem = match[1] if match else part
             is_letter = len(stem) == 1 and stem.isalpha()
-            if part in known or stem in _GREEK_NAMES or is_letter:
+            if part in known or stem in GREEK_NAMES or is_letter:
                 letters, parts = best[start]
-                alone = part not in known and stem not in _GREEK_NAMES
+                alone = part not in known and stem not in GREEK_NAMES
                 cuts.append((letters + alone, [*parts, part]))
         if cuts:
             best[end] = min(cuts, key=lambda cut: (cut[0], len(cut[1])))

@@ -16,13 +16,13 @@ from fractions import Fraction
 from inverse_service.expressions.differentials import with_differentials
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tokens import FACTOR, Token, refusal, unexpected
-from inverse_service.expressions.vocabulary import FUNCTIONS
+from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
 
 Tokens = list[Token]
 _MODULES = frozenset(("sp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp"))
 _CAPITALS = {
     "Ln": "log", "ArcSin": "asin", "ArcCos": "acos", "ArcTan": "atan", "ArcSinh": "asinh", "ArcCosh": "acosh",
-    "ArcTanh": "atanh", "Abs": "abs", "Sign": "sign",
+    "ArcTanh": "atanh", "Abs": "abs", "Sign": "sign", "HeavisideTheta": "Heaviside", "UnitStep": "Heaviside",
 }  # fmt: skip
 _HEADS = {"Plus": "Add", "Times": "Mul", "Power": "Pow", "pow": "Pow", "Equal": "Eq", "Equality": "Eq", "List": "Tuple"}
 _JOINED = {"Add": "+", "Mul": "*", "Pow": "^", "Eq": "=", "Tuple": ",", "Hold": ","}
@@ -37,7 +37,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         tokens = _with_round_brackets(tokens)
     if marks & _STARTS.keys() | marks & {".", "@"} or _is_primed_call(tokens):
         tokens = _rewritten(tokens, names)
-    if "I" in marks and names.role("I") is None and tokens != written:
+    if "I" in marks and names.role("I") is None and (tokens != written or marks & DERIVATIVE_NAMES):
         column = next(token.column for token in tokens if token.text == "I")
         raise refusal(
             "I is the imaginary unit in this notation; it stands",
@@ -81,6 +81,8 @@ def _holds_orders(tokens: Tokens, place: int) -> bool:
 
 def _small(name: str) -> str:
     """Mathematica's Sin as sin."""
+    if name == "Log":
+        return name  # Log[b, x] is log(x, b)
     known = _CAPITALS.get(name) or name.lower()
     return known if name in _CAPITALS or (known in FUNCTIONS and name != known and name.istitle()) else name
 
@@ -258,6 +260,16 @@ def _joined(tokens: Sequence[Token], place: int, found: Tokens, names: Names) ->
     return after
 
 
+def _logarithm(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+    """Mathematica's Log[x] is log(x), and Log[b, x] is log(x, b)."""
+    arguments, after = _arguments(tokens, place + 1)
+    found += [replace(tokens[place], text="log"), tokens[place + 1]]
+    for position, argument in enumerate(reversed(arguments)):
+        found += ([_sign(",", argument[0])] if position else []) + _rewritten(argument, names)
+    found.append(tokens[after - 1])
+    return after
+
+
 def _float(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
     raise refusal("a Float stands", tokens[place].column, "write the exact number, such as Rational(1, 3)")
 
@@ -281,6 +293,7 @@ _STARTS: dict[str, _Rewrite] = {
     **dict.fromkeys(("Float", "RealNumber"), _float),
     "der": _der,
     "D": _maple_d,
+    "Log": _logarithm,
     "Derivative": _mathematica_derivative,
 }
 

@@ -10,7 +10,16 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.checked import check_depth, raised
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.names import Names, unknown_name
-from inverse_service.expressions.tokens import FACTOR, Limits, Token, TokenStream, limit_passed, refusal, unexpected
+from inverse_service.expressions.tokens import (
+    FACTOR,
+    Limits,
+    Token,
+    TokenStream,
+    limit_passed,
+    refusal,
+    shorten,
+    unexpected,
+)
 from inverse_service.expressions.tree import (
     ONE,
     PI,
@@ -159,6 +168,11 @@ class OperandParser(ABC):
             raise refusal("a third derivative stands", token.column, "write equations of second order")
         self._skip_time_argument()
         ahead = self._stream.ahead
+        touches = self._opens_arguments() and not ahead.space_before
+        if touches and self._stream.look(1).kind == "number" and self._stream.look(2).is_operator(")"):
+            value = f"{name}({shorten(self._stream.look(1).text)})"
+            instead = f"leave initial conditions out, they change no answer; write {name}* for a product"
+            raise refusal(f"{value} stands", token.column, instead)
         if self._opens_arguments() and ahead.space_before and self._group_has_time():
             raise refusal(f"{name} ( could be a product or a function of time", ahead.column, f"write {name}*(")
         node = (Symbol(name), Velocity(name), Acceleration(name))[order]

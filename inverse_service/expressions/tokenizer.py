@@ -39,7 +39,7 @@ _CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "
                     "True": "true", "otherwise": "true"}  # fmt: skip
 _REASONS = {
     "!": "factorials are not accepted, write the number",
-    "%": "write the formula of one interval",
+    "%": "write the formula of one interval, or 0.5 for 50 %",
     ":": "write the formula alone",
     ".": "a dot belongs to a number such as 0.5",
     "_": "a name begins with a letter, and a number has no _ in it",
@@ -185,7 +185,9 @@ def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     character, column = text[place], place + 1
     if text.startswith("==", place):
         return [Token("operator", "=", column, space)], place + 2
-    if character in _COMPARISONS or text.startswith(("!=", ":="), place):
+    if text.startswith(":=", place):
+        raise refusal(":= stands", column, "write =, and leave out a name that is given to an equation")
+    if character in _COMPARISONS or text.startswith("!=", place):
         raise refusal("a comparison stands", column, "write an equation with one =")
     if other := _OTHER_PROGRAMS.match(text, place):
         return [Token("operator", sign, column, space) for sign in _SIGNS[other.lastgroup]], other.end()

@@ -22,7 +22,8 @@ from inverse_service.expressions.tree import (
 ALIASES = {
     "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "tg": "tan", "ctg": "cot", "sh": "sinh",
     "ch": "cosh", "th": "tanh", "arsinh": "asinh", "arcosh": "acosh", "artanh": "atanh", "arcsinh": "asinh",
-    "arccosh": "acosh", "arctanh": "atanh", "cosec": "csc", "Abs": "abs", "sgn": "sign",
+    "arccosh": "acosh", "arctanh": "atanh", "cosec": "csc", "Abs": "abs", "sgn": "sign", "signum": "sign",
+    "heaviside": STEP,
 }  # fmt: skip
 
 
@@ -45,6 +46,10 @@ FUNCTIONS = ELEMENTARY | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE | {STEP}
 
 _KINK = "is not differentiable everywhere"
 _SPECIAL = "is not an elementary function"
+_COMMAND = ("is a command of another program", "write the equations alone")
+_VECTORS = ("belongs to vectors", "write an equation for each component")
+_WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", "given", "equation", "equations",
+          "model", "system", "when", "const", "constant", "begin", "end", "is", "the")  # fmt: skip
 _DECLARE = 'declare a function of your own in "functions" and use its derivatives'
 REFUSED: dict[str, tuple[str, str]] = {
     "floor": (_KINK, "write the integer for the interval that you study"),
@@ -80,6 +85,10 @@ REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
     "infinity": ("is not a number", "write a finite number"),
     "Infinity": ("is not a number", "write a finite number"),
     "oo": ("is not a number", "write a finite number"),
+    "zoo": ("is not a number", "write a finite number"),
+    **dict.fromkeys(("solve", "dsolve", "desolve", "ode2", "Solve", "DSolve", "NDSolve", "NDSolveValue"), _COMMAND),
+    **dict.fromkeys(_WORDS, ("is a word", "write the equations alone, separated by ;")),
+    **dict.fromkeys(("grad", "div", "curl", "rot", "nabla", "laplacian"), _VECTORS),
     "nan": ("is not a number", "write a finite number"),
     "NaN": ("is not a number", "write a finite number"),
 }

@@ -52,7 +52,7 @@ def _constant(value: str | int | float, pointer: str) -> Expression:
         return read_formula(text, Names(time=False))
     except InputError as error:
         if "is not declared" in error.detail:
-            detail = 'the value of a parameter holds a name that is not declared: write a number as in "1/2" or "2*pi".'
+            detail = 'the value of a parameter holds a name: write a number as in "1/2" or "2*pi", or use "where".'
             raise InputError(detail, pointer, error.column) from None
         raise error.at(pointer) from None
 
@@ -273,7 +273,7 @@ def _coordinates(
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
 
 
-_SUBSCRIPTS = re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([A-Za-z])\2\}?(?![A-Za-z0-9_])")
+_SUBSCRIPTS = re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])")
 
 
 def _why_nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> str:

@@ -9,16 +9,17 @@ Which coordinates a document means where it does not list them.
 
 from __future__ import annotations
 
-import difflib
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import (
-    ASK_FOR_THE_TIME,
     DOTTED,
+    GREEK_NAMES,
     Names,
+    ask_for_the_time,
     declared_name,
     looks_like_a_coordinate,
     readings,
@@ -45,11 +46,36 @@ def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int =
     for pointer, text in texts.items():
         try:
             tokens = read_tokens(text, declared)
+            if order == 2:
+                _refuse_products(tokens, declared)
         except InputError as error:
             raise error.at(pointer) from None
         names = [name for name in moving_names(tokens, order) if declared.role(declared.spelling(name)) is None]
         found.update(dict.fromkeys(declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
+
+
+# What stands before an acceleration without a sign: m, ml, I, r.
+_FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckgh][0-9]?){1,3}")
+
+
+def _refuse_products(tokens: Sequence[Token], declared: Names) -> None:
+    """InputError for mx'', which is m*x'' to its writer; not where mx stands alone elsewhere and so is a name."""
+    places = [place for place, token in enumerate(tokens) if token.kind == "name"]
+    accelerated = {place for place in places if _primes(tokens[place + 1 :])[0] == 2}
+    alone = {tokens[place].text for place in places if place not in accelerated}
+    for place in sorted(accelerated):
+        name, column = tokens[place].text, tokens[place].column
+        if name in alone | GREEK_NAMES or declared.role(declared.spelling(name)):
+            continue
+        for cut in range(1, len(name)):
+            factor, moving = name[:cut], name[cut:]
+            named = looks_like_a_coordinate(moving) or moving in GREEK_NAMES
+            if named and (_FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES):
+                factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
+                meant = "*".join((*factors, f"{moving}''"))
+                instead = f'did you mean {meant}? a coordinate of this name? add it to "coordinates"'
+                raise refusal(f"{name}'' stands", column, instead, (meant,))
 
 
 def key_coordinate(key: str, names: Names, pointer: str) -> str:
@@ -162,6 +188,8 @@ NEVER_GUESSED = (
     | {"e", "E", "Pi"}
     | (REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta"})
 )
+# Bessel's, Airy's and the integral functions; as constants these names are as good as any.
+_SPECIAL = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li"))
 FUNCTION_LETTERS = frozenset("fFhHUVW")
 
 
@@ -202,7 +230,9 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
 
 def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
     """InputError for the first name that may be no constant."""
-    letters = tuple(name for name in guessed if len(name) == 1)
+    words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
+    shared = {letter for first, second in itertools.combinations(words, 2) for letter in {*first} & {*second}}
+    letters = (*(name for name in guessed if len(name) == 1), *shared)  # ml and mgl are products
     together = Names(names.coordinates, (*names.parameters, *letters), names.functions)
     seen: dict[str, str] = {}
     for name, (pointer, token) in guessed.items():
@@ -211,7 +241,7 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
             instead = f'did you mean {" or ".join(meant)}? a constant of this name? add it to "parameters"'
             raise refusal(shown, column, instead, meant).at(pointer)
         if looks_like_a_coordinate(name):
-            raise refusal(shown, column, ASK_FOR_THE_TIME, ("t",)).at(pointer)
+            raise refusal(shown, column, ask_for_the_time(name, names.coordinates), ("t",)).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
             raise refusal(shown, column, f"{other} stands too; write one of the two", (other,)).at(pointer)
@@ -225,6 +255,8 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str) -> None:
     if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after and after.is_operator(")"))):
         instead = 'a transpose? write components; a constant? add T to "parameters"'
         raise refusal("a raised T stands", token.column, instead).at(pointer)
+    if token.text == "d" and after is not None and after.text == "t":
+        raise refusal("a differential stands", token.column, "write x' or dx/dt for a derivative").at(pointer)
     if token.text == "Delta" and after is not None and after.kind == "name":
         instead = f'a product? write Delta*{after.text} and add Delta to "parameters"'
         raise refusal(f"Delta {after.text} is a difference or a Laplacian to most; it stands", token.column, instead,
@@ -239,8 +271,9 @@ def _tokens(text: str, declared: Names) -> list[Token]:
 
 
 def _looks_like_a_function(name: str) -> bool:
-    """Whether the name may be sin or sqrt mistyped; then it is better refused than guessed."""
-    return len(name) > 2 and bool(difflib.get_close_matches(name.lower(), FUNCTIONS, 1, 0.7))
+    """Whether the name may be a known function, such as sqrt mistyped, acot or gamma; then it is not guessed."""
+    is_word = re.match("[A-Za-z]{3}", name) is not None and name not in GREEK_NAMES
+    return is_word or name in _SPECIAL or name in REFUSED_UNLESS_DECLARED
 
 
 def _is_primed(line: Sequence[Token], place: int) -> bool:

@@ -19,13 +19,17 @@ from inverse_service.expressions.names import Names, check_clashes
 from inverse_service.expressions.reader import read_formula, split_equations
 from inverse_service.expressions.tokens import LIMITS, refusal
 from inverse_service.expressions.tree import (
+    ONE,
     TIME,
+    ZERO,
     Acceleration,
     Expression,
     Symbol,
     Velocity,
     add,
+    divide,
     multiply,
+    negate,
     substitute,
     subtract,
     walk,
@@ -76,10 +80,14 @@ def _slopes(equations: Sequence[tuple[Expression, Expression]], coordinates: Seq
     """What each derivative is, in the order of the equations; InputError for one that is not u' = … ."""
     found: dict[str, Expression] = {}
     for left, right in equations:
-        side, other = (left, right) if isinstance(left, Velocity) else (right, left)
-        if not isinstance(side, Velocity) or any(isinstance(node, Velocity) for node in walk(other)):
+        zero = subtract(left, right)
+        moving = {node for node in walk(zero) if isinstance(node, Velocity)}
+        rate = next(iter(moving), None)
+        factor = differentiate(zero, rate) if rate is not None and len(moving) == 1 else ZERO
+        if rate is None or factor == ZERO or any(isinstance(node, Velocity) for node in walk(factor)):
             raise InputError(NOT_PAIRS, "/equations")
-        found[side.coordinate] = other
+        rest = substitute(zero, {rate: ZERO})
+        found[rate.coordinate] = negate(rest if factor == ONE else divide(rest, factor))
     return found
 
 
@@ -179,6 +187,7 @@ def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_
 
 
 _DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
+_ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*)")  # xdd, ddx, d2x
 _DEFINES = re.compile(r"(?:^|[;,\n]|\\\\)\s*\\?[A-Za-z]\w*\s*=")
 
 
@@ -192,6 +201,10 @@ def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
             continue  # its fault is told where it is read
         for group in groups:
             first, *rest = group.tokens
+            moved = _ACCELERATION.fullmatch(first.text)
+            if moved and not names.role(first.text) and rest and rest[0].is_operator("="):
+                instead = f"write {next(filter(None, moved.groups()))}'' for a second derivative"
+                raise refusal(f"{first.text} is read as a name; it stands", first.column, instead).at(pointer)
             moves = names.role(first.text) or derived_stem(first.text) or _DERIVATIVE.search(first.text)
             if first.kind != "name" or not rest or not rest[0].is_operator("=") or moves:
                 continue

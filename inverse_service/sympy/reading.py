@@ -138,6 +138,8 @@ def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[A
 
 
 def _listed(system: Any) -> list[Any]:
+    if isinstance(system, sympy.Equality) and isinstance(system.lhs, sympy.MatrixBase):
+        system = system.lhs - system.rhs
     if isinstance(system, sympy.MatrixBase):
         return list(system)
     return list(system) if isinstance(system, Sequence) else [system]
@@ -147,16 +149,27 @@ def _zero(equation: Any) -> Any:
     """The expression that an equation says is zero."""
     if equation in (sympy.true, sympy.false, True, False):
         raise InputError("an equation became True or False: give Eq(a, b, evaluate=False).", "/equations")
-    return equation.lhs - equation.rhs if isinstance(equation, sympy.Equality) else _expression(equation)
+    if isinstance(equation, sympy.core.relational.Relational) and not isinstance(equation, sympy.Equality):
+        raise InputError("a comparison stands: write an equation, Eq(a, b).", "/equations")
+    return _expression(equation.lhs - equation.rhs if isinstance(equation, sympy.Equality) else equation)
 
 
 def _expression(value: Any) -> Any:
-    """A SymPy expression; numbers are converted, texts are refused and not evaluated."""
+    """A SymPy expression, derivatives of products and sums carried out; texts are refused and not evaluated."""
     try:
-        return sympy.sympify(value, strict=True)
+        found = sympy.sympify(value, strict=True)
     except sympy.SympifyError:
-        detail = "a text stands among SymPy objects: give expressions, or the whole system as text."
-        raise InputError(detail, "/equations") from None
+        found = None
+    if not isinstance(found, sympy.Expr | sympy.MatrixBase):
+        detail = "this is no SymPy expression: give expressions, or the whole system as text."
+        raise InputError(detail, "/equations")
+    for derivative in found.atoms(sympy.Derivative):
+        if not all(count.is_Integer for _, count in derivative.variable_count):
+            raise InputError(f"the order of {derivative} is no number: write second derivatives.", "/equations")
+    return found.replace(
+        lambda part: isinstance(part, sympy.Derivative) and not isinstance(part.expr, AppliedUndef),
+        lambda part: part.doit(deep=False) if part.expr.has(AppliedUndef) else part,
+    )
 
 
 def _refuse_without_velocities(moving: Iterable[Any], velocities: Mapping[Any, Any]) -> None:
@@ -175,15 +188,14 @@ def _time_of(moving: Sequence[Any]) -> Any:
 
 def _found_time(zeros: Sequence[Any]) -> Any:
     """The variable of the second derivatives of functions of one variable."""
-    found = {
-        derivative.variable_count[0][0]
-        for zero in zeros
-        for derivative in zero.atoms(sympy.Derivative)
-        if isinstance(derivative.expr, AppliedUndef)
-        and derivative.expr.args == (derivative.variable_count[0][0],)
-        and derivative.variable_count[0][0].is_Symbol
-        and derivative.derivative_count >= 2
-    }
+    orders: dict[Any, int] = {}
+    for derivative in (each for zero in zeros for each in zero.atoms(sympy.Derivative)):
+        by = derivative.variables[0]
+        if isinstance(derivative.expr, AppliedUndef) and derivative.expr.args == (by,) and by.is_Symbol:
+            orders[by] = max(orders.get(by, 0), len(derivative.variables))
+    found = {by for by, order in orders.items() if order >= 2}
+    if orders and not found:
+        raise InputError("no second derivative stands here: write equations such as x'' = -x.", "/equations")
     if len(found) != 1:
         raise InputError("what the time is cannot be seen from the derivatives: say time=t.", "/time")
     return found.pop()
@@ -207,8 +219,9 @@ def _names(given: _Given) -> tuple[Table, Leaves]:
     free = {each for zero in given.zeros for each in zero.free_symbols}
     constants = free - velocities - {given.time} - set(given.coordinates) - _dummies(given.zeros)
     symbols = sorted(constants, key=sympy.default_sort_key)
-    _refuse_two_of_a_name([*symbols, *([given.time] if given.time in free else [])])
     classes = sorted({each.func for each in applied}, key=str)
+    _refuse_other_motions(given, applied, symbols)
+    _refuse_two_of_a_name([*symbols, *([given.time] if given.time in free else []), *classes])
     names = names_for((*given.coordinates, *symbols, *classes))
     time_name = _time_name(given.time, names)
     functions = {names[each]: each for each in classes}
@@ -244,12 +257,31 @@ def _dummies(zeros: Sequence[Any]) -> set[Any]:
     return {variable for zero in zeros for each in zero.atoms(sympy.Subs) for variable in each.variables}
 
 
+def _refuse_other_motions(given: _Given, applied: set[Any], symbols: Sequence[Any]) -> None:
+    """InputError for x(t - 1), for a second function x with other assumptions, and for a symbol x beside x(t)."""
+    moving = {str(each.func): each for each in given.coordinates if isinstance(each, AppliedUndef)}
+    for each in sorted(applied, key=str):
+        known = moving.get(str(each.func))
+        if known is not None and each.func == known.func:
+            raise InputError(f"{each} stands beside {known}: only {known} itself is accepted, no delay.", "/equations")
+        if known is not None:
+            detail = f"two functions are called {known.func} and have other assumptions: use one of them."
+            raise InputError(detail, "/coordinates")
+    for each in symbols:
+        if str(each) in moving:
+            detail = f"the symbol {each} stands beside {moving[str(each)]}: write the function, or rename the symbol."
+            raise InputError(detail, "/parameters")
+
+
 def _refuse_two_of_a_name(symbols: Sequence[Any]) -> None:
+    """InputError for two objects of one name, and for a symbol that is not real."""
     seen: dict[str, Any] = {}
     for each in symbols:
         if seen.setdefault(str(each), each) != each:
             detail = f"two symbols are called {each} and have other assumptions: use one of them."
             raise InputError(detail, "/parameters")
+        if getattr(each, "is_real", None) is False or each.is_commutative is False:
+            raise InputError(f"the symbol {each} is not real: write real equations.", "/parameters")
 
 
 def _time_name(time: Any, names: Mapping[Any, str]) -> str:

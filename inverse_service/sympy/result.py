@@ -87,7 +87,12 @@ class Answer(dict[str, Any]):
     def _table(self) -> Table:
         from inverse_service.sympy.names import table_of_result
 
-        return self._given or table_of_result({"system": self._system})
+        table = self._given or table_of_result({"system": self._system})
+        if not self.get("integrals"):
+            return table
+        from inverse_service.sympy.texts import with_integrals
+
+        return with_integrals(table, self["integrals"])
 
     def _expression(self, text: str) -> Any:
         from inverse_service.sympy.texts import expression

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import sympy
@@ -16,6 +18,26 @@ _RELATIONS = ((" >= ", sympy.Ge), (" <= ", sympy.Le), (" != ", sympy.Ne), (" > "
 def expression(text: str, table: Table) -> Any:
     """A formula of a result."""
     return to_sympy(read_formula(text, table.of_formulas()), table)
+
+
+def with_integrals(table: Table, integrals: Mapping[str, Any]) -> Table:
+    """The table with a function F(x) for each integral of an answer; SymPy differentiates it to what is known."""
+    arguments = {name: tuple(part["arguments"]) for name, part in integrals.items()}
+    functions = {name: _integral(name, part, arguments[name], table) for name, part in integrals.items()}
+    return replace(table, functions={**table.functions, **functions}, arguments={**table.arguments, **arguments})
+
+
+def _integral(name: str, part: Mapping[str, Any], arguments: tuple[str, ...], table: Table) -> Any:
+    """The class of a function that is known by its derivatives."""
+
+    def fdiff(self: Any, argindex: int = 1) -> Any:
+        slope = part["derivatives"].get(arguments[argindex - 1])
+        if slope is None:
+            return sympy.Function.fdiff(self, argindex)
+        formal = [table.symbol(argument) for argument in arguments]
+        return expression(slope, table).subs(dict(zip(formal, self.args, strict=True)), simultaneous=True)
+
+    return type(name, (sympy.Function,), {"fdiff": fdiff, "nargs": len(arguments)})
 
 
 def relation(text: str, table: Table) -> Any:

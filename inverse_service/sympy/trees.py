@@ -129,6 +129,8 @@ def from_sympy(expression: Any, leaves: Leaves) -> Expression:
             return _elementary(expression, leaves)
     if expression is sympy.I:
         raise _refused("complex numbers stand", "write the equations of real and imaginary part")
+    if expression.is_finite is False or expression is sympy.nan:
+        raise _refused(f"{expression} is not a number", "write a finite number")
     reason = next((text for kind, text in _REFUSED if isinstance(expression, kind)), "")
     raise InputError((reason or f"{type(expression).__name__} is not accepted: write elementary functions") + ".")
 
@@ -177,6 +179,8 @@ def _derivative(expression: Any, leaves: Leaves) -> Expression:
         if done == expression:
             raise _refused("a derivative that is not carried out stands", "call doit()")
         return from_sympy(done, leaves)
+    if inner.expr in leaves.trees:
+        raise _refused("a third derivative stands", "write equations of second order")
     orders = [0] * len(inner.expr.args)
     for variable, count in inner.variable_count:
         places = [place for place, argument in enumerate(inner.expr.args) if argument == variable]

@@ -219,6 +219,10 @@ def test_a_batch_is_checked_and_tabulated_line_by_line(tmp_path: Path, ending: s
     assert batch(source, output).returncode == 0
     checked = command("check", str(output))
     assert (checked.returncode, checked.stdout) == (0, "1 valid, 1 without a verdict to check.\n")
+    if ending == "ndjson":
+        renamed = output.rename(tmp_path / "night.out")
+        assert command("check", str(renamed)).stdout == checked.stdout
+        renamed.rename(output)
     rows = list(csv.DictReader(io.StringIO(command("table", str(output)).stdout)))
     assert {row["id"]: (row["verdict"], row["L"]) for row in rows} == {
         "a": ("variational", "x'^2/2 - x^2/2"),

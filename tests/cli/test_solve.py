@@ -124,6 +124,14 @@ def test_text_is_readable(call: Any, tmp_path: Path) -> None:
     assert "Phi[" in found.out
 
 
+def test_a_result_goes_to_the_file_that_is_named(call: Any, tmp_path: Path) -> None:
+    target = tmp_path / "result.json"
+    ended = call("solve", "sho", "-o", str(target))
+    assert (ended.code, ended.out, json.loads(target.read_text())["verdict"]) == (0, "", "variational")
+    assert call("check", str(target)).code == 0
+    assert call("solve", "sho", "-o", str(tmp_path / "none" / "result.json")).code == 2
+
+
 def test_latex_is_a_document_with_its_texts_escaped(call: Any, tmp_path: Path) -> None:
     out = call("solve", written(tmp_path, DISK), "--format", "latex", "--explain").out
     assert out.startswith("\\documentclass")

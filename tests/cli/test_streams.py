@@ -37,7 +37,7 @@ def test_a_reader_that_goes_away_is_no_fault() -> None:
 
 
 def test_short_options_of_help_and_version_are_there() -> None:
-    for line in ("-h", "solve -h", "-V", "--version"):
+    for line in ("-h", "solve -h", "-V", "--version", "help", "version"):
         assert shell(f"{COMMAND} {line}").returncode == 0
 
 

@@ -151,7 +151,18 @@ REFUSED = [
     ([sp.Eq(x.diff(t, 2), -sp.I * x)], "complex"),
     ([x.diff(t, 2) + sp.Piecewise((x, sp.sin(x) > 0), (0, True))], "polynomials"),
     ([x.diff(t, 2) + y.diff(t)], "first derivative only"),
-    ([x.diff(t) + x], "time"),
+    ([x.diff(t) + x], "second derivative"),
+    ([x.diff(t, 3) + x], "third derivative"),
+    ([sp.Derivative(x, (t, sp.Symbol("n"))) + x], "order"),
+    ([x.diff(t, 2) + sp.Function("x")(t - 1)], "no delay"),
+    ([x.diff(t, 2) + sp.Function("x")(0)], "x(0) stands beside"),
+    ([x.diff(t, 2) + sp.Function("x", positive=True)(t)], "two functions are called x"),
+    ([x.diff(t, 2) + sp.Symbol("x") * x], "the symbol x stands beside x(t)"),
+    ([x.diff(t, 2) + sp.Symbol("a", imaginary=True) * x], "not real"),
+    ([x.diff(t, 2) + sp.Symbol("a", commutative=False) * x], "not real"),
+    ([x.diff(t, 2) + sp.oo * x], "not a number"),
+    ([sp.Ne(x.diff(t, 2), -x)], "comparison"),
+    (None, "no SymPy expression"),
     ([x.diff(t, 2) + sp.Symbol("a") * x + sp.Symbol("a", positive=True)], "other assumptions"),
     ([x.diff(t, 2) + sp.gamma(x)], "gamma"),
     ([sp.true], "True or False"),
@@ -164,6 +175,21 @@ def test_what_would_have_to_be_guessed_is_refused(system: object, fragment: str)
     with pytest.raises(InputError) as caught:
         solve(system)
     assert fragment in caught.value.detail
+
+
+def test_equations_of_matrices_and_derivatives_of_products_are_carried_out() -> None:
+    found = solve(sp.Eq(sp.Matrix([x, y]).diff(t, 2), sp.Matrix([-y, -x])))
+    assert list(found.equations.values()) == [-y, -x]
+    assert list(solve(sp.Eq(sp.Derivative(m * x.diff(t), t), -k * x)).equations.values()) == [-k * x / m]
+
+
+@pytest.mark.parametrize("force", [sp.exp(-(x**2)), x**x, sp.Function("f")(x), 1 / sp.sin(x)])
+def test_a_lagrangian_with_an_integral_is_an_expression_that_sympy_differentiates(force: sp.Expr) -> None:
+    found = solve(sp.Eq(x.diff(t, 2), -force))
+    (name,) = found["integrals"]
+    assert str(found.lagrangian.diff(x)) == str(-force)
+    assert name in str(found.lagrangian)
+    assert found.verify().holds is True
 
 
 def test_texts_among_objects_are_not_evaluated() -> None:

@@ -31,6 +31,9 @@ _NAME = r"([A-Za-z]\w*)"
 _NAMED = (
     re.compile(rf"{_NAME}\s*(?:''|\u2033|'\s*')\s*[\[(]\s*{_NAME}\s*[\])]"),
     re.compile(rf"(?:[dD]iff|Derivative|D)\s*[\[(]\s*{_NAME}\s*[\[(]\s*{_NAME}\s*[\])]\s*,\s*[({{]?\s*\2\b"),
+    re.compile(rf"{_NAME}\s*\(\s*{_NAME}\s*\)\s*\.diff\(\s*\2\b"),
+    re.compile(rf"[dD]iff\s*\(\s*{_NAME}\s*,\s*{_NAME}\s*(?:,\s*(?:2|\2)|\$\s*2)\s*\)"),
+    re.compile(rf"\(\s*D\s*@@\s*2\s*\)\s*\(\s*{_NAME}\s*\)\s*\(\s*{_NAME}\s*\)"),
     re.compile(rf"d(?:\^2|\u00b2|2)\s*{_NAME}\s*/\s*d\s*([A-Za-z]+?)(?:\^2|\u00b2|2)"),
     re.compile(r"\\d?frac\{d\^\{?2\}?\s*\\?([A-Za-z]*)\}\{d\s*\\?([A-Za-z]+)\^\{?2\}?\}"),
 )

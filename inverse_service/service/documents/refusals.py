@@ -28,10 +28,10 @@ EXPECTED = {
     "equations": "an object of formulas by coordinate, a list of equations or one text",
     "parameters": "a list of names, or an object with values",
     "functions": 'an object such as {"A": ["r1"]}, each function with the coordinates it depends on',
-    "time_dependent_lagrangian": "true or false",
+    "time_dependent_lagrangian": "true or false, without quotes",
     "ansatz": """a list of terms such as ["y'^2/x'"]""",
     "series_order": f"an integer from 1 to {MAX_SERIES_ORDER}",
-    "special_cases": "true or false",
+    "special_cases": "true or false, without quotes",
     "clock": 'a formula in the coordinates, such as "1 + x^2"',
     "kinds": """a list such as ["natural", "riemannian", "finsler", "positive_definite", "rayleigh", """
     """"rayleigh_general", {"invariant": ["x"]}]""",
