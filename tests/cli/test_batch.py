@@ -185,8 +185,11 @@ def test_a_file_of_another_kind_is_exit_2_at_once(files: tuple[Path, Path]) -> N
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], number: signal.Signals) -> None:
     source, output = files
-    hard = {"equations": {f"x{k}": "+".join(f"x{j}'^2*sin(x{k}*x{j})" for j in range(8)) for k in range(8)}}
-    source.write_text(written(SPRING, hard))
+    hard = [
+        {"equations": {f"x{k}": "+".join(f"x{j}'^2*sin({m}*x{k}*x{j})" for j in range(8)) for k in range(8)}}
+        for m in range(2, 42)
+    ]
+    source.write_text(written(SPRING, *hard))
     command = [*COMMAND, str(source), "--output", str(output), "--workers", "2"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         end = time.monotonic() + 120
@@ -194,8 +197,11 @@ def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], num
             time.sleep(0.01)
         process.send_signal(number)
         said = process.communicate(timeout=30)[1]
-    assert (process.returncode, said) == (130, "1 of 2 lines answered; the same command goes on where it was.\n")
-    assert len(answers(output)) == 1
+    # A loaded machine may have answered one more before the signal arrived.
+    count = len(answers(output))
+    assert 1 <= count < 41
+    said_of = f"{count} of 41 lines answered; the same command goes on where it was."
+    assert (process.returncode, said.splitlines()[-1]) == (130, said_of)
 
 
 def test_a_full_output_is_exit_2(files: tuple[Path, Path]) -> None:

@@ -6,6 +6,7 @@ root.classList.add("script");
 const ECHO_PAUSE = 120; // ms after the last key
 const FAULT_PAUSE = 900; // a half-typed equation is no mistake
 const ANSWER_PAUSE = 500; // a complete reading that is left alone is answered
+const BUSY_PAUSE = 3000; // a busy service is asked again, three times
 const DRAFT = "draft:";
 
 function echo(form) {
@@ -64,15 +65,18 @@ function answers(form) {
   let version = 0;
   let busy = false;
   let again = false;
+  let patience = 0;
   const ask = async () => {
     if (busy) { again = true; return; }
     busy = true;
     const mine = version;
+    let waits = false;
     try {
       const sent = new FormData(form);
       if (!sent.get("document")?.name) sent.delete("document");
       const answer = await fetch(form.dataset.answer, { method: "POST", body: sent });
       const text = answer.status === 200 ? await answer.text() : "";
+      waits = answer.status !== 200; // the service is busy, not at a loss
       if (mine === version && text) {
         place.innerHTML = text;
         place.hidden = false;
@@ -82,9 +86,11 @@ function answers(form) {
     } catch { /* the form works without */ }
     busy = false;
     if (again) { again = false; ask(); }
+    else if (waits && mine === version && patience-- > 0) timer = setTimeout(ask, BUSY_PAUSE);
   };
   const later = (typed) => {
     clearTimeout(timer);
+    patience = 3;
     if (typed) timer = setTimeout(ask, Math.max(0, ANSWER_PAUSE - (Date.now() - typed)));
   };
   later.forget = () => {
