@@ -96,7 +96,7 @@ class Blocks:
 
     def __init__(self, writer: LlvmWriter, emitter: Emitter) -> None:
         self.writer, self.emitter = writer, emitter
-        self._solves = self._labels = self._iterated = 0
+        self._solves = self._labels = self._iterated = self._stops = 0
         self.active: str | None = None  # where it does not hold, nothing stops a run and no sign is kept
 
     def write(self, block: Solve | Iterate) -> None:
@@ -110,6 +110,9 @@ class Blocks:
     def stop_unless(self, condition: str, code: int, value: str) -> None:
         """Set the status of lanes where the condition fails and that have not stopped before."""
         w = self.writer
+        if w.lanes == 1 and self.active is None:
+            self._branch_off(condition, code, value)
+            return
         status = w.read(STATUS)
         good, going = w.number(0.0), w.compare("==", status, w.number(0.0))
         new = w.select(condition, good, w.number(float(code)))
@@ -119,6 +122,21 @@ class Blocks:
         w.write(STATUS, status_now)
         w.write(STOPPED_AT, w.select(stops, w.read(CLOCK), w.read(STOPPED_AT)))
         w.write(STOPPED_VALUE, w.select(stops, value, w.read(STOPPED_VALUE)))
+
+    def _branch_off(self, condition: str, code: int, value: str) -> None:
+        """One trajectory: a jump that is hardly ever taken costs less than the choice of four values."""
+        w = self.writer
+        self._stops += 1
+        fails, first, onwards = (f"{name}_{self._stops}" for name in ("fails", "first_to_fail", "holds"))
+        w.branch(condition, onwards, fails, rare=True)
+        w.open(fails)
+        w.branch(w.compare("==", w.read(STATUS), w.number(0.0)), first, onwards)
+        w.open(first)
+        w.write(STATUS, w.number(float(code)))
+        w.write(STOPPED_AT, w.read(CLOCK))
+        w.write(STOPPED_VALUE, value)
+        w.jump(onwards)
+        w.open(onwards)
 
     def keep_sign(self, slot: str, value: str, code: int) -> None:
         """The value must keep the sign it had first; where the slot is 0 there is no first yet."""

@@ -13,6 +13,8 @@ Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.4.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from inverse_service.codegen.algebra import STEP, WHOLE_STEP
 from inverse_service.codegen.emission import Emitter
 from inverse_service.codegen.implicit import Blocks
@@ -39,6 +41,8 @@ CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iteratio
 
 # Four to five steps in a turn of what moves most are the least.
 LEAST_RESOLVED = 0.16
+# Of the square of 4 b; below it the test holds: with |a - 2 b + c| <= 0.2 |4 b| is |a| + 2 |b| + |c| >= 0.8 |4 b|.
+EASILY_RESOLVED = 0.04
 NOISE_OF_PLACE = 1e-10
 FADING = 0.81  # a step, of the square of a pace
 
@@ -220,20 +224,31 @@ class Kernel:
         For an oscillation the quotient is (1 - cos(h omega))^2/4. Round-off of the position counts nothing, and where
         the motion stands still for a moment its pace before counts, which fades.
         """
+        w, places = self.writer, range(len(self.program.way))
+        steps = [tuple(w.read(f"{name}_{k}") for name in ("way", "later", "before")) for k in places]
+        bent = self._squares([w.binary("+", w.binary("-", a, w.binary("+", b, b)), c) for a, b, c in steps])
+        pace = w.binary("*", w.number(16.0), self._squares([last for _, last, _ in steps]))
+        past = w.binary("*", w.number(FADING), w.read(PACE))
+        pace = w.select(w.compare(">", pace, past), pace, past)
+        w.write(PACE, pace)
+        for place, (now, last, _) in zip(places, steps, strict=True):
+            w.write(f"before_{place}", last)
+            w.write(f"later_{place}", now)
+        easy = w.compare("<=", bent, w.binary("*", w.number(EASILY_RESOLVED), pace))
+        w.branch(w.everywhere(easy), "resolved", "look_closer", rare=True)
+        w.open("look_closer")
+        self._look_closer(steps, bent, past)
+        w.label("resolved")
+
+    def _look_closer(self, steps: Sequence[tuple[str, ...]], bent: str, past: str) -> None:
         w = self.writer
-        bent, size = w.number(0.0), w.number(0.0)
-        for place in range(len(self.program.way)):
-            now, last, before = (w.read(f"{name}_{place}") for name in ("way", "later", "before"))
-            difference = w.binary("+", w.binary("-", now, w.binary("+", last, last)), before)
+        sizes = []
+        for place, (now, last, before) in enumerate(steps):
             twice = w.absolute(w.binary("+", last, last))
             total = w.binary("+", w.binary("+", w.absolute(now), twice), w.absolute(before))
             noise = w.binary("*", w.number(NOISE_OF_PLACE), w.absolute(w.read(self.program.state[place])))
-            total = w.binary("+", total, noise)
-            bent = w.binary("+", bent, w.binary("*", difference, difference))
-            size = w.binary("+", size, w.binary("*", total, total))
-            w.write(f"before_{place}", last)
-            w.write(f"later_{place}", now)
-        past = w.binary("*", w.number(FADING), w.read(PACE))
+            sizes.append(w.binary("+", total, noise))
+        size = self._squares(sizes)
         size = w.select(w.compare(">", size, past), size, past)
         w.write(PACE, size)
         early = w.compare("<", w.read(CLOCK), w.number(2.0))
@@ -241,6 +256,12 @@ class Kernel:
         one = w.number(1.0)
         good = w.compare("==", w.select(early, one, w.select(good, one, w.number(0.0))), one)
         self.blocks.stop_unless(good, UNRESOLVED, w.binary("/", bent, size))
+
+    def _squares(self, values: Sequence[str]) -> str:
+        w, total = self.writer, self.writer.number(0.0)
+        for value in values:
+            total = w.binary("+", total, w.binary("*", value, value))
+        return total
 
     def _record(self) -> None:
         w = self.writer

@@ -24,6 +24,7 @@ _COSINE = (
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
 _TWO_OVER_PI = 0.6366197723675814
 _LARGEST = 67108864.0
+HARDLY_EVER = '!0 = !{!"branch_weights", i32 1000000, i32 1}'
 _ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer and shows its last bits
 
 
@@ -84,8 +85,7 @@ def trigonometric_functions(lanes: int) -> tuple[str, dict[str, str]]:
         f"  ret {pair} %slow",
         "}",
     ])  # fmt: skip
-    weights = '!0 = !{!"branch_weights", i32 1000000, i32 1}'
-    return "\n".join([text, _far(lanes, body.kind, pair), weights]), _declarations(body)
+    return "\n".join([text, _far(lanes, body.kind, pair)]), _declarations(body)
 
 
 def _branch(body: _Lines) -> None:
@@ -333,8 +333,9 @@ class LlvmWriter:
     def jump(self, name: str) -> None:
         self._lines.append(f"  br label %{name}")
 
-    def branch(self, condition: str, yes: str, no: str) -> None:
-        self._lines.append(f"  br i1 {condition}, label %{yes}, label %{no}")
+    def branch(self, condition: str, yes: str, no: str, rare: bool = False) -> None:
+        """To `yes` where the condition holds; `rare` says that it hardly ever does not."""
+        self._lines.append(f"  br i1 {condition}, label %{yes}, label %{no}{', !prof !0' if rare else ''}")
 
     def open(self, name: str) -> None:
         self._lines.append(f"{name}:")
@@ -347,4 +348,4 @@ class LlvmWriter:
             definitions, needs = trigonometric_functions(self.lanes)
             declared.update(needs)
             parts.append(definitions)
-        return "\n".join([*declared.values(), *parts]) + "\n"
+        return "\n".join([*declared.values(), *parts, HARDLY_EVER]) + "\n"
