@@ -49,10 +49,10 @@ def table_of(
     coordinates: tuple[str, ...],
     positions: Array,
     velocities: Array | None,
-    values: Mapping[str, float],
+    values: Mapping[str, float | Array],
     times: Array | None = None,
 ) -> dict[Expression, Any]:
-    """Names to arrays: `positions` and `velocities` are (m, n), each column a coordinate; parameters are numbers.
+    """Names to arrays: `positions` and `velocities` are (m, n), each column a coordinate; parameters numbers or (m,).
 
     `times` (m,) are values of t; left out, t is 0, as at the start.
     """

@@ -8,6 +8,7 @@ Constraints w(q) v + c(q) = 0. The projection is orthogonal in the kinetic energ
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -54,12 +55,10 @@ def _rows_nearby(
     """The coefficients of the velocities at the start and at points about it, where they have values."""
     random = np.random.default_rng(3)
     places = [positions, *(positions + random.normal(0, 1, len(names)) for _ in range(NEARBY))]
-    found = [_linear(names, constraints, values, place)[0] for place in places[:1]]
+    found = [_linear(names, constraints, values, positions[None])[0][0]]
     for place in places[1:]:
-        try:
-            found.append(_linear(names, constraints, values, place)[0])
-        except InputError:
-            continue
+        with suppress(InputError):
+            found.append(_linear(names, constraints, values, place[None])[0][0])
     return found
 
 
@@ -89,33 +88,47 @@ def initial_velocities(
     coordinates: Sequence[str],
     constraints: Sequence[Expression],
     lagrangian: Expression | None,
-    values: Mapping[str, float],
+    values: Mapping[str, float | Array],
     positions: Array,
-    given: Mapping[str, float],
+    given: Mapping[str, float | Array],
     project: bool,
 ) -> Array:
-    """The n velocities of a start on the constraints.
+    """The velocities of a start (n,), or of N starts (N, n), on the constraints; `values` and `given` are numbers or
+    (N,).
 
     InputError (pointer below /initial) where some are missing that the constraints do not determine, and where
     the given ones violate the constraints and `project` is not set.
     """
-    names = tuple(coordinates)
-    rows, offsets = _linear(names, constraints, values, positions)
+    names, places = tuple(coordinates), np.atleast_2d(positions)
+    rows, offsets = _linear(names, constraints, values, places)
     velocities = _filled(names, rows, offsets, given)
-    defects = rows @ velocities + offsets
-    allowed = TOLERANCE * (1 + np.abs(rows) @ np.abs(velocities) + np.abs(offsets))
-    worst = int(np.argmax(np.abs(defects) - allowed)) if len(defects) else 0
-    if not len(defects) or abs(defects[worst]) <= allowed[worst]:
-        return velocities
-    if project:
-        return _projected(names, lagrangian, values, positions, velocities, rows, defects)
-    better = _projected(names, lagrangian, values, positions, velocities, rows, defects)
+    defects = _times(rows, velocities) + offsets
+    beyond = np.abs(defects) - TOLERANCE * (1 + _times(np.abs(rows), np.abs(velocities)) + np.abs(offsets))
+    worst = int(np.argmax(beyond)) if beyond.size else 0
+    if beyond.size and beyond.flat[worst] > 0:
+        better = _projected(names, lagrangian, values, places, velocities, rows, defects)
+        off = (beyond > 0).any(axis=1)
+        if not project:
+            member, place = divmod(worst, len(constraints))
+            _refuse_off(names, better[member], place, float(defects[member, place]), len(places), member)
+        velocities[off] = better[off]
+    return velocities.reshape(positions.shape)
+
+
+def _refuse_off(names: tuple[str, ...], better: Array, place: int, defect: float, count: int, member: int) -> None:
     hint = ", ".join(f"{name} {value:.9g}" for name, value in zip(names, better, strict=True))
+    whose = f"member {member}: " if count > 1 else ""
     raise InputError(
-        f"the velocities violate constraint {worst + 1} by {defects[worst]:.3g}: leave out those that the constraints "
+        f"{whose}the velocities violate constraint {place + 1} by {defect:.3g}: leave out those that the constraints "
         f'determine, or write "project": true in "initial" to use the nearest that fit ({hint}).',
         "/initial/velocities",
     )
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    """(N, m, n) times (N, n)."""
+    found: Array = np.einsum("kmn,kn->km", matrices, vectors)
+    return found
 
 
 def velocities_from_momenta(
@@ -147,13 +160,14 @@ def velocities_from_momenta(
 
 
 def _linear(
-    names: tuple[str, ...], constraints: Sequence[Expression], values: Mapping[str, float], positions: Array
+    names: tuple[str, ...], constraints: Sequence[Expression], values: Mapping[str, float | Array], positions: Array
 ) -> tuple[Array, Array]:
-    table = table_of(names, positions[None], np.zeros((1, len(names))), values)
-    rows = np.array(
-        [[array_value(differentiate(w, Velocity(name)), table)[0] for name in names] for w in constraints]
-    ).reshape(len(constraints), len(names))
-    offsets = np.array([array_value(w, table)[0] for w in constraints])
+    """The coefficients of the velocities (N, m, n) and what is free of them (N, m) at the positions (N, n)."""
+    table = table_of(names, positions, np.zeros(positions.shape), values)
+    shape = (len(constraints), len(names), len(positions))
+    entries = [array_value(differentiate(w, Velocity(name)), table) for w in constraints for name in names]
+    rows = np.array(entries).reshape(shape).transpose(2, 0, 1)
+    offsets = np.array([array_value(w, table) for w in constraints]).reshape(shape[::2]).T
     if not (np.isfinite(rows).all() and np.isfinite(offsets).all()):
         raise InputError(
             "a constraint has no finite value at the initial positions: start somewhere else.", "/initial/positions"
@@ -161,20 +175,25 @@ def _linear(
     return rows, offsets
 
 
-def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Mapping[str, float]) -> Array:
-    velocities = np.array([given.get(name, 0.0) for name in names])
+def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Mapping[str, float | Array]) -> Array:
+    velocities = np.zeros((len(rows), len(names)))
+    for k, name in enumerate(names):
+        velocities[:, k] = given.get(name, 0.0)
     missing = [k for k, name in enumerate(names) if name not in given]
     if not missing:
         return velocities
-    inner = rows[:, missing]
-    open_ = _undetermined(inner)
-    if open_:
+    inner = rows[:, :, missing]
+    sizes = np.linalg.svd(inner, compute_uv=False)
+    ranks = (sizes > RANK * np.maximum(sizes.max(axis=1, initial=0.0), 1e-300)[:, None]).sum(axis=1)
+    if (ranks < len(missing)).any():
+        open_ = _undetermined(inner[int(np.argmin(ranks))])
         shown = ", ".join(f"{names[missing[k]]}" for k in open_)
         raise InputError(
             f"the velocity of {shown} is missing and the constraints do not determine it: add it.",
             "/initial/velocities",
         )
-    velocities[missing] = np.linalg.lstsq(inner, -(offsets + rows @ velocities), rcond=None)[0]
+    inverse = np.asarray(np.linalg.pinv(inner), dtype=float)
+    velocities[:, missing] = -_times(inverse, offsets + _times(rows, velocities))
     return velocities
 
 
@@ -192,21 +211,23 @@ def _undetermined(matrix: Array) -> list[int]:
 def _projected(
     names: tuple[str, ...],
     lagrangian: Expression | None,
-    values: Mapping[str, float],
+    values: Mapping[str, float | Array],
     positions: Array,
     velocities: Array,
     rows: Array,
     defects: Array,
 ) -> Array:
-    mass = np.eye(len(names))
+    mass = np.broadcast_to(np.eye(len(names)), (len(rows), len(names), len(names)))
     if lagrangian is not None:
-        table = table_of(names, positions[None], velocities[None], values)
-        mass = np.array([[array_value(entry, table)[0] for entry in row] for row in hessian(lagrangian, names)])
+        table = table_of(names, positions, velocities, values)
+        entries = [array_value(entry, table) for row in hessian(lagrangian, names) for entry in row]
+        mass = np.array(entries).T.reshape(mass.shape)
     if not np.isfinite(mass).all():
         raise InputError("the kinetic energy has no finite value at the start: start somewhere else.", "/initial")
-    lifted = np.linalg.lstsq(mass, rows.T, rcond=None)[0]
-    corrected: Array = velocities - lifted @ np.linalg.lstsq(rows @ lifted, defects, rcond=None)[0]
-    if not np.isfinite(corrected).all() or np.abs(rows @ (corrected - velocities) + defects).max() > 1e-6:
+    lifted = np.asarray(np.linalg.pinv(mass) @ rows.transpose(0, 2, 1), dtype=float)
+    multipliers = _times(np.asarray(np.linalg.pinv(rows @ lifted), dtype=float), defects)
+    corrected: Array = velocities - _times(lifted, multipliers)
+    if not np.isfinite(corrected).all() or np.abs(_times(rows, corrected - velocities) + defects).max() > 1e-6:
         raise InputError(
             "the velocities cannot be projected onto the constraints at these positions: they contradict each other.",
             "/initial",

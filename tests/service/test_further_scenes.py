@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -203,6 +204,48 @@ def test_members_are_put_on_the_constraints() -> None:
         assert method["outcomes"] == {"completed": 2}
         alone = single[label]["points"]["columns"]["x"][-1]
         assert method["members_columns"]["x_end"][0] == pytest.approx(alone, abs=1e-12)
+
+
+DISK: dict[str, Any] = {
+    "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
+    "initial": {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}},
+    "step": 0.05, "steps": 50, "methods": ["variational", "nonholonomic", "reference"], "observe": [],
+}  # fmt: skip
+
+
+def test_each_member_is_on_the_constraints_of_its_own_parameters() -> None:
+    """R is in the constraints: with R = 2 the disk rolls twice as far."""
+    single = labelled(DISK | {"parameters": DISK["parameters"] | {"R": 2}})
+    starts = ({}, {"initial": {"positions": {"theta": [0]}}}, {"initial": [{"positions": {"theta": 0}}]})
+    for further in starts:
+        for label, method in labelled(DISK | {"ensemble": {"parameters": {"R": [1, 2]}} | further}).items():
+            assert method["outcomes"] == {"completed": 2}
+            assert method["members_columns"]["x_end"][1] == pytest.approx(single[label]["final"]["positions"]["x"])
+
+
+def test_each_member_has_the_momenta_that_were_given() -> None:
+    """p = m v, so that a mass twice as large is half as fast."""
+    system = {"coordinates": ["x"], "lagrangian": "m*x'^2/2", "parameters": ["m"]}
+    start = {"positions": {"x": 0}, "momenta": {"x": 1}}
+    document = scene(system, ["reference"], initial=start, parameters={"m": 1}, ensemble={"parameters": {"m": [1, 2]}})
+    (found,) = labelled(document).values()
+    assert found["members_columns"]["v_x_end"] == pytest.approx([1, 0.5])
+    with pytest.raises(InputError, match="columns of starts need velocities"):
+        simulate(document | {"ensemble": {"initial": {"positions": {"x": [0, 1]}}}})
+
+
+def test_velocities_of_a_member_that_break_the_constraints_are_refused() -> None:
+    with pytest.raises(InputError, match=r"member 1: the velocities violate constraint 1 by -0\.9") as refused:
+        simulate(DISK | {"ensemble": {"initial": {"velocities": {"x": [0.5 * math.cos(0.3), -0.4223]}}}})
+    assert refused.value.pointer == "/ensemble/initial/velocities"
+
+
+def test_many_starts_are_put_on_constraints_at_once() -> None:
+    angles = np.linspace(0, 1, 30_000).tolist()
+    (found,) = labelled(
+        DISK | {"methods": ["nonholonomic"], "steps": 2, "ensemble": {"initial": {"positions": {"phi": angles}}}}
+    ).values()
+    assert found["outcomes"] == {"completed": 30_000}
 
 
 def test_lyapunov_exponents_come_from_the_variational_equations() -> None:

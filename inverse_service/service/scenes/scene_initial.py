@@ -74,7 +74,6 @@ def _by_coordinate(given: Mapping[str, str], names: Names, pointer: str) -> dict
 
 MOST_NUMBERS = 40_000_000
 TOO_LARGE = "the ensemble is too large: the limit is {} numbers; take fewer members or a larger record_every."
-MOST_CONSTRAINED = 20_000
 OBSERVED = ("trajectory", "velocities", "energy")
 
 
@@ -93,68 +92,71 @@ def read_members(given: SceneEnsemble, base: SceneInitial, names: Names, scene: 
             raise InputError(f"the system has no parameter '{escape(key)}': its parameters are {known}.", pointer)
         axes[name] = [number_of(text, f"{pointer}/{k}") for k, text in enumerate(texts)]
     grid = list(product(*axes.values()))
-    positions, velocities = _starts(given, base, names, scene)
+    starts = [base] if given.initial is None else given.initial
+    count = len(starts) if isinstance(starts, list) else len(next(iter(_columns(starts)), ()))
     rows = scene.grid.steps // scene.grid.record_every + 2
-    if 2.0 * len(positions) * len(grid) * rows * len(names.coordinates) > MOST_NUMBERS:
+    if 2.0 * count * len(grid) * rows * len(names.coordinates) > MOST_NUMBERS:
         raise LimitError(TOO_LARGE.format(MOST_NUMBERS), "/ensemble")
-    values = {name: np.tile([row[k] for row in grid], len(positions)) for k, name in enumerate(axes)}
-    return Members(np.repeat(positions, len(grid), axis=0), np.repeat(velocities, len(grid), axis=0), values)
+    values = {name: np.tile([row[k] for row in grid], count) for k, name in enumerate(axes)}
+    try:
+        if isinstance(given.initial, list) or base.momenta is not None:
+            return _one_by_one(starts, base, names, scene, values)
+        return _together(given.initial, base, names, scene, values)
+    except InputError as error:
+        raise type(error)(error.detail, error.pointer.replace("/initial", "/ensemble/initial", 1)) from None
 
 
-def _starts(given: SceneEnsemble, base: SceneInitial, names: Names, scene: Scene) -> tuple[Array, Array]:
-    """(N, n) positions and velocities, before the parameters are varied."""
-    if given.initial is None:
-        return scene.positions[None], scene.velocities[None]
-    if isinstance(given.initial, MemberColumns):
-        return _by_columns(given.initial, base, names, scene)
-    found = []
-    for place, one in enumerate(given.initial):
-        merged = one.model_copy(update={"positions": base.positions | one.positions})
-        try:
-            found.append(read_initial(merged, names, scene.lagrangian, scene.constraints, scene.values))
-        except InputError as error:
-            raise type(error)(
-                error.detail, f"/ensemble/initial/{place}" + error.pointer.removeprefix("/initial")
-            ) from None
-    return np.array([q for q, _ in found]), np.array([v for _, v in found])
+def _columns(given: MemberColumns) -> list[list[str]]:
+    return [*given.positions.values(), *given.velocities.values()]
 
 
-def _by_columns(given: MemberColumns, base: SceneInitial, names: Names, scene: Scene) -> tuple[Array, Array]:
-    tables, lengths = [], set()
-    for what, start in (("positions", scene.positions), ("velocities", scene.velocities)):
-        columns: dict[int, list[float]] = {}
-        for key, texts in getattr(given, what).items():
-            pointer, name = f"/ensemble/initial/{what}/{escape(key)}", names.spelling(key)
-            if name not in names.coordinates:
-                raise InputError(f"the coordinates are {', '.join(names.coordinates)}.", pointer)
-            columns[names.coordinates.index(name)] = [number_of(text, f"{pointer}/{k}") for k, text in enumerate(texts)]
-        lengths |= {len(column) for column in columns.values()}
-        tables.append((start, columns))
-    if len(lengths) != 1:
-        raise InputError("the columns of an ensemble have one length.", "/ensemble/initial")
-    (count,) = lengths
-    rows = []
-    for start, columns in tables:
-        table = np.tile(start, (count, 1))
-        for k, column in columns.items():
-            table[:, k] = column
-        rows.append(table)
-    return (rows[0], rows[1]) if not scene.constraints else _on_constraints(rows[0], rows[1], base, names, scene)
+def _one_by_one(
+    starts: list[SceneInitial] | MemberColumns, base: SceneInitial, names: Names, scene: Scene, values: dict[str, Array]
+) -> Members:
+    """Each start with each value of the parameters, on which momenta and constraints may depend."""
+    if isinstance(starts, MemberColumns):
+        raise InputError("columns of starts need velocities: give these in the scene in the place of momenta.",
+                         "/initial")  # fmt: skip
+    found, each = [], len(next(iter(values.values()), starts)) // len(starts)
+    for place, one in enumerate(starts):
+        velocities = one.velocities if one.velocities is not None or one.momenta is not None else base.velocities
+        momenta = one.momenta if one.velocities is not None or one.momenta is not None else base.momenta
+        changed = {"positions": base.positions | one.positions, "velocities": velocities, "momenta": momenta}
+        merged = one.model_copy(update=changed)
+        for member in range(place * each, (place + 1) * each):
+            own = {**scene.values, **{name: float(column[member]) for name, column in values.items()}}
+            try:
+                found.append(read_initial(merged, names, scene.lagrangian, scene.constraints, own))
+            except InputError as error:
+                raise type(error)(error.detail, error.pointer.replace("/initial", f"/initial/{place}", 1)) from None
+    return Members(np.array([q for q, _ in found]), np.array([v for _, v in found]), values)
 
 
-def _on_constraints(
-    positions: Array, velocities: Array, base: SceneInitial, names: Names, scene: Scene
-) -> tuple[Array, Array]:
-    """Each start put on the constraints, the velocities left out in the scene filled in."""
-    if len(positions) > MOST_CONSTRAINED:
-        raise InputError(f"at most {MOST_CONSTRAINED} starts are put on constraints.", "/ensemble/initial")
-    free = set(base.velocities or {}) or set(names.coordinates)
-    found = []
-    for q, v in zip(positions, velocities, strict=True):
-        texts = ({name: repr(float(x)) for name, x in zip(names.coordinates, row, strict=True)} for row in (q, v))
-        places, rates = texts
-        one = SceneInitial(
-            positions=places, velocities={k: x for k, x in rates.items() if k in free}, project=base.project
+def _together(
+    given: MemberColumns | None, base: SceneInitial, names: Names, scene: Scene, values: dict[str, Array]
+) -> Members:
+    """Columns, each start repeated for the values of the parameters; velocities left out are filled in."""
+    tables, free = [scene.positions[None], scene.velocities[None]], set(base.velocities or {})
+    if given is not None:
+        if len({len(column) for column in _columns(given)}) != 1:
+            raise InputError("the columns of an ensemble have one length.", "/initial")
+        for k, what in enumerate(("positions", "velocities")):
+            tables[k] = np.tile(tables[k], (len(_columns(given)[0]), 1))
+            for key, texts in getattr(given, what).items():
+                pointer, name = f"/initial/{what}/{escape(key)}", names.spelling(key)
+                if name not in names.coordinates:
+                    raise InputError(f"the coordinates are {', '.join(names.coordinates)}.", pointer)
+                column = [number_of(text, f"{pointer}/{row}") for row, text in enumerate(texts)]
+                tables[k][:, names.coordinates.index(name)] = column
+        free |= {names.spelling(name) for name in given.velocities}
+    each = len(next(iter(values.values()), tables[0])) // len(tables[0])
+    positions, velocities = (np.repeat(table, each, axis=0) for table in tables)
+    if scene.constraints:
+        speeds: dict[str, float | Array] = {
+            name: velocities[:, k] for k, name in enumerate(names.coordinates) if name in free
+        }
+        numbers: dict[str, float | Array] = {**scene.values, **values}
+        velocities = initial_velocities(
+            names.coordinates, scene.constraints, scene.lagrangian, numbers, positions, speeds, base.project
         )
-        found.append(read_initial(one, names, scene.lagrangian, scene.constraints, scene.values))
-    return np.array([q for q, _ in found]), np.array([v for _, v in found])
+    return Members(positions, velocities, values)
