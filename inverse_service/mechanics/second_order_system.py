@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 
 
@@ -41,6 +42,11 @@ class SecondOrderSystem:
     functions: tuple[FunctionDeclaration, ...] = ()
     name: str = ""
     branch: Branch | None = None
+
+    @property
+    def names(self) -> Names:
+        """What a formula about the system may contain."""
+        return Names(self.coordinates, self.parameters, {each.name: each.arguments for each in self.functions})
 
     @property
     def depends_on_time(self) -> bool:

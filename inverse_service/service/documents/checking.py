@@ -156,23 +156,8 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
     for certificate in _claims(result) if given is not None else ():
         motion = compared_claim(given, certificate, end - now())
         found = motion if found is None or motion.verdict != "valid" else found
-    changed = _object(result.get("with_clock")) if isinstance(result, dict) else {}
-    if changed:
-        from inverse_service.service.documents.clock import compared_clock  # brings the engine
-
-        clock = compared_clock(given, changed, end - now())
-        found = clock if clock is not None and (found is None or clock.verdict != "valid") else found
-    reduced = _object(result.get("reduced")) if isinstance(result, dict) and given is not None else {}
-    if reduced:
-        from inverse_service.service.documents.reduced import compared_reduced
-
-        part = compared_reduced(given, reduced, end - now())
+    for part in _parts_compared(given, result, end) if isinstance(result, dict) else ():
         found = part if part is not None and (found is None or part.verdict != "valid") else found
-    if given is not None and isinstance(result, dict) and result.get("instead"):
-        from inverse_service.service.documents.instead import compared_instead
-
-        other = compared_instead(given, result, end - now())
-        found = other if other is not None and (found is None or other.verdict != "valid") else found
     energy = compared_hamiltonians(result, end) if isinstance(result, dict) else CheckResult("valid")
     if energy.verdict == "invalid":
         return energy
@@ -188,6 +173,22 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
     left = _not_checked(result, bool(energy.reasons))
     told = f"Not checked: {', '.join(left)}; {NEVER_CHECKED}."
     return CheckResult(alone.verdict, (*alone.reasons, told)) if left and alone.verdict == "valid" else alone
+
+
+def _parts_compared(given: object, result: dict[str, Any], end: float) -> Iterator[CheckResult | None]:
+    """The verdicts on answers about other systems that follow from that of a result; each brings its engine."""
+    if clock := _object(result.get("with_clock")):
+        from inverse_service.service.documents.clock import compared_clock
+
+        yield compared_clock(given, clock, end - now())
+    if given is not None and (reduced := _object(result.get("reduced"))):
+        from inverse_service.service.documents.reduced import compared_reduced
+
+        yield compared_reduced(given, reduced, end - now())
+    if given is not None and result.get("instead"):
+        from inverse_service.service.documents.instead import compared_instead
+
+        yield compared_instead(given, result, end - now())
 
 
 def _is_result(result: Any) -> bool:

@@ -9,15 +9,12 @@ from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.deadline import left, now
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import TIME, Acceleration, Expression, Velocity, number, walk
 from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve
-from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.preparing import prepared
@@ -29,18 +26,12 @@ def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression | 
     """N(q), None where it is looked for; InputError where it is no function of coordinates, or f holds t."""
     if system.depends_on_time:
         raise InputError("the equations contain t, so no other clock can be put in its place.", "/clock")
-    return None if schema.clock == SEARCH else read_clock(schema, system, schema.clock or "")
+    return None if schema.clock == SEARCH else read_clock(system, schema.clock or "", schema)
 
 
-def read_clock(schema: SystemDocument, system: SecondOrderSystem, text: str) -> Expression:
-    """N(q) of a text; InputError as above."""
-    functions = {function.name: function.arguments for function in system.functions}
-    values = parameter_values(Declared(parameters=schema.parameters).named_parameters())
-    names = Names(system.coordinates, system.parameters, functions)
-    try:
-        factor = with_values(read_formula(text, names), values)
-    except InputError as error:
-        raise type(error)(error.detail, "/clock", error.column) from None
+def read_clock(system: SecondOrderSystem, text: str, schema: SystemDocument | None = None) -> Expression:
+    """N(q) of a text, parameters with values in the document put in; InputError as above."""
+    factor = translate.formula_about(text, system.names, schema, "/clock")
     if any(node == TIME or isinstance(node, Velocity | Acceleration) for node in walk(factor)):
         raise InputError("a clock N in dtau = N dt holds coordinates and parameters only.", "/clock")
     if factor == number(0):
@@ -63,17 +54,18 @@ def clock_part(
     options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=left(end), conditions=False)
     solution = solve(changed, options)
     assert solution.autonomous is not None
-    return ClockPart(factor=to_text(factor), **answered(solution.system, solution.autonomous))
+    return clocked_part(factor, solution.system, solution.autonomous)
+
+
+def clocked_part(factor: Expression, system: SecondOrderSystem, answer: Answer) -> ClockPart:
+    """An answer for the system with this clock."""
+    return ClockPart(factor=to_text(factor), **answered(system, answer))
 
 
 def answered(system: SecondOrderSystem, answer: Answer) -> dict[str, Any]:
     """The equations and the answer as fields."""
-    fields = translate.answer_fields(answer, system)
-    return {"equations": _equations(system)} | {key: fields[key] for key in ClockPart.model_fields if key in fields}
-
-
-def _equations(system: SecondOrderSystem) -> dict[str, str]:
-    return {name: to_text(f) for name, f in zip(system.coordinates, system.given, strict=True)}
+    fields = translate.answer_fields(answer, system) | translate.equation_fields(system)
+    return {key: fields[key] for key in ClockPart.model_fields if key in fields}
 
 
 def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> CheckResult | None:
@@ -84,20 +76,26 @@ def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> Ch
         system = translate.to_system(schema)
         if to_clock(schema, system) is None and part.get("verdict") == "undetermined":
             return None
-        factor = to_clock(schema, system) or read_clock(schema, system, str(part.get("factor")))
-        changed = with_clock(system, factor)
+        factor = to_clock(schema, system) or read_clock(system, str(part.get("factor")), schema)
     except InputError:
         return wrong
+    return compared_clocked(part, system, factor, wrong, time_limit)
+
+
+def compared_clocked(
+    part: dict[str, Any], system: SecondOrderSystem, factor: Expression, wrong: CheckResult, time_limit: float
+) -> CheckResult | None:
+    """The same for an answer with this clock."""
     if part.get("factor") != to_text(factor):
         return wrong
-    return compared_answer(part, changed, wrong, time_limit)
+    return compared_answer(part, with_clock(system, factor), wrong, time_limit)
 
 
 def compared_answer(
     part: dict[str, Any], system: SecondOrderSystem, wrong: CheckResult, time_limit: float
 ) -> CheckResult | None:
     """The checker's verdict on an answer for this system, `wrong` where it is for another; None where it is open."""
-    equations, certificate = _equations(system), part.get("certificate")
+    equations, certificate = translate.equation_fields(system)["equations"], part.get("certificate")
     if part.get("equations") != equations:
         return wrong
     if not isinstance(certificate, dict):

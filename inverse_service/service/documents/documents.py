@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
+from api_schemas.problem import ParseAnswer
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.answers import undetermined
 from inverse_service.service.documents.document_kinds import is_forward, is_motion, is_nonholonomic
 from inverse_service.service.documents.preparing import Prepared, prepared
@@ -65,14 +67,20 @@ def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dic
 def parse_document(document: Any) -> dict[str, Any]:
     """What was understood of a document; raises InputError."""
     ready = prepared(document)
-    return _in_own_words(ready, lambda cases: cases.parse(ready.document))
+    return _in_own_words(ready, lambda cases: cases.parse(cases.look(ready.document)).model_dump(mode="json"))
 
 
 def understand_document(document: Any) -> dict[str, Any]:
     """The `system` part of a result; raises InputError."""
     ready = prepared(document)
-    found = _in_own_words(ready, lambda cases: cases.understand(ready.document))
-    return {**found, "given": _as_given(document)}
+    return {**_in_own_words(ready, lambda cases: _understood(cases, ready)), "given": _as_given(document)}
+
+
+def _understood(cases: UseCases, ready: Prepared) -> dict[str, Any]:
+    from inverse_service.service.documents.translate import to_understood
+
+    schema = cases.look(ready.document)
+    return to_understood(cases.system(schema), schema).model_dump(mode="json")
 
 
 def _as_given(document: Any) -> dict[str, Any]:
@@ -90,11 +98,11 @@ def _plain(value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class UseCases:
-    """What is done with a document of one kind."""
+    """What is done with a document of one kind: read into its schema, answered, parsed, seen as a system, solved."""
 
-    look: Callable[[Any], object]
-    parse: Callable[[Any], dict[str, Any]]
-    understand: Callable[[Any], dict[str, Any]]
+    look: Callable[[Any], Any]
+    parse: Callable[[Any], ParseAnswer]
+    system: Callable[[Any], SecondOrderSystem]
     solve: Callable[[Any, SolveOptions, Callable[[str], None] | None], dict[str, Any]]
 
 
@@ -103,21 +111,20 @@ def use_cases(document: Any) -> UseCases:
     if is_motion(document):
         from inverse_service.service.documents import motion
 
-        return UseCases(motion.look_motion, motion.parse_motion, motion.understand_motion, motion.solve_motion)
+        return UseCases(motion.look_motion, motion.parse, motion.system_of, motion.solve_motion)
     if is_forward(document):
         from inverse_service.service.documents import forward as alone
 
-        return UseCases(alone.look_forward, alone.parse_forward, alone.understand_forward, alone.solve_forward)
+        return UseCases(alone.look_forward, alone.parse, alone.system_of, alone.solve_forward)
     if is_nonholonomic(document):
         from inverse_service.service.documents import nonholonomic as held
-        from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema
+        from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema as look
 
-        look = to_nonholonomic_schema
-        return UseCases(look, held.parse_nonholonomic, held.understand_nonholonomic, held.solve_nonholonomic)
+        return UseCases(look, held.parse, held.system_of, held.solve_nonholonomic)
     from inverse_service.service.documents import solving
-    from inverse_service.service.documents.translate import to_schema
+    from inverse_service.service.documents.translate import to_schema, to_system
 
-    return UseCases(to_schema, solving.parse_document, solving.understand_document, solving.solve_document)
+    return UseCases(to_schema, solving.parse, to_system, solving.solve_document)
 
 
 def _in_own_words(ready: Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:

@@ -6,15 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import ValidationError
-
 from api_schemas.forward import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
-from api_schemas.problem import ParsedFormula
-from api_schemas.result import Formula, HamiltonianPart
 from api_schemas.sizes import MAX_FORWARD
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.printing import to_latex, to_mathml, to_text
 from inverse_service.expressions.tree import (
     TIME,
     Acceleration,
@@ -35,7 +30,7 @@ from inverse_service.mechanics.linear_parts import linear_equation
 from inverse_service.mechanics.nonholonomic.reading import read_lagrangian
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 from inverse_service.service.documents import translate
-from inverse_service.service.documents.refusals import DocumentRefused, places_of
+from inverse_service.service.documents.refusals import validated
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +44,7 @@ class _Motion:
 
 def look_forward(document: Any) -> LagrangianDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
-    try:
-        return LagrangianDocument.model_validate(document)
-    except ValidationError as error:
-        raise DocumentRefused(places_of(error, LagrangianDocument)) from None
+    return validated(document, LagrangianDocument)
 
 
 def solve_forward(
@@ -64,30 +56,26 @@ def solve_forward(
     functions = dict(zip(names, momenta(motion.lagrangian, names), strict=True))
     result = ForwardResult(
         system=translate.to_understood(motion.system, motion.schema),
-        lagrangian=_formula(motion.lagrangian),
-        equations={name: _formula(f) for name, f in zip(names, motion.system.accelerations, strict=True)},
-        momenta={name: _formula(tree) for name, tree in functions.items()},
-        hamiltonian=_hamiltonian(motion, options.time_limit),
+        lagrangian=translate.formula(motion.lagrangian),
+        equations=translate.formulas(names, motion.system.accelerations),
+        momenta=translate.formulas(names, functions.values()),
+        hamiltonian=translate.transform_part(legendre(motion.lagrangian, names, options.time_limit / 2)),
         conserved=_conserved(motion.lagrangian, functions),
         guessed=translate.guessed_names(motion.schema, motion.system),
     )
     return result.model_dump(mode="json")
 
 
-def parse_forward(document: Any) -> dict[str, Any]:
+def parse(schema: LagrangianDocument) -> ForwardParseAnswer:
     """What was understood; raises InputError."""
-    motion = _motion(look_forward(document))
-    answer = translate.to_parse_answer(motion.system, motion.schema)
-    tree = motion.lagrangian
-    shown = ParsedFormula(text=to_text(tree), latex=to_latex(tree), mathml=to_mathml(tree))
-    fields = {name: getattr(answer, name) for name in type(answer).model_fields}
-    return ForwardParseAnswer(**fields, lagrangian=shown).model_dump(mode="json")
+    motion = _motion(schema)
+    answer = translate.to_parse_answer(motion.system, schema)
+    return ForwardParseAnswer(**dict(answer), lagrangian=translate.parsed(motion.lagrangian))
 
 
-def understand_forward(document: Any) -> dict[str, Any]:
-    """The `system` part of a result; raises InputError."""
-    motion = _motion(look_forward(document))
-    return translate.to_understood(motion.system, motion.schema).model_dump(mode="json")
+def system_of(schema: LagrangianDocument) -> SecondOrderSystem:
+    """q'' = f of the Euler-Lagrange equations; raises InputError."""
+    return _motion(schema).system
 
 
 def _motion(schema: LagrangianDocument) -> _Motion:
@@ -105,18 +93,6 @@ def _system(schema: LagrangianDocument, names: Names, accelerations: tuple[Expre
     return SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
 
 
-def _hamiltonian(motion: _Motion, time_limit: float) -> HamiltonianPart:
-    found = legendre(motion.lagrangian, motion.system.coordinates, time_limit / 2)
-    written = _formula(found.hamiltonian)
-    pairs = zip(found.symbols, found.momenta, strict=True)
-    return HamiltonianPart(
-        text=written.text,
-        latex=written.latex,
-        momenta={symbol.name: to_text(tree) for symbol, tree in pairs},
-        implicit=found.implicit,
-    )
-
-
 def _conserved(lagrangian: Expression, functions: dict[str, Expression]) -> list[ConservedQuantity]:
     """The momenta of the coordinates that are not in L, and the energy where t is not (Noether)."""
     letters = {node for node in walk(lagrangian) if isinstance(node, Symbol)}
@@ -124,8 +100,4 @@ def _conserved(lagrangian: Expression, functions: dict[str, Expression]) -> list
     if TIME not in letters:
         terms = [multiply(Velocity(name), tree) for name, tree in functions.items()]
         found["energy"] = collect(add(*terms, negate(lagrangian)))
-    return [ConservedQuantity(name=name, text=to_text(tree), latex=to_latex(tree)) for name, tree in found.items()]
-
-
-def _formula(tree: Expression) -> Formula:
-    return Formula(text=to_text(tree), latex=to_latex(tree))
+    return [ConservedQuantity(name=name, **translate.formula_fields(tree)) for name, tree in found.items()]

@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from api_schemas.result import Formula, KindPart, ResultDocument
+from api_schemas.result import KindPart, ResultDocument
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service.deadline import left, now
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, invariant, kind_named
@@ -24,9 +22,8 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.branches import on_branch
-from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents.translate import lagrangian_part, plain
+from inverse_service.service.documents.translate import formula, formula_about, lagrangian_part, plain
 
 # Of the time for a Lagrangian with friction, what the search for one without may take.
 _SHARE_OF_SEARCH = 0.7
@@ -57,18 +54,14 @@ def _field(
 ) -> dict[str, tuple[str, Expression]]:
     """{coordinate: (text, tree)}; a name is the translation along this coordinate."""
     texts = {field: "1"} if isinstance(field, str) else field
-    names = Names(system.coordinates, system.parameters, {})
-    values = parameter_values(Declared(parameters=schema.parameters).named_parameters())
-    found = {}
+    names, found = Names(system.coordinates, system.parameters), {}
     for name, text in texts.items():
         if name not in system.coordinates:
             raise InputError(f"a vector field has components along {', '.join(system.coordinates)}.", pointer)
-        try:
-            tree = with_values(read_formula(text, names), values)
-        except InputError as error:
-            raise type(error)(error.detail, f"{pointer}/{name}", error.column) from None
+        place = f"{pointer}/{name}"
+        tree = formula_about(text, names, schema, place)
         if not all(_is_rational(node) for node in walk(tree)):
-            raise InputError("a component is a rational formula in coordinates and parameters.", f"{pointer}/{name}")
+            raise InputError("a component is a rational formula in coordinates and parameters.", place)
         found[name] = (to_text(tree), tree)
     return found
 
@@ -147,6 +140,6 @@ def kind_part(found: KindAnswer) -> KindPart:
         certificate=certificate,
         checked=None if certificate is None else "valid",
         lagrangian=None if found.lagrangian is None else lagrangian_part(found.lagrangian),
-        dissipation=None if drag is None else Formula(text=to_text(drag), latex=to_latex(drag)),
+        dissipation=None if drag is None else formula(drag),
         near=(certificate or {}).get("near") or {},
     )

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from pydantic import ValidationError
-
 from api_schemas.nonholonomic import MotionDocument, NonholonomicResult
-from api_schemas.result import ResultDocument
+from api_schemas.problem import ParseAnswer
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.constrained.ansatz import first_system
@@ -17,9 +15,10 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.reading import read_motion
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import solving, translate
 from inverse_service.service.documents.checking import compare_motion
-from inverse_service.service.documents.refusals import DocumentRefused, places_of
+from inverse_service.service.documents.refusals import validated
 from inverse_service.service.documents.translate_nonholonomic import to_any_associated
 
 ONLY_THE_MOTION = "Only the motion was asked about: see any_associated."
@@ -27,10 +26,7 @@ ONLY_THE_MOTION = "Only the motion was asked about: see any_associated."
 
 def look_motion(document: Any) -> MotionDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
-    try:
-        return MotionDocument.model_validate(document)
-    except ValidationError as error:
-        raise DocumentRefused(places_of(error, MotionDocument)) from None
+    return validated(document, MotionDocument)
 
 
 def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
@@ -49,23 +45,22 @@ def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str],
     reduced = reduced_of_motion(motion, options.seed, end - now())
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     result = translate.to_result(Solution(first_system(motion), open_answer, None, None), schema)
-    fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
-    whole = NonholonomicResult(**fields, nonholonomic=None, any_associated=to_any_associated(answer), reduced=reduced)
+    whole = NonholonomicResult(
+        **dict(result), nonholonomic=None, any_associated=to_any_associated(answer), reduced=reduced
+    )
     found = whole.model_dump(mode="json")
     compare_motion(found, end - now())
     return solving.ordered(found)
 
 
-def parse_motion(document: Any) -> dict[str, Any]:
-    """What was understood: the accelerations on the constraints, by the free velocities; raises InputError."""
-    schema = look_motion(document)
-    return translate.to_parse_answer(first_system(read(schema)), schema).model_dump(mode="json")
+def system_of(schema: MotionDocument) -> SecondOrderSystem:
+    """The accelerations on the constraints, by the free velocities, as a system; raises InputError."""
+    return first_system(read(schema))
 
 
-def understand_motion(document: Any) -> dict[str, Any]:
-    """The `system` part of a result; raises InputError."""
-    schema = look_motion(document)
-    return translate.to_understood(first_system(read(schema)), schema).model_dump(mode="json")
+def parse(schema: MotionDocument) -> ParseAnswer:
+    """What was understood; raises InputError."""
+    return translate.to_parse_answer(system_of(schema), schema)
 
 
 def read(schema: MotionDocument) -> ConstrainedMotion:

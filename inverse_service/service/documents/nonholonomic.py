@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicResult, ReducedPart
+from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult, ReducedPart
 from api_schemas.result import AdvicePart, ResultDocument
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
@@ -24,9 +24,11 @@ from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import solving, translate
 from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.instead import of_reduced
+from inverse_service.service.documents.motion import ONLY_THE_MOTION
 from inverse_service.service.documents.reduced import reduced_of_report
 from inverse_service.service.documents.translate_nonholonomic import (
     to_any_associated,
@@ -94,8 +96,7 @@ def solve_nonholonomic(
 
 def _constrained(result: ResultDocument) -> dict[str, Any]:
     """The fields of the result of an associated system; what is simulated is the motion with its constraints."""
-    fields = {name: getattr(result, name) for name in ResultDocument.model_fields}
-    return fields | {"advice": AdvicePart(**for_constraints())}
+    return dict(result) | {"advice": AdvicePart(**for_constraints())}
 
 
 def _about_the_motion(
@@ -109,7 +110,7 @@ def _about_the_motion(
     one = associated_systems(report, "first")[0]
     if one.system is None:
         raise InputError(one.explanation, "/associated")
-    open_answer = Answer("undetermined", reason="Only the motion was asked about: see any_associated.")
+    open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     solution = Solution(one.system, open_answer, None, None)
     found = Study(report, (AssociatedAnswer(one, solution),), 0)
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
@@ -154,17 +155,15 @@ def _imaged(main: AssociatedAnswer, answer: Answer | None) -> Answer | None:
     return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=images))
 
 
-def parse_nonholonomic(document: Any) -> dict[str, Any]:
+def parse(schema: NonholonomicDocument) -> NonholonomicParseAnswer:
     """What was understood of a Nonholonomic document; raises InputError."""
-    schema = to_nonholonomic_schema(document)
     system = to_nonholonomic(schema)
     to_families(schema, system)
-    return to_nonholonomic_parse_answer(system, equations_of_motion(system), schema).model_dump(mode="json")
+    return to_nonholonomic_parse_answer(system, equations_of_motion(system), schema)
 
 
-def understand_nonholonomic(document: Any) -> dict[str, Any]:
-    """The `system` part of a result: the first associated system; raises InputError."""
-    schema = to_nonholonomic_schema(document)
+def system_of(schema: NonholonomicDocument) -> SecondOrderSystem:
+    """The first associated system; raises InputError."""
     first, *_ = associated_systems(motion_report(to_nonholonomic(schema)), "first")
     assert first.system is not None
-    return translate.to_understood(first.system, schema).model_dump(mode="json")
+    return first.system

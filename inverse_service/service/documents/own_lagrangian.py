@@ -6,7 +6,6 @@ from typing import Any
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import InputError
-from inverse_service.expressions.printing import to_latex, to_text
 from inverse_service.expressions.tree import TIME, Acceleration, Expression, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
@@ -48,8 +47,7 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
 
 def _read(schema: Any, system: SecondOrderSystem, text: str) -> Expression:
     """L with the names of the system and no others."""
-    functions = {function.name: function.arguments for function in system.functions}
-    declared = Declared(system.coordinates, schema.parameters, functions, schema.where)
+    declared = Declared(system.coordinates, schema.parameters, system.names.functions, schema.where)
     known = known_names(declared, {POINTER: text}, order=1)
     return known.put_in(read_lagrangian(text, known.names))
 
@@ -65,5 +63,4 @@ def _equations_of(lagrangian: Expression, system: SecondOrderSystem) -> tuple[Ex
 
 
 def _formulas(system: SecondOrderSystem, trees: tuple[Expression, ...]) -> dict[str, dict[str, str]]:
-    pairs = zip(system.coordinates, trees, strict=True)
-    return {name: {"text": to_text(tree), "latex": to_latex(tree)} for name, tree in pairs}
+    return {name: translate.formula_fields(tree) for name, tree in zip(system.coordinates, trees, strict=True)}

@@ -5,25 +5,26 @@ from __future__ import annotations
 from typing import Any
 
 from api_schemas.nonholonomic import ReducedPart
-from api_schemas.result import ClockPart
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Velocity, walk
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
 from inverse_service.inverse_problem.hamiltonisation.reduced import (
     Reduced,
     answer_reduced,
     reduced_system,
 )
-from inverse_service.inverse_problem.of_kind.clock import with_clock
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, constrained_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents.clock import answered, compared_answer
+from inverse_service.service.documents.clock import (
+    answered,
+    clocked_part,
+    compared_answer,
+    compared_clocked,
+    read_clock,
+)
 from inverse_service.service.documents.document_kinds import is_motion
 from inverse_service.service.documents.motion import look_motion, read
 from inverse_service.service.documents.preparing import prepared
@@ -49,16 +50,13 @@ def reduced_of_motion(motion: ConstrainedMotion, seed: int, time_limit: float) -
 def _part(found: Reduced | None) -> ReducedPart | None:
     if found is None:
         return None
-    clocked = found.clocked
-    clock = None
-    if clocked is not None and found.factor is not None:
-        clock = ClockPart(factor=to_text(found.factor), **answered(clocked.system, clocked.answer))
+    factor, clocked = found.factor, found.clocked
     return ReducedPart(
         coordinates=list(found.plain.system.coordinates),
         **answered(found.plain.system, found.plain.answer),
         reconstruction={name: to_text(rate) for name, rate in found.others},
         statement=QUADRATURE,
-        with_clock=clock,
+        with_clock=None if clocked is None or factor is None else clocked_part(factor, clocked.system, clocked.answer),
         without_clock=found.reason,
     )
 
@@ -76,18 +74,11 @@ def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> 
     clock = part.get("with_clock")
     if (found is not None and found.verdict != "valid") or not isinstance(clock, dict):
         return found
-    names = Names(system.coordinates, system.parameters, {f.name: f.arguments for f in system.functions})
     try:
-        factor = read_formula(str(clock.get("factor")), names)
+        factor = read_clock(system, str(clock.get("factor")))
     except InputError:
         return _WRONG
-    if clock.get("factor") != to_text(factor) or factor == ZERO or _moves(factor):
-        return _WRONG
-    return compared_answer(clock, with_clock(system, factor), _WRONG, end - now()) or found
-
-
-def _moves(factor: Expression) -> bool:
-    return any(node == TIME or isinstance(node, Velocity) for node in walk(factor))
+    return compared_clocked(clock, system, factor, _WRONG, end - now()) or found
 
 
 def _of_document(document: Any) -> SecondOrderSystem | None:

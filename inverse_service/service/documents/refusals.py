@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -13,6 +13,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.jobs.outcome import Place
 
+Read = TypeVar("Read", bound=Document)
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
 ALSO = ("time", "id", "options")
@@ -56,6 +57,14 @@ class DocumentRefused(InputError):
         super().__init__(places[0].detail, places[0].pointer, places[0].column)
         self.places = places
         self.code = places[0].code
+
+
+def validated(document: Any, schema: type[Read]) -> Read:
+    """The document in its schema; raises DocumentRefused with every fault found."""
+    try:
+        return schema.model_validate(document)
+    except ValidationError as error:
+        raise DocumentRefused(places_of(error, schema)) from None
 
 
 def places_of(error: ValidationError, schema: type[Document] = SystemDocument) -> tuple[Place, ...]:

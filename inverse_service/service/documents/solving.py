@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
+from api_schemas.problem import ParseAnswer
 from api_schemas.result import ResultDocument
 from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import check_result
@@ -103,19 +104,12 @@ def with_special_cases(
     return result.model_copy(update={"special_cases": to_special_cases(found)})
 
 
-def parse_document(document: Any) -> dict[str, Any]:
+def parse(schema: SystemDocument) -> ParseAnswer:
     """What was understood of a System document; raises InputError."""
-    schema = translate.to_schema(document)
     system = translate.to_system(schema)
     translate.to_ansatz(schema, system)
     _kinds(schema, system), _clock(schema, system)
-    return translate.to_parse_answer(system, schema).model_dump(mode="json")
-
-
-def understand_document(document: Any) -> dict[str, Any]:
-    """The `system` part of a result for a System document; raises InputError."""
-    schema = translate.to_schema(document)
-    return translate.to_understood(translate.to_system(schema), schema).model_dump(mode="json")
+    return translate.to_parse_answer(system, schema)
 
 
 def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
-
-from pydantic import ValidationError
 
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
@@ -22,7 +21,7 @@ from api_schemas.result import (
     SolutionSpacePart,
     UnderstoodSystem,
 )
-from api_schemas.system import SystemDocument
+from api_schemas.system import NamedDocument, SystemDocument
 from inverse_service import __version__
 from inverse_service.errors import InputError
 from inverse_service.expressions.inequalities import inequality_text
@@ -38,11 +37,12 @@ from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.reading import read_given, read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents.refusals import DocumentRefused, places_of
+from inverse_service.service.documents.refusals import validated
 
 if TYPE_CHECKING:
     from api_schemas.forward import LagrangianDocument
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
+    from inverse_service.mechanics.legendre.transform import LegendreTransform
     from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 
     AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
@@ -51,10 +51,7 @@ if TYPE_CHECKING:
 
 def to_schema(document: Any) -> SystemDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
-    try:
-        return SystemDocument.model_validate(document)
-    except ValidationError as error:
-        raise DocumentRefused(places_of(error)) from None
+    return validated(document, SystemDocument)
 
 
 def to_system(schema: SystemDocument) -> SecondOrderSystem:
@@ -76,18 +73,22 @@ def to_given(schema: SystemDocument) -> tuple[Expression, ...]:
 
 def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[Expression, ...]:
     """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
-    functions = {function.name: function.arguments for function in system.functions}
     named = Declared(parameters=schema.parameters).named_parameters()
-    names = Names(system.coordinates, tuple(dict.fromkeys((*system.parameters, *named))), functions)
-    values = parameter_values(named)
-    return tuple(_term(text, names, values, f"/ansatz/{place}") for place, text in enumerate(schema.ansatz))
+    names = replace(system.names, parameters=tuple(dict.fromkeys((*system.parameters, *named))))
+    return tuple(_term(text, names, schema, f"/ansatz/{place}") for place, text in enumerate(schema.ansatz))
 
 
-def _term(text: str, names: Names, values: Mapping[str, Expression], pointer: str) -> Expression:
+def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer: str) -> Expression:
+    """A formula about the system of a document, whose parameters with values are put in; InputError with pointer."""
+    values = {} if schema is None else parameter_values(Declared(parameters=schema.parameters).named_parameters())
     try:
-        term = with_values(read_formula(text, names), values)
+        return with_values(read_formula(text, names), values)
     except InputError as error:
         raise type(error)(error.detail, pointer, error.column) from None
+
+
+def _term(text: str, names: Names, schema: Asking, pointer: str) -> Expression:
+    term = formula_about(text, names, schema, pointer)
     found = next((node for node in walk(term) if isinstance(node, Acceleration)), None)
     if found is not None:
         raise InputError(
@@ -103,11 +104,8 @@ def to_parse_answer(system: SecondOrderSystem, schema: AnyDocument) -> ParseAnsw
         name=system.name,
         coordinates=list(system.coordinates),
         parameters=list(system.parameters),
-        functions={f.name: list(f.arguments) for f in system.functions},
-        equations={
-            coordinate: ParsedFormula(text=to_text(f), latex=to_latex(f), mathml=to_mathml(f))
-            for coordinate, f in zip(system.coordinates, system.accelerations, strict=True)
-        },
+        functions=function_fields(system),
+        equations={name: parsed(f) for name, f in zip(system.coordinates, system.accelerations, strict=True)},
         depends_on_time=system.depends_on_time,
         guessed=guessed_names(schema, system),
     )
@@ -129,16 +127,28 @@ def _plain_name(name: str) -> str:
 
 def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> UnderstoodSystem:
     """The `system` part of a result: canonical equations beside the document as given."""
-    pairs = list(zip(system.coordinates, system.given, strict=True))
     return UnderstoodSystem(
         name=system.name,
         coordinates=list(system.coordinates),
-        equations={coordinate: to_text(f) for coordinate, f in pairs},
-        latex={coordinate: f"{to_latex(Acceleration(coordinate))} = {to_latex(f)}" for coordinate, f in pairs},
+        **equation_fields(system),
         parameters=list(system.parameters),
-        functions={f.name: list(f.arguments) for f in system.functions},
+        functions=function_fields(system),
         given=schema.model_dump(mode="json", exclude_unset=True),
     )
+
+
+def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
+    """The equations as given, in text and in LaTeX."""
+    pairs = list(zip(system.coordinates, system.given, strict=True))
+    return {
+        "equations": {name: to_text(f) for name, f in pairs},
+        "latex": {name: f"{to_latex(Acceleration(name))} = {to_latex(f)}" for name, f in pairs},
+    }
+
+
+def function_fields(system: SecondOrderSystem | NonholonomicSystem) -> dict[str, list[str]]:
+    """The arbitrary functions with what they depend on."""
+    return {function.name: list(function.arguments) for function in system.functions}
 
 
 def to_result(solution: Solution, schema: Asking, others: Sequence[Solution] = ()) -> ResultDocument:
@@ -249,23 +259,18 @@ def step_part(step: Step) -> ExplanationStep:
 
 def lagrangian_part(lagrangian: Lagrangian) -> LagrangianPart:
     domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + [inequality_text(e) for e in lagrangian.positive]
-    written = _formula(lagrangian.expression)
     entries = [entry for row in lagrangian.multiplier for entry in row]
     constant = all(isinstance(node, Number | Sum | Product) for entry in entries for node in walk(entry))
     regular = "everywhere" if constant else "at generic points, where det g is not 0"
-    return LagrangianPart(
-        text=written.text, latex=written.latex, domain=domain, family=lagrangian.family, regular=regular
-    )
+    written = formula_fields(lagrangian.expression)
+    return LagrangianPart(**written, domain=domain, family=lagrangian.family, regular=regular)
 
 
 def hamiltonian_part(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> HamiltonianPart:
-    written = _formula(hamiltonian.expression)
     names = [symbol.name for symbol in hamiltonian.symbols] or [f"p_{coordinate}" for coordinate in coordinates]
-    pairs = zip(names, hamiltonian.momenta, strict=True)
     return HamiltonianPart(
-        text=written.text,
-        latex=written.latex,
-        momenta={name: to_text(momentum) for name, momentum in pairs},
+        **formula_fields(hamiltonian.expression),
+        momenta={name: to_text(p) for name, p in zip(names, hamiltonian.momenta, strict=True)},
         implicit=hamiltonian.implicit,
         constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
         domain=[inequality_text(tree) for tree in hamiltonian.positive],
@@ -280,8 +285,30 @@ def _conditions(conditions: Conditions | None) -> ConditionsPart | None:
     )
 
 
-def _formula(expression: Expression) -> Formula:
-    return Formula(text=to_text(expression), latex=to_latex(expression))
+def transform_part(found: LegendreTransform, constraints: Iterable[Expression] = ()) -> HamiltonianPart:
+    """The H and the momenta of a Legendre transformation, with the constraints in phase space."""
+    return HamiltonianPart(
+        **formula_fields(found.hamiltonian),
+        momenta={symbol.name: to_text(p) for symbol, p in zip(found.symbols, found.momenta, strict=True)},
+        implicit=found.implicit,
+        constraints=[to_text(tree) for tree in constraints],
+    )
+
+
+def formula_fields(tree: Expression) -> dict[str, Any]:
+    return {"text": to_text(tree), "latex": to_latex(tree)}
+
+
+def formula(tree: Expression) -> Formula:
+    return Formula(**formula_fields(tree))
+
+
+def formulas(names: Iterable[str], trees: Iterable[Expression]) -> dict[str, Formula]:
+    return {name: formula(tree) for name, tree in zip(names, trees, strict=True)}
+
+
+def parsed(tree: Expression) -> ParsedFormula:
+    return ParsedFormula(**formula_fields(tree), mathml=to_mathml(tree))
 
 
 def _texts(matrix: Matrix) -> list[list[str]]:

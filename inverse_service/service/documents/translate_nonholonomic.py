@@ -6,8 +6,6 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from pydantic import ValidationError
-
 from api_schemas.nonholonomic import (
     AnyAssociatedPart,
     AssociatedPart,
@@ -25,13 +23,10 @@ from api_schemas.nonholonomic import (
     StatementPart,
     TrajectoryPart,
 )
-from api_schemas.problem import ParsedFormula
-from api_schemas.result import Formula, HamiltonianPart
+from api_schemas.result import HamiltonianPart
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.tree import TIME, Acceleration, Expression, power, walk
+from inverse_service.expressions.tree import TIME, Expression, power, walk
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer, MotionLagrangian
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
@@ -46,7 +41,8 @@ from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.checking import OPEN_MOTION
-from inverse_service.service.documents.refusals import DocumentRefused, places_of
+from inverse_service.service.documents.refusals import DocumentRefused, validated
+from inverse_service.service.documents.translate import formula, formula_fields, formulas, parsed
 from inverse_service.service.jobs.outcome import Place
 
 T = TypeVar("T")
@@ -54,19 +50,10 @@ T = TypeVar("T")
 
 def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
-    _refuse_other_kinds(document)
-    try:
-        return NonholonomicDocument.model_validate(document)
-    except ValidationError as error:
-        raise DocumentRefused(places_of(error, NonholonomicDocument)) from None
-
-
-def _refuse_other_kinds(document: Any) -> None:
-    if not isinstance(document, dict):
-        return
-    if "equations" in document:
+    if isinstance(document, dict) and "equations" in document:
         sentence = "'equations' stand beside a Lagrangian or constraints: keep the one or the other."
         raise DocumentRefused((Place(sentence, "/equations"),))
+    return validated(document, NonholonomicDocument)
 
 
 def to_nonholonomic(schema: NonholonomicDocument) -> NonholonomicSystem:
@@ -102,25 +89,21 @@ def to_nonholonomic_parse_answer(
         name=system.name,
         coordinates=list(system.coordinates),
         parameters=list(system.parameters),
-        functions={f.name: list(f.arguments) for f in system.functions},
-        equations={name: _parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
+        functions=translate.function_fields(system),
+        equations={name: parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
         depends_on_time=any(node == TIME for f in motion.accelerations for node in walk(f)),
         guessed=translate.guessed_names(schema, system),
-        lagrangian=_parsed(system.lagrangian),
-        constraints=[_parsed(tree) for tree in system.constraints],
+        lagrangian=parsed(system.lagrangian),
+        constraints=[parsed(tree) for tree in system.constraints],
     )
-
-
-def _parsed(tree: Expression) -> ParsedFormula:
-    return ParsedFormula(text=to_text(tree), latex=to_latex(tree), mathml=to_mathml(tree))
 
 
 def to_nonholonomic_part(study: Study) -> NonholonomicPart:
     """The key `nonholonomic` of a result."""
     system = study.report.motion.system
     return NonholonomicPart(
-        lagrangian=_formula(system.lagrangian),
-        constraints=[_formula(tree) for tree in system.constraints],
+        lagrangian=formula(system.lagrangian),
+        constraints=[formula(tree) for tree in system.constraints],
         main=study.answers[study.main].associated.kind,
         **_motion_fields(study.report),
         associated=[_associated(one) for one in study.answers],
@@ -134,8 +117,7 @@ def _motion_fields(report: MotionReport) -> dict[str, Any]:
         "integrable": _integrability(report),
         "measure_density": _measure(report),
         "first_integrals": [
-            FirstIntegralPart(name=each.name, text=to_text(each.expression), latex=to_latex(each.expression))
-            for each in report.integrals
+            FirstIntegralPart(name=each.name, **formula_fields(each.expression)) for each in report.integrals
         ],
         "paper_class": _class(report),
     }
@@ -145,10 +127,10 @@ def _motion(motion: EquationsOfMotion) -> MotionPart:
     return MotionPart(
         free=list(motion.free),
         dependent=list(motion.dependent),
-        first_order=_formulas(motion.dependent, motion.dependent_velocities),
-        second_order=_formulas(motion.free, motion.free_accelerations),
-        accelerations=_formulas(motion.system.coordinates, motion.accelerations),
-        multipliers=[_formula(tree) for tree in motion.multipliers],
+        first_order=formulas(motion.dependent, motion.dependent_velocities),
+        second_order=formulas(motion.free, motion.free_accelerations),
+        accelerations=formulas(motion.system.coordinates, motion.accelerations),
+        multipliers=[formula(tree) for tree in motion.multipliers],
     )
 
 
@@ -170,7 +152,7 @@ def _integrability(report: MotionReport) -> IntegrabilityPart:
         integrable=found.integrable,
         count=count,
         growth=list(found.growth),
-        integrals=[_formula(tree) for tree in found.integrals],
+        integrals=[formula(tree) for tree in found.integrals],
         statement=text,
     )
 
@@ -188,7 +170,7 @@ def to_any_associated(answer: MotionAnswer) -> AnyAssociatedPart:
         lagrangian=None if found is None else _motion_lagrangian(found),
         associated=None if found is None else _belongs_to(found),
         hamiltonian=None if report is None else _hamiltonian(report),
-        image=[] if report is None else [_formula(tree) for tree in report.images],
+        image=[] if report is None else [formula(tree) for tree in report.images],
         freedom=answer.freedom,
         certificate=certificates[0] if certificates else None,
         certificate_with_time=certificates[1] if len(certificates) > 1 else None,
@@ -213,8 +195,8 @@ def _statement(answer: MotionAnswer) -> str:
 def _motion_lagrangian(found: MotionLagrangian) -> MotionLagrangianPart:
     return MotionLagrangianPart(
         **dict(translate.lagrangian_part(found.lagrangian)),
-        on_constraints=_formula(found.jet.on_constraints),
-        transverse_momenta=[_formula(tree) for tree in found.jet.transverse_momenta],
+        on_constraints=formula(found.jet.on_constraints),
+        transverse_momenta=[formula(tree) for tree in found.jet.transverse_momenta],
     )
 
 
@@ -235,8 +217,8 @@ def _measure(report: MotionReport) -> MeasurePart:
     found = report.density
     return MeasurePart(
         status=found.status,
-        density=None if found.momenta is None else _formula(found.momenta),
-        in_velocities=None if found.velocities is None else _formula(found.velocities),
+        density=None if found.momenta is None else formula(found.momenta),
+        in_velocities=None if found.velocities is None else formula(found.velocities),
         statement=_MEASURE[found.status],
     )
 
@@ -250,16 +232,16 @@ def _class(report: MotionReport) -> ClassPart:
     text = f"The system is in the class s' = -A(r1) r2' with r1 = {names[member.r1]}, r2 = {names[member.r2]}"
     if member.has_force:
         text += ", with a potential" + ("" if member.force_fits else " that depends on more than r2")
-    N = _in_time(lambda: _formula(power(parts.tree(member.inverse_square_density), Fraction(-1, 2))))
+    N = _in_time(lambda: formula(power(parts.tree(member.inverse_square_density), Fraction(-1, 2))))
     return ClassPart(
         member=True,
         statement=text + ".",
         r1=names[member.r1],
         r2=names[member.r2],
         s=dependent,
-        A=_in_time(lambda: _formulas(tuple(dependent), tuple(parts.tree(each) for each in member.slopes))) or {},
+        A=_in_time(lambda: formulas(tuple(dependent), tuple(parts.tree(each) for each in member.slopes))) or {},
         N=N,
-        K=_in_time(lambda: _formula(parts.tree(member.slope_of_density))),
+        K=_in_time(lambda: formula(parts.tree(member.slope_of_density))),
         potential=member.has_force,
     )
 
@@ -279,14 +261,12 @@ def _associated(one: AssociatedAnswer) -> AssociatedPart:
     system, solution, answer = one.associated.system, one.solution, one.answer
     if system is None or solution is None or answer is None:
         return AssociatedPart(kind=one.associated.kind, defined=False, explanation=one.associated.explanation)
-    pairs = list(zip(system.coordinates, system.accelerations, strict=True))
     fields = translate.answer_fields(answer, system)
     return AssociatedPart(
         kind=one.associated.kind,
         defined=True,
         explanation=one.associated.explanation,
-        equations={name: to_text(f) for name, f in pairs},
-        latex={name: f"{to_latex(Acceleration(name))} = {to_latex(f)}" for name, f in pairs},
+        **translate.equation_fields(system),
         verdict_with_time=None if solution.with_time is None else solution.with_time.verdict,
         steps=fields["explanation"],
         **{key: fields[key] for key in _SHOWN},
@@ -298,9 +278,9 @@ def _hamiltonisation(report: Report) -> HamiltonisationPart:
     return HamiltonisationPart(
         associated=report.kind,
         label=report.label,
-        lagrangian=_formula(found.lagrangian),
+        lagrangian=formula(found.lagrangian),
         hamiltonian=_hamiltonian(found),
-        constraints=[_formula(tree) for tree in found.images],
+        constraints=[formula(tree) for tree in found.images],
         checked=report.checked,
         statements=[StatementPart(text=each.text, verdict=each.verdict) for each in found.statements],
         holds=found.holds,
@@ -309,18 +289,7 @@ def _hamiltonisation(report: Report) -> HamiltonisationPart:
 
 
 def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
-    transform = found.transform
-    if transform is None:
-        return None
-    written = _formula(transform.hamiltonian)
-    pairs = zip(transform.symbols, transform.momenta, strict=True)
-    return HamiltonianPart(
-        text=written.text,
-        latex=written.latex,
-        momenta={symbol.name: to_text(p) for symbol, p in pairs},
-        implicit=transform.implicit,
-        constraints=[to_text(tree) for tree in found.images],
-    )
+    return None if found.transform is None else translate.transform_part(found.transform, found.images)
 
 
 def _trajectory(comparison: Comparison) -> TrajectoryPart:
@@ -334,11 +303,3 @@ def _trajectory(comparison: Comparison) -> TrajectoryPart:
         constraint=comparison.constraint,
         energy=comparison.energy,
     )
-
-
-def _formula(tree: Expression) -> Formula:
-    return Formula(text=to_text(tree), latex=to_latex(tree))
-
-
-def _formulas(names: tuple[str, ...], trees: tuple[Expression, ...]) -> dict[str, Formula]:
-    return {name: _formula(tree) for name, tree in zip(names, trees, strict=True)}
