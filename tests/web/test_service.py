@@ -135,7 +135,7 @@ def test_a_deadline_gives_an_undetermined_result(client: httpx.Client) -> None:
     names = [f"x{k}" for k in range(8)]
     terms = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in names for b in names)
     document = {"coordinates": names, "equations": dict.fromkeys(names, terms)}
-    response = client.post("/v1/solve?time_limit=0.5", json=document)
+    response = client.post("/v1/solve?time_limit=0.5", json=document, headers={"Prefer": "wait=20"})
     assert response.status_code == 200, response.text
     assert response.json()["verdict"] == "undetermined"
     assert "limit" in response.json()["reason"]
