@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
 from functools import cached_property
 from itertools import combinations, combinations_with_replacement, product
 from typing import Any
@@ -23,12 +24,13 @@ class KindExpansion(Expansion):
         super().__init__(arithmetic, degree)
         self.pushed = self.slopes  # those of f with its friction
         self.speeds = dict(zip(self.v, self.field[-2 * len(self.v) : -len(self.v)], strict=True))
-        if self.question.without_drag:  # f, E f, E E f, E E E f with E = v^k d/dv^k
-            powers = [[force] for force in self.forces]
-            for _, each in product(range(3), powers):
-                each.append(self.along(self.speeds, each[-1]))
-            self.cubic = [self.add(each, [0, 2, -3, 1]) for each in powers]
-            self.forces = [self.add(each, [1, -2, 1, 0]) for each in powers]
+        if self.question.without_drag:
+            odd = {v: self.constant(Fraction(2 * k + 1)) for k, v in enumerate(self.v)}
+            self.cubic, scaled = self.forces, [self.along(self.speeds, force) for force in self.forces]
+            for _ in range(3):
+                self.cubic = [self.along(odd, force) for force in self.cubic]
+            self.forces = [self.add([force, once, self.along(self.speeds, once)], [1, -2, 1])
+                           for force, once in zip(self.forces, scaled, strict=True)]  # fmt: skip
             self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
             self.field[-len(self.v) :] = self.forces
 

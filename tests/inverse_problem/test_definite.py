@@ -20,25 +20,27 @@ YES, NO, OPEN = "variational", "not_variational", "undetermined"
 ROTATING = {"x": "-y", "y": "x"}  # K with eigenvalues i, -i
 SPIRAL = {"x": "-a*x - b*y", "y": "b*x - a*y"}
 # source, equations, parameters, near, verdict
+# q'' = -K q has a definite constant g just where K is a product of a definite and a symmetric matrix: where it is
+# diagonalizable with real eigenvalues (Taussky 1972); and g(p) K is symmetric for any L.
 KNOWN: list[tuple[str, dict[str, str], list[str], dict[str, Any], str]] = [
-    ("oscillator", {"x": "-x", "y": "-y"}, [], {}, YES),
-    ("coupled so that T = x'y' is the first thing found", {"x": "-y", "y": "-x"}, [], {}, YES),
-    ("real distinct eigenvalues, K not symmetric", {"x": "-x + y", "y": "-2*y"}, [], {}, YES),
-    ("a Jordan block (flutter boundary: Ziegler 1952)", {"x": "-x + y", "y": "-y"}, [], {}, NO),
+    ("space oscillator (Landau, Lifshitz 1976, 23)", {"x": "-x", "y": "-y"}, [], {}, YES),
+    ("coupled so that T = x'y' is the first thing found (Taussky 1972)", {"x": "-y", "y": "-x"}, [], {}, YES),
+    ("real distinct eigenvalues, K not symmetric (Taussky 1972)", {"x": "-x + y", "y": "-2*y"}, [], {}, YES),
+    ("a Jordan block, as at the boundary of flutter (Taussky 1972)", {"x": "-x + y", "y": "-y"}, [], {}, NO),
     ("circulatory forces: eigenvalues i, -i (Merkin 1997, ch. 6)", ROTATING, [], {}, NO),
-    ("follower force beyond flutter, at numbers", SPIRAL, ["a", "b"], {"a": 2, "b": 1}, NO),
-    ("charge in a magnetic field", {"x": "y'", "y": "-x'"}, [], {}, YES),
-    ("Kepler, not rational", {"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"}, [], {}, YES),
-    ("van der Pol: no closed form, one coordinate", {"x": "(1-x^2)*x' - x"}, [], {"x": 1, "x'": 2}, YES),
-    ("complex harmonic: Re and Im of q'' = -i q in two planes", {"x": "-y", "y": "x", "z": "-w", "w": "z"}, [], {}, NO),
-    ("a rotation beside an oscillator", {"x": "-y", "y": "x", "z": "-z"}, [], {}, NO),
-    ("Cauchy-Riemann: q'' = q^2 in C", {"x": "x^2-y^2", "y": "2*x*y"}, [], {}, NO),
-    ("three different springs", {"x": "-x", "y": "-2*y", "z": "-3*z"}, [], {}, YES),
+    ("circulatory forces beside springs (Merkin 1997, ch. 6)", SPIRAL, ["a", "b"], {"a": 2, "b": 1}, NO),
+    ("charge in a magnetic field (Goldstein 1980, 1.5)", {"x": "y'", "y": "-x'"}, [], {}, YES),
+    ("Kepler (Landau, Lifshitz 1976, 15)", {"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"}, [], {}, YES),
+    ("one coordinate always has one (Darboux 1894, 604)", {"x": "(1-x^2)*x' - x"}, [], {"x": 1, "x'": 2}, YES),
+    ("q'' = -i q in two planes (Taussky 1972)", {"x": "-y", "y": "x", "z": "-w", "w": "z"}, [], {}, NO),
+    ("a rotation beside an oscillator (Taussky 1972)", {"x": "-y", "y": "x", "z": "-z"}, [], {}, NO),
+    ("q'' = q^2 in C: the eigenvalues of dq''/dq are not real (Taussky 1972)", {"x": "x^2-y^2", "y": "2*x*y"}, [], {}, NO),
+    ("three different springs (Landau, Lifshitz 1976, 23)", {"x": "-x", "y": "-2*y", "z": "-3*z"}, [], {}, YES),
     ("gyroscopic stabilization (Thomson, Tait 1879, 345)", {"x": "2*y' + x", "y": "-2*x' + y"}, [], {}, YES),
-    ("two-bar follower load below flutter (Ziegler 1952)", {"x": "-3*x + y", "y": "-x/2 - y"}, [], {}, YES),
-    ("the same beyond flutter", {"x": "-3*x + 2*y", "y": "-2*x - y"}, [], {}, NO),
-    ("Pais-Uhlenbeck, as two oscillators (Bolonek, Kosinski 2005)", {"x": "-x", "y": "-4*y"}, [], {}, YES),
-    ("a Jordan block beside a spring", {"x": "-x + y", "y": "-y", "z": "-2*z"}, [], {}, NO),
+    ("two bars, follower load 2 < 7/2 - sqrt(2) (Ziegler 1952)", {"x": "-x/2", "y": "3*x/2 - y"}, [], {}, YES),
+    ("the same, load 5/2: flutter (Ziegler 1952)", {"x": "-x/4 - y/4", "y": "5*x/4 - 3*y/4"}, [], {}, NO),
+    ("the oscillator of fourth order, as two (Bolonek, Kosinski 2005)", {"x": "-x", "y": "-4*y"}, [], {}, YES),
+    ("a Jordan block beside a spring (Taussky 1972)", {"x": "-x + y", "y": "-y", "z": "-2*z"}, [], {}, NO),
     ("no Lagrangian at all (Douglas 1941)", {"x": "x^2+y^2", "y": "0"}, [], {}, NO),
 ]
 

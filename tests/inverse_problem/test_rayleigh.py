@@ -15,38 +15,48 @@ PENDULUM = (
     "2*a''+b''*cos(a-b)+b'^2*sin(a-b)+2*sin(a)+c*a'+k*(a'-b')=0; a''*cos(a-b)+b''-a'^2*sin(a-b)+sin(b)+k*(b'-a')=0"
 )
 CHAIN = {"x": "-2*x + y - 2*x' + y'", "y": "x - 2*y + z + x' - 2*y' + z'", "z": "y - z + y' - z'"}
-# Goldstein, Classical Mechanics, section 1.5: Rayleigh's function; Mestdag, Sarlet, Crampin, arXiv:1004.0674.
+SPEED = "sqrt(x'^2+y'^2+z'^2)"
+DRAG = {"x": f"-{SPEED}*x'", "y": f"-{SPEED}*y'", "z": f"-1-{SPEED}*z'"}
+# D and the forces dD/dv: Rayleigh 1877, 81; Goldstein 1980, 1.5.
 WITH_FRICTION = [
-    ("damped oscillator", {"x": "-x-c*x'"}),
-    ("chain of three masses with springs and dampers", CHAIN),
-    ("two masses that share a damper", {"x": "-x-x'", "y": "-y+x'"}),
+    ("damped oscillator (Landau, Lifshitz 1976, 25)", {"x": "-x-c*x'"}),
+    ("chain of three masses with springs and dampers (Rayleigh 1877, 81)", CHAIN),
+    ("a damper and a gyroscopic force", {"x": "-x-x'", "y": "-y+x'"}),
     ("masses 2 and 1", {"x": "y-x'", "y": "2*x-y'"}),
-    ("with gyroscopic terms", {"x": "-x-c*x'+b*y'", "y": "-2*y-k*y'-b*x'"}),
-    ("two masses between walls, each damped", {"x": "-2*x+y-x'", "y": "x-2*y-y'"}),
-    ("a damper between masses 2 and 1", {"x": "-x-(x'-y')/2", "y": "-y+x'-y'"}),
+    ("with gyroscopic terms (Merkin 1997, ch. 6)", {"x": "-x-c*x'+b*y'", "y": "-2*y-k*y'-b*x'"}),
+    ("two masses between walls, each damped (Rayleigh 1877, 81)", {"x": "-2*x+y-x'", "y": "x-2*y-y'"}),
+    ("damped absorber of vibrations (Den Hartog 1956, ch. 3)", {"x": "-x-(x-y)/2-(x'-y')/2", "y": "x-y+x'-y'"}),
+    ("a damper between masses 2 and 1 (Rayleigh 1877, 81)", {"x": "-x-(x'-y')/2", "y": "-y+x'-y'"}),
     ("a damped gyroscope (Merkin 1997, ch. 6)", {"x": "-x-x'+2*y'", "y": "-y-y'-2*x'"}),
-    ("Kepler with drag", {"x": "-x/(x^2+y^2)^(3/2)-c*x'", "y": "-y/(x^2+y^2)^(3/2)-c*y'"}),
-    ("pendulum with drag", {"x": "-sin(x)-c*x'"}),
-    ("van der Pol (Rayleigh 1883)", {"x": "(1-x^2)*x'-x"}),
+    (
+        "Kepler with Stokes's law of drag (Goldstein 1980, 1.5)",
+        {"x": "-x/(x^2+y^2)^(3/2)-c*x'", "y": "-y/(x^2+y^2)^(3/2)-c*y'"},
+    ),
+    ("pendulum with drag (Strogatz 1994, 6.7)", {"x": "-sin(x)-c*x'"}),
+    ("an oscillator that feeds itself (van der Pol 1926)", {"x": "(1-x^2)*x'-x"}),
     ("circulatory forces with drag: T is indefinite", {"x": "-y-x'", "y": "x-y'"}),
     ("geodesics of the half plane, damped", {"x": "2*x'*y'/y-c*x'", "y": "(y'^2-x'^2)/y-c*y'"}),
 ]
 WITHOUT = [
-    ("friction of the third degree", {"x": "-x-x'^3", "y": "-y"}),
-    ("a force without potential", {"x": "x^2+y^2", "y": "-y'"}),
-    ("a connection without a metric, damped", {"x": "x'*y'-x'", "y": "-y'"}),
-    ("drag that is not polynomial", {"x": "-x-sqrt(1+x'^2+y'^2)*x'", "y": "-y-sqrt(1+x'^2+y'^2)*y'"}),
+    ("friction of the third degree (Rayleigh 1883)", {"x": "-x-x'^3", "y": "-y"}),
+    ("the potential part has no Lagrangian (Douglas 1941)", {"x": "x^2+y^2", "y": "-y'"}),
+    ("a connection without a metric, damped (Thompson 2003)", {"x": "x'*y'-x'", "y": "-y'"}),
+    (
+        "drag that is not linear in the speed (Minguzzi 2015)",
+        {"x": "-x-sqrt(1+x'^2+y'^2)*x'", "y": "-y-sqrt(1+x'^2+y'^2)*y'"},
+    ),
+    ("drag by the square of the speed (Minguzzi 2015)", DRAG),
+    ("of degree 1 in the velocities, and not linear", {"x": "-x'^3/(x'^2+y'^2)", "y": "-y-y'"}),
 ]
 
 
-# With any D. Rayleigh's own cubic friction; drag by the square of the speed (Sommerfeld, Mechanics, section 5).
-SPEED = "sqrt(x'^2+y'^2+z'^2)"
+# With any D.
 WITH_ANY_FRICTION = [
     ("friction of the third degree (Rayleigh 1883)", {"x": "-x-x'^3"}),
-    ("three masses with friction of high degrees", {"x": "y-x-x'^3", "y": "x-y-y'^3", "z": "-z-z'^5"}),
-    ("drag by the square of the speed", {"x": f"-{SPEED}*x'", "y": f"-{SPEED}*y'", "z": f"-1-{SPEED}*z'"}),
+    ("powers of the speed, mass by mass (Minguzzi 2015)", {"x": "y-x-x'^3", "y": "x-y-y'^3", "z": "-z-z'^5"}),
+    ("drag by its square (Minguzzi 2015)", DRAG),
     ("forces x' y' z'", {"x": "y'*z'", "y": "2*z'*x'", "z": "x'*y'"}),
-    ("a force without potential, which D takes", {"x": "x^2+y^2", "y": "-y'"}),
+    ("a force without potential, which D takes (Mestdag, Sarlet, Crampin 2011)", {"x": "x^2+y^2", "y": "-y'"}),
     ("a magnetic field that is not closed: T is indefinite", {"x": "z*y'-x'", "y": "-z*x'-2*y'", "z": "-3*z'"}),
 ]
 NOT_ANY = {"x": "y*z'^2+x'*z'-x*y'^2", "y": "x*x'^2+y'*z'+z", "z": "x'*y'+z*y'^2"}

@@ -46,9 +46,9 @@ def test_an_answer_for_another_clock_is_refused() -> None:
 
 # The nonholonomic particle in V = x^2/2 + y^2/2, and Suslov's problem, reduced; Kepler needs no other clock.
 FOUND = [
-    ("particle", {"x": "-(x + y*x'*y')/(1+y^2)", "y": "-y"}, "1/sqrt(y^2 + 1)"),
-    ("paper's class", REDUCED, "1/sqrt(a^2 + 1)"),
-    ("Kepler in a plane", {"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"}, "1"),
+    ("reduced particle (Rosenberg 1977)", {"x": "-(x + y*x'*y')/(1+y^2)", "y": "-y"}, "1/sqrt(y^2 + 1)"),
+    ("reduced generic class (Fernandez, Mestdag, Bloch 2009)", REDUCED, "1/sqrt(a^2 + 1)"),
+    ("Kepler (Landau, Lifshitz 1976, 15)", {"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"}, "1"),
 ]
 
 

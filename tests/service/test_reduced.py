@@ -37,13 +37,13 @@ def generic(potential: str) -> dict[str, Any]:
 # source, document, verdict as it is, verdict with the clock (None: there is no other clock)
 KNOWN: list[tuple[str, dict[str, Any], str, str | None]] = [
     ("generic class, one constraint, any V (Fernandez, Mestdag, Bloch 2009)", generic("V(r1,r2)"), NO, YES),
-    ("generic class, two constraints, any A, B, V", document(
+    ("generic class, two constraints, any A, B, V (Fernandez, Mestdag, Bloch 2009)", document(
         "I1/2*r1'^2+I2/2*r2'^2+I3/2*s'^2+I4/2*w'^2-V(r1,r2)", "s'+A(r1)*r2'", "w'+B(r1)*r2'",
         coordinates=["r1", "r2", "s", "w"], parameters=["I1", "I2", "I3", "I4"],
         functions={"A": ["r1"], "B": ["r1"], "V": ["r1", "r2"]}), NO, YES),
     ("nonholonomic particle, any V(x, y) (Rosenberg 1977)", document(
         "(x'^2+y'^2+z'^2)/2-V(x,y)", "z'-y*x'", coordinates=["x", "y", "z"], functions={"V": ["x", "y"]}), NO, YES),
-    ("particle in a harmonic potential", document(
+    ("two shape variables and a measure: particle in a harmonic potential (Chaplygin 1911)", document(
         "(x'^2+y'^2+z'^2)/2-x^2/2-y^2", "z'-y*x'", coordinates=["x", "y", "z"]), NO, YES),
     ("Suslov's problem (Suslov 1902)", document(
         BODY, "phi'*sin(theta)*sin(psi)+theta'*cos(psi)", **EULER), NO, YES),
@@ -52,10 +52,10 @@ KNOWN: list[tuple[str, dict[str, Any], str, str | None]] = [
     ("snakeboard (Bloch, Krishnaprasad, Marsden, Murray 1996)", document(
         SNAKEBOARD, "x'+R*cot(phi)*cos(theta)*theta'", "y'+R*cot(phi)*sin(theta)*theta'",
         coordinates=["x", "y", "theta", "psi", "phi"], parameters=["m", "R", "J0", "J1"]), YES, YES),
-    ("vertical rolling disk (Bloch 2003, 1.4)", document(
+    ("vertical rolling disk (Bloch 2003, ch. 1)", document(
         "m/2*(x'^2+y'^2)+I/2*theta'^2+J/2*phi'^2", "x'-R*cos(phi)*theta'", "y'-R*sin(phi)*theta'",
         coordinates=["phi", "theta", "x", "y"], parameters=["m", "I", "J", "R"]), YES, NONE),
-    ("knife edge on a plane (Bloch 2003, 1.6)", document(
+    ("knife edge on a plane (Bloch 2003, ch. 1)", document(
         "(x'^2+y'^2)/2+phi'^2/2", "sin(phi)*x'-cos(phi)*y'", coordinates=["phi", "x", "y"]), YES, YES),
     ("Chaplygin's sleigh: no measure (Neimark, Fufaev 1972)", document(
         SLEIGH, "sin(phi)*x'-cos(phi)*y'", coordinates=["phi", "x", "y"], parameters=["m", "J", "a"]), NO, NONE),

@@ -1,0 +1,136 @@
+"""What a kind of Lagrangian costs beside the plain decision: the table in docs/kinds.md.
+
+`python -m benchmarks.kind_costs [--write]`: the systems of the catalogue with at most four coordinates, processor
+time of one thread, least of three runs; no Lagrangian is handed over, so each kind is decided by itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks.measured import conditions, put
+from benchmarks.tables import table
+from inverse_service import catalogue
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.tree import number
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.deciding import decide
+from inverse_service.inverse_problem.kinds.restricted import invariant, kind_named
+from inverse_service.inverse_problem.of_kind import answering
+from inverse_service.inverse_problem.of_kind.answering import answer_kind
+from inverse_service.inverse_problem.of_kind.definite import answer_definite
+from inverse_service.inverse_problem.of_kind.rayleigh import answer_general, answer_rayleigh
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer, Solution
+from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+PAGE = Path(__file__).parents[1] / "docs" / "kinds.md"
+KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "rayleigh_general", "positive_definite")
+REPEATS, MOST = 3, 4
+
+
+class Checks:
+    """Processor time that the checker takes inside of an answer."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        answering.check_certificate = self.check  # type: ignore[attr-defined]
+
+    def check(self, certificate: object, **options: Any) -> Any:
+        began = time.thread_time()
+        found = check_certificate(certificate, **options)
+        self.seconds += time.thread_time() - began
+        return found
+
+
+def plain(system: SecondOrderSystem, seed: int) -> None:
+    analysis = analyse(system)
+    found = decide(system, False, seed, analysis=analysis)
+    if found.verdict != "undetermined":
+        answering.check_certificate(certify.of_decision(analysis, found))  # type: ignore[attr-defined]
+
+
+def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
+    """Answer about a kind, as if nothing else were known of the system; whether the answer is definite."""
+    names, end = system.coordinates, math.inf
+    if name.startswith("rayleigh"):
+        analysis = analyse(system)
+        found = (
+            answer_rayleigh(analysis, (), lambda _: [], seed, end)
+            if name == "rayleigh"
+            else answer_general(analysis, (), (), seed, end)
+        )
+        return found.certificate is not None
+    solution = Solution(system, Answer("undetermined"), Answer("undetermined"), None)
+    if name == "positive_definite":
+        return answer_definite(solution, kind_named(name, names), {}, seed, end).certificate is not None
+    kind = invariant([{names[0]: ("1", number(1))}], names) if name == "invariant" else kind_named(name, names)
+    return answer_kind(solution, kind, SolveOptions(seed=seed), end).certificate is not None
+
+
+def seconds(work: Callable[[int], object], checks: Checks) -> tuple[float, float]:
+    """The least processor time with the checks, and without them."""
+    runs = []
+    for seed in range(1, REPEATS + 1):
+        checks.seconds, began = 0.0, time.thread_time()
+        work(seed)
+        whole = time.thread_time() - began
+        runs.append((whole, whole - checks.seconds))
+    return min(runs)
+
+
+def systems() -> dict[str, SecondOrderSystem]:
+    found = {}
+    for name in catalogue.names():
+        one = catalogue.document(name)
+        if "equations" in one and len(one["coordinates"]) <= MOST:
+            found[name] = read_system(
+                one["coordinates"], one["equations"], one.get("parameters", ()), one.get("functions"), name
+            )
+    return found
+
+
+def measured() -> str:
+    checks, ratios = Checks(), {name: list[tuple[float, float]]() for name in KINDS}
+    plains = []
+    for name, system in systems().items():
+        try:
+            plain(system, 1)  # loads what is loaded once
+            beside = seconds(lambda seed, s=system: plain(s, seed), checks)
+        except IrreducibleAtoms:
+            continue
+        plains.append(beside)
+        for kind, listed in ratios.items():
+            if not asked(kind, system, 1):
+                continue
+            own = seconds(lambda seed, s=system, k=kind: asked(k, s, seed), checks)
+            listed.append((own[0] / beside[0], own[1] / beside[1]))
+            print(f"{name} {kind}: {listed[-1][0]:.2f} {listed[-1][1]:.2f}", flush=True)
+    head = ["kind", "answers", "median", "without the checks", "nine of ten below"]
+    rows = [[kind, str(len(listed)), *(f"{x:.1f}" for x in _columns(listed))] for kind, listed in ratios.items()]
+    whole, alone = (1000 * statistics.median(column) for column in zip(*plains, strict=True))
+    told = f"{len(plains)} systems; the plain decision takes {alone:.0f} ms at the median, with its check {whole:.0f} ms"
+    return f"{table(head, rows)}\n{told} ({conditions()}).\n"
+
+
+def _columns(listed: list[tuple[float, float]]) -> tuple[float, float, float]:
+    whole, alone = (sorted(column) for column in zip(*listed, strict=True))
+    return statistics.median(whole), statistics.median(alone), whole[len(whole) * 9 // 10]
+
+
+if __name__ == "__main__":
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--write", action="store_true", help="put the table in docs/kinds.md")
+    text = measured()
+    print(text)
+    if options.parse_args().write:
+        put(PAGE, "costs", text)
