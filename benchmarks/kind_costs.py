@@ -118,7 +118,9 @@ def measured() -> str:
     head = ["kind", "answers", "median", "without the checks", "nine of ten below"]
     rows = [[kind, str(len(listed)), *(f"{x:.1f}" for x in _columns(listed))] for kind, listed in ratios.items()]
     whole, alone = (1000 * statistics.median(column) for column in zip(*plains, strict=True))
-    told = f"{len(plains)} systems; the plain decision takes {alone:.0f} ms at the median, with its check {whole:.0f} ms"
+    told = (
+        f"{len(plains)} systems; the plain decision takes {alone:.0f} ms at the median, with its check {whole:.0f} ms"
+    )
     return f"{table(head, rows)}\n{told} ({conditions()}).\n"
 
 

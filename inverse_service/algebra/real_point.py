@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
 import mpmath
@@ -64,6 +64,13 @@ def find_real_point(
                     if are_positive(inside, table) and is_defined(expressions, table):
                         return table
     return None
+
+
+def table_at(near: Mapping[str, str]) -> RealTable:
+    """The point that is named by the texts of its values: x, x', t, a, ..."""
+    values = {name: mpmath.mpf(text) for name, text in near.items()}
+    named: RealTable = {Velocity(n[:-1]) if n.endswith("'") else Symbol(n): x for n, x in values.items()}
+    return {RADIAN: mpmath.mpf(1)} | named
 
 
 def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath.mpf:

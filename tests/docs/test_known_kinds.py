@@ -34,7 +34,8 @@ SOURCES = {
     "Bolonek, Kosinski 2005": "Hamiltonian structures for Pais-Uhlenbeck oscillator, Acta Phys. Polon. B 36",
     "Calogero 1971": "Solution of the one-dimensional N-body problems with quadratic and/or inversely quadratic pair "
     "potentials, J. Math. Phys. 12",
-    "Chaplygin 1911": "On the theory of motion of nonholonomic systems. The reducing-multiplier theorem, Mat. Sbornik 28",
+    "Chaplygin 1911": "On the theory of motion of nonholonomic systems. The theorem on the reducing multiplier, Mat. "
+    "Sbornik 28",
     "Darboux 1894": "Lecons sur la theorie generale des surfaces III, Gauthier-Villars",
     "Den Hartog 1956": "Mechanical Vibrations, 4th edition, McGraw-Hill",
     "do Carmo 1976": "Differential Geometry of Curves and Surfaces, Prentice-Hall",
@@ -44,7 +45,8 @@ SOURCES = {
     "arXiv:0909.4018",
     "Goldstein 1980": "Classical Mechanics, 2nd edition, Addison-Wesley",
     "Hamel 1903": "Ueber die Geometrieen, in denen die Geraden die Kuerzesten sind, Math. Ann. 57",
-    "Henon, Heiles 1964": "The applicability of the third integral of motion: some numerical experiments, Astron. J. 69",
+    "Henon, Heiles 1964": "The applicability of the third integral of motion: some numerical experiments, Astron. "
+    "J. 69",
     "Hill 1878": "Researches in the lunar theory, Amer. J. Math. 1",
     "Kobayashi, Nomizu 1963": "Foundations of Differential Geometry I, Interscience",
     "Landau, Lifshitz 1976": "Mechanics, 3rd edition, Pergamon",

@@ -34,7 +34,13 @@ KNOWN: list[tuple[str, dict[str, str], list[str], dict[str, Any], str]] = [
     ("one coordinate always has one (Darboux 1894, 604)", {"x": "(1-x^2)*x' - x"}, [], {"x": 1, "x'": 2}, YES),
     ("q'' = -i q in two planes (Taussky 1972)", {"x": "-y", "y": "x", "z": "-w", "w": "z"}, [], {}, NO),
     ("a rotation beside an oscillator (Taussky 1972)", {"x": "-y", "y": "x", "z": "-z"}, [], {}, NO),
-    ("q'' = q^2 in C: the eigenvalues of dq''/dq are not real (Taussky 1972)", {"x": "x^2-y^2", "y": "2*x*y"}, [], {}, NO),
+    (
+        "q'' = q^2 in C: the eigenvalues of dq''/dq are not real (Taussky 1972)",
+        {"x": "x^2-y^2", "y": "2*x*y"},
+        [],
+        {},
+        NO,
+    ),
     ("three different springs (Landau, Lifshitz 1976, 23)", {"x": "-x", "y": "-2*y", "z": "-3*z"}, [], {}, YES),
     ("gyroscopic stabilization (Thomson, Tait 1879, 345)", {"x": "2*y' + x", "y": "-2*x' + y"}, [], {}, YES),
     ("two bars, follower load 2 < 7/2 - sqrt(2) (Ziegler 1952)", {"x": "-x/2", "y": "3*x/2 - y"}, [], {}, YES),
@@ -122,3 +128,16 @@ def test_flutter_whose_proof_is_irrational_says_so() -> None:
     found = solved({"x": "y", "y": "z", "z": "2*x"}, [], {})["kinds"]["positive_definite"]
     assert (found["verdict"], found["certificate"]) == (OPEN, None)
     assert "algebraic numbers" in found["reason"]
+
+
+@pytest.mark.parametrize(("force", "x"), [("-sqrt(x)", -1), ("-1/x", 0), ("-abs(x)", -1)])
+def test_a_point_outside_of_the_answer_says_so(force: str, x: int) -> None:
+    """Where f has no value, or on x < 0 when the answer is about x > 0."""
+    found = solved({"x": force}, [], {"x": x})["kinds"]["positive_definite"]
+    assert (found["verdict"], found["certificate"]) == (OPEN, None)
+    assert "this point" in found["reason"]
+
+
+def test_a_sum_of_lagrangians_is_written_in_lowest_terms() -> None:
+    found = solved({"x": "-k*y", "y": "-x"}, ["k"], {})["kinds"]["positive_definite"]
+    assert found["lagrangian"]["text"].count("x'^2") == 1

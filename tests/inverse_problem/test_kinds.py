@@ -117,6 +117,12 @@ def test_known_answers(source: str, equations: dict[str, str], kind: Any, verdic
         assert max(residuals(equations, found["lagrangian"]["text"])) < 1e-20
 
 
+def test_fields_may_hold_parameters_that_have_values() -> None:
+    document = {"equations": OSCILLATOR, "parameters": {"k": 2}, "kinds": [{"invariant": [{"x": "-k*y", "y": "k*x"}]}]}
+    found = solve_document(document, SolveOptions(time_limit=60))["kinds"]["invariant"]
+    assert (found["verdict"], found["certificate"]["among"]) == (YES, {"invariant": [{"x": "-2*y", "y": "2*x"}]})
+
+
 def test_an_open_kind_has_no_certificate() -> None:
     """Translations along x and y together: g is invariant, L only up to dF/dt (a central extension)."""
     found = solved({"x": "y'", "y": "-x'"}, {"invariant": ["x", "y"]})["kinds"]["invariant"]

@@ -77,7 +77,7 @@ def test_without_a_clock_the_answer_says_what_was_tried() -> None:
     assert "N = 1, " in found["reason"]
 
 
-@pytest.mark.parametrize("clock", ["x'", "t", "0", "y +", "w", 7.5, ["x"]])
+@pytest.mark.parametrize("clock", ["x'", "t", "0", "x - x", "sqrt(-1 - x^2)", "y +", "w", 7.5, ["x"]])
 def test_what_is_no_clock_is_refused(clock: Any) -> None:
     with pytest.raises(InputError) as refused:
         solved({"x": "-x"}, clock)
@@ -88,3 +88,31 @@ def test_a_clock_that_is_searched_for_holds_no_time() -> None:
     """With the damping x' the measure e^(2t) is invariant, which is no clock."""
     asked = {"equations": {"x": "-x*y^2 - x'", "y": "-y*x^2 - y'"}, "clock": "search"}
     assert solve_document(asked, SolveOptions(time_limit=60))["with_clock"]["factor"] == ""
+
+
+def test_a_clock_and_the_equations_need_a_point_in_common() -> None:
+    with pytest.raises(InputError, match="real values"):
+        solved({"x": "-sqrt(x)", "y": "-y"}, "sqrt(-x)")
+
+
+def test_the_answer_is_about_the_points_where_the_clock_is_real() -> None:
+    found = solved({"x": "-x", "y": "-y"}, "sqrt(x - 2)")["with_clock"]
+    assert (found["domain"], found["certificate"]["conditions"]) == (["x > 2"], ["x > 2"])
+
+
+def test_the_answer_is_about_one_case_of_signs_and_says_which() -> None:
+    """|x| is x in the equations with the clock: that is so for x > 0 only."""
+    result = solved({"x": "-abs(x)*y'", "y": "-y"}, "1 + x^2")
+    found = result["with_clock"]
+    assert "sqrt" not in found["equations"]["x"]
+    assert found["domain"] == ["x > 0"]
+    assert check_document(json.dumps(result))["verdict"] == "valid"
+    for forged in ({"domain": []}, {"certificate": {**found["certificate"], "near": {"x": "-1"}, "conditions": []}}):
+        assert check_document(json.dumps({**result, "with_clock": {**found, **forged}}))["verdict"] == "invalid"
+
+
+def test_a_clock_may_hold_parameters_that_have_values() -> None:
+    result = solve_document(
+        {"equations": {"x": "-x"}, "parameters": {"k": 2}, "clock": "k + x^2"}, SolveOptions(time_limit=60)
+    )
+    assert result["with_clock"]["factor"] == "x^2 + 2"

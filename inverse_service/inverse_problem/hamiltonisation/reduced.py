@@ -91,7 +91,10 @@ def answer_reduced(
         return _searched(system, plain, others, found, asked, end)
     faster: dict[Expression, Expression] = {Velocity(r): multiply(found, Velocity(r)) for r in system.coordinates}
     known = None if candidate is None else tidied(substitute(candidate, faster))
-    changed = _decided(with_clock(system, found), known, replace(asked, time_limit=left(end)))
+    faster_system = with_clock(system, found)
+    if faster_system is None:
+        return _searched(system, plain, others, "The clock of the invariant measure has no real values.", asked, end)
+    changed = _decided(faster_system, known, replace(asked, time_limit=left(end)))
     if changed.answer.verdict == "not_variational" and plain.answer.verdict == "not_variational":
         other = _searched(system, plain, others, "", asked, end)
         return Reduced(plain, others, found, changed) if other.clocked is None else other
@@ -110,9 +113,10 @@ def _searched(
     if plain.answer.verdict != "not_variational" or len(system.coordinates) == 1 or system.depends_on_time:
         return Reduced(plain, others, None, None, reason)
     factor, _ = find_clock(system, asked.seed, (now() + end) / 2)
-    if factor is None:
+    clocked = None if factor is None else with_clock(system, factor)
+    if clocked is None:
         return Reduced(plain, others, None, None, reason)
-    changed = _decided(with_clock(system, factor), None, replace(asked, time_limit=left(end)))
+    changed = _decided(clocked, None, replace(asked, time_limit=left(end)))
     return Reduced(plain, others, factor, changed)
 
 

@@ -7,7 +7,9 @@ from dataclasses import replace
 from fractions import Fraction
 
 from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.algebra.real_point import find_real_point, requirements
 from inverse_service.deadline import now
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
@@ -28,29 +30,41 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.expressions.tree import subtract as less
+from inverse_service.inverse_problem.decision.analysis import variables_of
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.of_kind.rayleigh import collected
 from inverse_service.linear_pde.deciding import Limits
+from inverse_service.mechanics.branches import branches_of
 from inverse_service.mechanics.nonholonomic.geometry import ORDERS, TERM_LIMIT, Frame, Geometry, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.integrals import measure_density
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem
 
 # Of a factor of f, and of the density of an invariant measure for n coordinates, the powers that are tried.
 _POWERS = tuple(Fraction(k, 2) for k in (-1, 1, -2, 2, -4, 4))
 _MOST_FACTORS = 12
 _ORDER = 4  # of the prolongations
+_SEED = 1
 
 
-def with_clock(system: SecondOrderSystem, factor: Expression) -> SecondOrderSystem:
-    """q'' = f(q, N q')/N^2 - (q'^k dN/dq^k / N) q', for f without t."""
-    names = system.coordinates
-    faster: dict[Expression, Expression] = {Velocity(name): multiply(factor, Velocity(name)) for name in names}
-    rate = divide(add(*(multiply(Velocity(name), differentiate(factor, Symbol(name))) for name in names)), factor)
-    forces = (divide(substitute(f, faster), power(factor, 2)) for f in system.given)
-    pairs = zip(forces, names, strict=True)
-    found = tuple(collected(less(force, multiply(rate, Velocity(name)))) for force, name in pairs)
-    return replace(system, accelerations=found, branch=None, name="")
+def with_clock(system: SecondOrderSystem, factor: Expression) -> SecondOrderSystem | None:
+    """q'' = f(q, N q')/N^2 - (q'^k dN/dq^k / N) q', for f without t, where N has real values other than 0.
+
+    On the first case of the signs in f and N that has a real point; None where none has.
+    """
+    names, variables = system.coordinates, variables_of(system)
+    for case in branches_of(replace(system, accelerations=(*system.given, factor), branch=None)):
+        *forces, clock = case.accelerations
+        table = find_real_point([*map(to_kernels, forces), divide(ONE, clock)], variables, _SEED, case.positive)
+        if table is None:
+            continue
+        faster: dict[Expression, Expression] = {Velocity(name): multiply(clock, Velocity(name)) for name in names}
+        rate = divide(add(*(multiply(Velocity(q), differentiate(clock, Symbol(q))) for q in names)), clock)
+        pushes = (divide(substitute(f, faster), power(clock, 2)) for f in forces)
+        found = tuple(collected(less(f, multiply(rate, Velocity(name)))) for f, name in zip(pushes, names, strict=True))
+        positive = tuple(dict.fromkeys((*case.positive, *requirements([to_kernels(clock)], table))))
+        return replace(system, accelerations=found, branch=Branch(found, positive), name="")
+    return None
 
 
 def find_clock(
@@ -66,6 +80,8 @@ def find_clock(
         if now() > deadline:
             break
         changed = system if factor == ONE else with_clock(system, factor)
+        if changed is None:
+            continue
         if decide(changed, False, seed, Limits(_ORDER, deadline)).verdict == "variational":
             return factor, tuple(tried)
         tried.append(factor)
@@ -113,4 +129,4 @@ def _density(system: SecondOrderSystem, deadline: float) -> Expression | None:
         found = measure_density(EliminatedMotion(parts, frame, speeds, tuple(map(ring.value, system.given)), unit, ()))
     except (TooLarge, ZeroDivisionError):
         return None
-    return found.velocities
+    return None if found.velocities is None or TIME in walk(found.velocities) else found.velocities

@@ -14,10 +14,11 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from inverse_service.algebra.real_point import RealTable, is_defined
+from inverse_service.algebra.real_point import RealTable, are_positive, is_defined
 from inverse_service.algebra.semidefinite import MOST, Matrix, definite_or_orthogonal
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import PI, Symbol, Velocity, add, multiply, number
 from inverse_service.inverse_problem.decision import certify
@@ -38,6 +39,7 @@ IRRATIONAL = "f is not rational, and no Lagrangian that was found has a definite
 _OPEN = (
     "no matrix of rational numbers was found that settles this; one of algebraic numbers may, which is not looked for"
 )
+OUTSIDE = "f has no value at this point, or it is one of another case of signs"
 _SPECIAL = "the check could not confirm that the values of g at this point are those of a generic one"
 _DIGITS = 2
 
@@ -55,6 +57,9 @@ def answer_definite(solution: Solution, kind: LagrangianKind, given: Near, seed:
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
     near, known = point_near(analysis, given), lagrangians_of(main)
+    there = _real(analysis, near)
+    if not is_defined(analysis.accelerations, there) or not are_positive(analysis.system.positive, there):
+        return KindAnswer("undetermined", OUTSIDE)
     found = _of_known(analysis, kind, known, near, deadline)
     if found is not None:
         return found
@@ -125,9 +130,9 @@ def _of_known(
         hessians.append(np.array(rows))
     for weights in definite_weights(hessians[:MOST_PARTS]):
         parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
-        whole = add(*(multiply(number(w), one.expression) for w, one in parts))
+        alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
+        whole = alone.expression if alone else collect(add(*(multiply(number(w), one.expression) for w, one in parts)))
         certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
         if is_valid(certificate, deadline):
-            alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else describe(analysis, whole, FAMILY)
-            return KindAnswer("variational", "", certificate, alone)
+            return KindAnswer("variational", "", certificate, alone or describe(analysis, whole, FAMILY))
     return None

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
-import mpmath
-
-from inverse_service.algebra.real_point import RealTable, are_positive
-from inverse_service.algebra.tower import RADIAN
+from inverse_service.algebra.real_point import are_positive, table_at
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text, judged
 from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT, RESULT_FORMAT
 from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused, InputError
-from inverse_service.expressions.tree import Arbitrary, Symbol, Velocity, walk
+from inverse_service.expressions.tree import Arbitrary, walk
 from inverse_service.inverse_problem.proofs.checked import checked_identities
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.branches import branches_of
@@ -238,12 +235,9 @@ def _are_all_branches(wanted: Sequence[SecondOrderSystem], shown: Sequence[dict[
         return False
     if not shown or not all(each.get("near") for each in certificates):
         return True  # one answer, or one without proof: what is said of the whole is incomplete
-    tables: list[RealTable] = []
-    for each in certificates:
-        near = {name: mpmath.mpf(text) for name, text in each["near"].items()}
-        tables.append({Velocity(n[:-1]) if n.endswith("'") else Symbol(n): x for n, x in near.items()})
+    tables = [table_at(each["near"]) for each in certificates]
     known = [one.positive for one in wanted if not any(isinstance(n, Arbitrary) for u in one.positive for n in walk(u))]
-    return all(any(are_positive(positive, {RADIAN: mpmath.mpf(1)} | table) for table in tables) for positive in known)
+    return all(any(are_positive(positive, table) for table in tables) for positive in known)
 
 
 def _compared(result: dict[str, Any], given: object, end: float) -> CheckResult | None:

@@ -6,11 +6,12 @@ from typing import Any
 
 from api_schemas.result import ClockPart
 from api_schemas.system import SystemDocument
+from inverse_service.algebra.real_point import are_positive, table_at
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.deadline import left, now
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Acceleration, Expression, Velocity, number, walk
+from inverse_service.expressions.tree import TIME, Acceleration, Arbitrary, Expression, Velocity, walk
 from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
@@ -34,8 +35,8 @@ def read_clock(system: SecondOrderSystem, text: str, schema: SystemDocument | No
     factor = translate.formula_about(text, system.names, schema, "/clock")
     if any(node == TIME or isinstance(node, Velocity | Acceleration) for node in walk(factor)):
         raise InputError("a clock N in dtau = N dt holds coordinates and parameters only.", "/clock")
-    if factor == number(0):
-        raise InputError("a clock N in dtau = N dt is not zero.", "/clock")
+    if with_clock(system, factor) is None:
+        raise InputError("a clock N needs real values other than 0 where the equations have values.", "/clock")
     return factor
 
 
@@ -51,6 +52,7 @@ def clock_part(
             reason = f"No Lagrangian was found with dtau = N dt for N = {listed}; others were not tried."
             return ClockPart(factor="", equations={}, verdict="undetermined", reason=reason)
     changed = with_clock(system, factor)
+    assert changed is not None
     options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=left(end), conditions=False)
     solution = solve(changed, options)
     assert solution.autonomous is not None
@@ -86,9 +88,10 @@ def compared_clocked(
     part: dict[str, Any], system: SecondOrderSystem, factor: Expression, wrong: CheckResult, time_limit: float
 ) -> CheckResult | None:
     """The same for an answer with this clock."""
-    if part.get("factor") != to_text(factor):
+    changed = with_clock(system, factor)
+    if changed is None or part.get("factor") != to_text(factor):
         return wrong
-    return compared_answer(part, with_clock(system, factor), wrong, time_limit)
+    return compared_answer(part, changed, wrong, time_limit)
 
 
 def compared_answer(
@@ -107,6 +110,18 @@ def compared_answer(
     question = "time_dependent" if system.depends_on_time else "autonomous"
     good = good and (certificate.get("claim"), certificate.get("question")) == (part.get("verdict"), question)
     text = shown.get("text") if isinstance(shown, dict) else None
+    held, near = certificate.get("conditions") or [], certificate.get("near") or {}
+    good = good and part.get("domain", held) == held and (not system.positive or _is_inside(system, near))
     if not good or text != certificate.get("lagrangian"):
         return wrong
     return check_certificate(certificate, time_limit=max(1.0, time_limit))
+
+
+def _is_inside(system: SecondOrderSystem, near: dict[str, str]) -> bool:
+    """Whether the point is one of the case of signs that the formulas of the system are for."""
+    try:
+        return are_positive(system.positive, table_at(near)) or any(
+            isinstance(node, Arbitrary) for tree in system.positive for node in walk(tree)
+        )
+    except (KeyError, ValueError, TypeError, AttributeError):
+        return False

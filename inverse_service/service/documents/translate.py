@@ -81,8 +81,9 @@ def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[Expression, ..
 def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer: str) -> Expression:
     """A formula about the system of a document, whose parameters with values are put in; InputError with pointer."""
     values = {} if schema is None else parameter_values(Declared(parameters=schema.parameters).named_parameters())
+    known = replace(names, parameters=(*names.parameters, *values))
     try:
-        return with_values(read_formula(text, names), values)
+        return with_values(read_formula(text, known), values)
     except InputError as error:
         raise type(error)(error.detail, pointer, error.column) from None
 
