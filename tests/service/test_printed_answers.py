@@ -93,3 +93,28 @@ def test_long_formulas_are_broken_between_their_terms_only() -> None:
     inner = shown.removeprefix(r"\[ \begin{aligned} & ").removesuffix(r" \end{aligned} \]")
     assert inner.replace(r" \\ & \quad ", "") == formula
     assert display("L = a + b") == r"\[ L = a + b \]"
+
+
+def test_kinds_say_of_which_question_case_and_point_they_speak_and_where_L_is_regular() -> None:
+    document = {"equations": {"x": "-abs(x)*x'"}, "kinds": ["natural", "positive_definite", "rayleigh"]}
+    result = solve_document(document, SolveOptions(time_limit=600))
+    text = text_page(result, False).split("Lagrangians of a kind:")[1]
+    near = ", ".join(f"{name} = {value}" for name, value in result["kinds"]["positive_definite"]["near"].items())
+    for line in (
+        "natural, L(q, q') on x > 0, x' > 0: no",
+        f"positive_definite, L(q, q') on x > 0, x' > 0 at {near}: yes",
+        "D = -x*x'^2/2",
+        "regular at generic points",
+    ):
+        assert line in text
+    latex = latex_page(result, False)
+    assert r"positive\_definite" in latex
+    assert r"D = -\frac{x \dot{x}^{2}}{2}" in latex
+
+
+def test_latex_has_what_there_is_instead_and_the_answer_with_another_clock() -> None:
+    document = {"equations": {"x": "-x-x'*y'", "y": "-y-x'"}, "clock": "sqrt(x - 2)"}
+    result = solve_document(document, SolveOptions(time_limit=600))
+    latex = latex_page(result, False)
+    assert ("Instead: " in latex) == bool(result["instead"])
+    assert latex.index("With the clock dtau = (sqrt(x - 2)) dt:") < latex.index("$x > 2$")

@@ -11,11 +11,14 @@ from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
 from inverse_service.service.documents.text_page import (
+    FORMULAS,
     answers_of,
     branches_of,
     cases_answered,
     forward_rows,
+    instead_answered,
     is_forward_result,
+    kinds_answered,
     regular_where,
     spaced,
     verdict_sentence,
@@ -48,6 +51,7 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
             lines += _answer(answer, with_time, explain, result["system"])
     if result.get("special_cases") is not None:
         lines += special_cases_latex(result["special_cases"])
+    lines += _further(result)
     return "\n".join([*lines, r"\end{document}"]) + "\n"
 
 
@@ -71,9 +75,7 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
     for letter, part in (("L", answer["lagrangian"]), ("H", hamiltonian)):
         if part is not None:
             yield display(f"{letter} = {part['latex']}")
-            if part.get("domain"):
-                yield f"where {_conditions(part['domain'], system, momenta)}."
-            yield from (f"Regular {escaped(part['regular'])}." for _ in regular_where(part))
+            yield from _where_regular(part, system, momenta)
     if momenta and system:
         yield from (display(f"{to_latex(Symbol(p))} = {_latex(text, system, momenta)}") for p, text in momenta.items())
     if hamiltonian and hamiltonian["constraints"] and system:
@@ -83,6 +85,29 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
         yield escaped(answer["solution_space"]["statement"])
     if explain:
         yield from latex_proof(answer["explanation"])
+
+
+def _further(result: dict[str, Any]) -> Iterator[str]:
+    """What there is instead of L(q, q'), and the answers about kinds and with another clock."""
+    system, instead, clock = result["system"], result.get("instead"), result.get("with_clock")
+    found = [(instead_answered(instead), instead)] if instead else []
+    for told, part in (*found, *kinds_answered(result)) if system is not None else ():
+        if told:
+            yield rf"\paragraph{{}} {escaped(told)}"
+            yield from (display(f"{sign} = {part[key]['latex']}") for sign, key in FORMULAS if part[key])
+            yield from _where_regular(part["lagrangian"] or {}, system)
+    if clock:
+        told = f"With the clock dtau = ({clock['factor']}) dt:"
+        yield rf"\paragraph{{}} {escaped(told)}"
+        yield from _answer({"solution_space": None, "explanation": [], **clock}, False, False, system)
+
+
+def _where_regular(
+    part: Mapping[str, Any], system: dict[str, Any] | None, letters: Iterable[str] = ()
+) -> Iterator[str]:
+    if part.get("domain"):
+        yield f"where {_conditions(part['domain'], system, letters)}."
+    yield from (f"Regular {escaped(part['regular'])}." for _ in regular_where(part))
 
 
 def _conditions(conditions: Sequence[str], system: dict[str, Any] | None, letters: Iterable[str] = ()) -> str:

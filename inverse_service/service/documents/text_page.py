@@ -36,7 +36,8 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     if result.get("special_cases") is not None:
         lines += ["", *special_cases_lines(result["special_cases"])]
     if result.get("instead"):
-        lines += ["", *_instead(result["instead"])]
+        told, part = instead_answered(result["instead"]), result["instead"]
+        lines += ["", told, *_formulas(part, "  "), f"  independent check: {part['checked']}"] if told else [""]
     if result.get("reduced"):
         lines += ["", *reduced_lines(result["reduced"])]
         lines += _answer({"solution_space": None, "explanation": [], **result["reduced"]}, False, False)
@@ -45,7 +46,8 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
         lines += ["", f"With the clock dtau = ({part['factor']}) dt, x' being dx/dtau:"]
         lines += _answer({"solution_space": None, "explanation": [], **part}, False, False)
     if result.get("kinds"):
-        lines += ["", *_kinds(result["kinds"])]
+        lines += ["", "Lagrangians of a kind:"]
+        lines += [line for told, part in kinds_answered(result) for line in (f"  {told}", *_formulas(part, "    "))]
     if explain:
         lines += ["", *_conditions(result["conditions"])]
     return "\n".join(lines) + "\n"
@@ -59,28 +61,37 @@ def branches_of(result: dict[str, Any]) -> list[dict[str, Any]]:
 _YES_OR_NO = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
 
 
-def _kinds(kinds: dict[str, Any]) -> Iterator[str]:
-    yield "Lagrangians of a kind:"
-    for name, part in kinds.items():
+def kinds_answered(result: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """A sentence about each kind, on the first case, and its answer."""
+    where = f" on {', '.join(result['domain'])}" if len(branches_of(result)) > 1 else ""
+    for name, part in (result.get("kinds") or {}).items():
+        question = (part["certificate"] or {}).get("question")
+        of = f", {QUESTIONS[question == 'time_dependent']}" if question else ""
+        near = ", ".join(f"{letter} = {value}" for letter, value in part["near"].items()) if name == DEFINITE else ""
         reason = f", {part['reason']}" if part["reason"] else ""
         check = f" (independent check: {part['checked']})" if part["checked"] else ""
-        yield f"  {name}: {_YES_OR_NO[part['verdict']]}{reason}{check}"
-        yield from (f"    {sign} = {part[key]['text']}" for sign, key in _FORMULAS if part[key])
+        yield f"{name}{of}{where}{' at ' * bool(near)}{near}: {_YES_OR_NO[part['verdict']]}{reason}{check}", part
 
 
-def _instead(part: dict[str, Any]) -> Iterator[str]:
-    """Nothing where the Lagrangian stands on the page already."""
+def instead_answered(part: Mapping[str, Any]) -> str:
+    """What there is instead; nothing where the Lagrangian stands on the page already."""
     if part["kind"] == "rayleigh":
-        yield "Instead: a Lagrangian with friction, d(dL/dx')/dt - dL/dx = dD/dx' for each coordinate x."
-        yield from (f"  {sign} = {part[key]['text']}" for sign, key in _FORMULAS)
-    elif part["kind"] == "parameters":
-        yield f"Instead, where {', '.join(part['conditions'])}: a regular Lagrangian L(q, q')."
-        yield f"  L = {part['lagrangian']['text']}"
-    if part["kind"] in ("rayleigh", "parameters"):
-        yield f"  independent check: {part['checked']}"
+        return "Instead: a Lagrangian with friction, d(dL/dx')/dt - dL/dx = dD/dx' for each coordinate x."
+    if part["kind"] == "parameters":
+        return f"Instead, where {', '.join(part['conditions'])}: a regular Lagrangian L(q, q')."
+    return ""
 
 
-_FORMULAS = (("L", "lagrangian"), ("D", "dissipation"))
+def _formulas(part: Mapping[str, Any], indent: str) -> Iterator[str]:
+    """L and D, and where L is one."""
+    yield from (f"{indent}{sign} = {part[key]['text']}" for sign, key in FORMULAS if part[key])
+    if part["lagrangian"]:
+        yield from (f"{indent}    where {condition}" for condition in part["lagrangian"]["domain"])
+        yield from (f"{indent}    {where}" for where in regular_where(part["lagrangian"]))
+
+
+FORMULAS = (("L", "lagrangian"), ("D", "dissipation"))
+DEFINITE = "positive_definite"
 
 
 def _cases(result: dict[str, Any]) -> Iterator[str]:
