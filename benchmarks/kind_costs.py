@@ -11,6 +11,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ class Checks:
 
     def __init__(self) -> None:
         self.seconds = 0.0
-        answering.check_certificate = self.check  # type: ignore[attr-defined]
+        answering.check_certificate = self.check  # type: ignore[attr-defined,assignment]
 
     def check(self, certificate: object, **options: Any) -> Any:
         began = time.thread_time()
@@ -105,14 +106,14 @@ def measured() -> str:
     for name, system in systems().items():
         try:
             plain(system, 1)  # loads what is loaded once
-            beside = seconds(lambda seed, s=system: plain(s, seed), checks)
+            beside = seconds(partial(plain, system), checks)
         except IrreducibleAtoms:
             continue
         plains.append(beside)
         for kind, listed in ratios.items():
             if not asked(kind, system, 1):
                 continue
-            own = seconds(lambda seed, s=system, k=kind: asked(k, s, seed), checks)
+            own = seconds(partial(asked, kind, system), checks)
             listed.append((own[0] / beside[0], own[1] / beside[1]))
             print(f"{name} {kind}: {listed[-1][0]:.2f} {listed[-1][1]:.2f}", flush=True)
     head = ["kind", "answers", "median", "without the checks", "nine of ten below"]

@@ -61,7 +61,7 @@ def branches_of(result: dict[str, Any]) -> list[dict[str, Any]]:
 _YES_OR_NO = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
 
 
-def kinds_answered(result: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def kinds_answered(result: dict[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """A sentence about each kind, on the first case, and its answer."""
     where = f" on {', '.join(result['domain'])}" if len(branches_of(result)) > 1 else ""
     for name, part in (result.get("kinds") or {}).items():
