@@ -75,7 +75,7 @@ def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: 
 
     Of an ensemble the CSV has a row for each member. NPZ files hold the scene and the version as text in `metadata`.
     """
-    import numpy as np
+    from inverse_service.service.scenes.simulating import csv_bytes, npz_bytes
 
     tables, version = found["tables"], summary["provenance"]
     for method in summary["methods"]:
@@ -84,17 +84,15 @@ def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: 
             continue
         name, table = file_name(label), tables[label]
         members = {key.removeprefix("member_"): column for key, column in table.items() if key.startswith("member_")}
-        _write_csv(folder / f"{name}.csv", members or table)
-        metadata = json.dumps(
-            {"scene": document, "method": label, "provenance": version}, ensure_ascii=False, default=str
-        )
-        np.savez_compressed(folder / f"{name}.npz", **table, metadata=np.array(metadata))
+        (folder / f"{name}.csv").write_bytes(csv_bytes(members or table))
+        archive, metadata = npz_bytes(table, document, label, version)
+        (folder / f"{name}.npz").write_bytes(archive)
         method["files"] = [f"{name}.csv", f"{name}.npz"]
         if find_spec("h5netcdf") is not None and find_spec("h5py") is not None:
             write_netcdf(folder / f"{name}.nc", table, summary["units"], metadata)
             method["files"].append(f"{name}.nc")
         if label in found["events"]:
-            _write_csv(folder / f"{name}-events.csv", found["events"][label])
+            (folder / f"{name}-events.csv").write_bytes(csv_bytes(found["events"][label]))
             method["files"].append(f"{name}-events.csv")
     if figures:
         from inverse_service.service.figures.drawing import draw_simulation
@@ -117,13 +115,6 @@ def write_netcdf(path: Path, table: Mapping[str, Any], units: Mapping[str, str],
             variable = file.create_variable(name.replace("/", "_"), over, column.dtype, data=column)
             if name in units:
                 variable.attrs["units"] = units[name]
-
-
-def _write_csv(path: Path, columns: Mapping[str, Any]) -> None:
-    import numpy as np
-
-    data = np.column_stack(list(columns.values()))
-    np.savetxt(path, data, "%.17g", ",", header=",".join(columns), comments="")
 
 
 def file_name(label: str) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
@@ -41,6 +43,25 @@ def test_a_scene_is_simulated(client: httpx.Client) -> None:
     methods = {method["label"]: method for method in response.json()["methods"]}
     assert methods["nonholonomic-0.5"]["outcome"] == "completed"
     assert len(methods["exact"]["points"]["columns"]["t"]) == 61
+
+
+def test_files_of_the_page_hold_every_recorded_step(client: httpx.Client) -> None:
+    """The JSON has 2,001 points at most; CSV and NPZ all, with velocities and momenta."""
+    document = scene(steps=5000, methods=["exact", "nonholonomic"])
+    response = answer(client, "/v1/simulate", document)
+    (method,) = (one for one in response.json()["methods"] if one["label"] == "nonholonomic-0.5")
+    assert method["points"]["every"] == 3
+    later = client.post("/v1/simulate", json=document, headers={"Prefer": "respond-async"})
+    address = later.headers["location"].replace("/v1/jobs", "/results")
+    assert "CSV and NPZ hold every recorded step" in client.get(address).text
+    rows = client.get(f"{address}/data/nonholonomic-0.5.csv").text.splitlines()
+    assert rows[0].startswith("t,phi,theta,x,y,v_phi,v_theta,v_x,v_y,p_phi")
+    assert len(rows) == 5002
+    assert [float(rows[4].split(",")[k]) for k in (0, 3)] == [method["points"]["columns"][n][1] for n in ("t", "x")]
+    with np.load(io.BytesIO(client.get(f"{address}/data/nonholonomic-0.5.npz").content)) as archive:
+        assert archive["x"].shape == (5001,)
+        assert json.loads(str(archive["metadata"]))["scene"]["steps"] == 5000
+    assert client.get(f"{address}/data/nothing.csv").status_code == 404
 
 
 @pytest.mark.parametrize(("changes", "pointer"), [

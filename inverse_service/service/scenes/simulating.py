@@ -5,6 +5,8 @@ Of an ensemble the outcomes are counted, with the last points and numbers of eve
 
 from __future__ import annotations
 
+import io
+import json
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -85,6 +87,7 @@ FORMAT = "inverse-service/simulation/1"
 # Points of a trajectory in a result document; files hold all that were recorded.
 MOST_POINTS = 2001
 MOST_EVENTS = 20_000
+AGAIN_SECONDS = 600.0  # a page's own deadline comes first
 # So much of the time of a scene is kept to observe and write what was computed: a part, of a short one more; s.
 SHARE_AFTER, LEAST_AFTER, LARGEST_SHARE = 0.1, 1.0, 0.3
 
@@ -110,6 +113,43 @@ def simulate_tables(document: Any, progress: Progress | None = None, time_limit:
         truth = {name: true.positions[:, k] for k, name in enumerate(found.scene.coordinates)}
     events = {run.requested.label: event_table(scene, run.events) for run in found.runs if run.events}
     return {"result": simulation_document(found, seconds), "tables": tables, "truth": truth, "events": events}
+
+
+def every_point(document: Mapping[str, Any], result: Mapping[str, Any], label: str) -> dict[str, Array] | None:
+    """All columns at every recorded point of a method of a stored result: its steps are done again.
+
+    None where the result has no points of it. Where a time limit ended it elsewhere, the stored points, if these
+    are all that were recorded; else an InputError.
+    """
+    methods = result.get("methods", [])
+    place = next((k for k, one in enumerate(methods) if one["label"] == label and one.get("points")), None)
+    if place is None:
+        return None
+    stored, alone = methods[place], {**document, "methods": [document["methods"][place]]}
+    found = simulate_tables(alone, time_limit=AGAIN_SECONDS)
+    (again,) = found["result"]["methods"]
+    if (again["outcome"], again["steps"]) == (stored["outcome"], stored["steps"]):
+        table: dict[str, Array] = found["tables"][again["label"]]
+        return table
+    if stored["points"]["every"] > result["record_every"]:
+        raise InputError(f"The run made {again['steps']} steps now and {stored['steps']} before: take the JSON.")
+    return {name: np.array(column, dtype=float) for name, column in stored["points"]["columns"].items()}
+
+
+def csv_bytes(columns: Mapping[str, Any]) -> bytes:
+    """Columns of one length as CSV, with all digits; nan where there is no value."""
+    stream = io.BytesIO()
+    np.savetxt(stream, np.column_stack(list(columns.values())), "%.17g", ",", header=",".join(columns), comments="")
+    return stream.getvalue()
+
+
+def npz_bytes(columns: Mapping[str, Any], document: Any, label: str, provenance: Any) -> tuple[bytes, str]:
+    """Arrays as NPZ, and its `metadata`: scene, method and version as text."""
+    given = {"scene": document, "method": label, "provenance": provenance}
+    metadata = json.dumps(given, ensure_ascii=False, default=str)
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **columns, metadata=np.array(metadata))
+    return stream.getvalue(), metadata
 
 
 def run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:

@@ -59,7 +59,7 @@ def picture_task(store: str, id: str, name: str, ending: str) -> Outcome:
 
 
 def file_task(store: str, id: str, label: str, ending: str) -> Outcome:
-    """The columns of a method as a file; None where there are none."""
+    """Every recorded point of a method as a file; None where there are none."""
     return guard(_file, store, id, label, ending)
 
 
@@ -110,11 +110,17 @@ def _embedded(store: str, id: str, visitor: Visitor) -> HTMLResponse:
 
 
 def _file(store: str, id: str, label: str, ending: str) -> bytes | None:
-    methods = _result(store, id).get("methods", [])
-    method = next((m for m in methods if m["label"] == label and m.get("points")), None)
-    if method is None:
+    simulating = importlib.import_module("inverse_service.service.scenes.simulating")
+    text, body = stored_answer(store, id)
+    document, found = json.loads(text), json.loads(body)
+    columns = simulating.every_point(document, found, label)
+    if columns is None:
         return None
-    return simulations.csv_of(method) if ending == "csv" else simulations.npz_of(method)
+    if ending == "csv":
+        written: bytes = simulating.csv_bytes(columns)
+        return written
+    archive: bytes = simulating.npz_bytes(columns, document, label, found["provenance"])[0]
+    return archive
 
 
 def _own_lagrangian(store: str, id: str, text: str) -> dict[str, Any]:

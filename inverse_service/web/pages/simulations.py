@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -176,26 +175,6 @@ def _price(part: Mapping[str, Any]) -> str:
     if part["step_ns"] is None:
         return "\u2013"
     return "nothing" if not part["operations"] and part.get("note") else f"{part['step_ns']:.1f} ns"
-
-
-def csv_of(method: Mapping[str, Any]) -> bytes:
-    """All recorded columns of a method."""
-    columns = figures.columns_of(method)
-    lines = [",".join(columns)]
-    lines += [",".join("" if v is None else repr(v) for v in row) for row in zip(*columns.values(), strict=True)]
-    return ("\n".join(lines) + "\n").encode()
-
-
-def npz_of(method: Mapping[str, Any]) -> bytes:
-    """All recorded columns of a method as NumPy arrays."""
-    import numpy as np
-
-    stream = io.BytesIO()
-    arrays: dict[str, Any] = {
-        name: np.asarray(values, dtype=float) for name, values in figures.columns_of(method).items()
-    }
-    np.savez_compressed(stream, **arrays)
-    return stream.getvalue()
 
 
 def pretty(document: str) -> str:
