@@ -146,6 +146,8 @@ def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem 
     free = derived.free[requested.free]
     if isinstance(free, Unavailable):
         return free
+    if free.lost and method == "variational" and requested.choice is not None and requested.choice.form != "raw":
+        return Unavailable(free.lost)
     return Problem(
         scene.coordinates,
         (*scene.values, *(name for name in free.constants if name not in scene.values)),

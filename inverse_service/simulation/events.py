@@ -139,9 +139,12 @@ def _located(
     if follow is None:
         return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES)
     try:
-        times, positions, speeds = _zeros(places, ran.times, along, follow, value)
+        state = _zeros(places, ran.times, along, follow, value)
     except InputError as error:
         return Found(event, nothing[:, 0], nothing, nothing, error.detail)
+    # At a pole the sign changes too, and the value is beyond those on both sides.
+    zero = np.abs(value(state)) <= np.maximum(np.abs(along[places]), np.abs(along[places + 1]))
+    times, positions, speeds = (part[zero] for part in state)
     return Found(event, times, positions, speeds)
 
 

@@ -7,19 +7,34 @@ cos(u) of tan(u). Along a motion it keeps its sign, or the motion has left the d
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from inverse_service.algebra.exact_atoms import factored
+from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.codegen.algebra import ZERO, Evaluator, Formula, closure, free_names, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Product, Symbol, Velocity, walk
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    walk,
+)
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.scene import Problem
 
+MOST_TERMS = 200
 _POLES = {"tan": "cos", "sec": "cos", "cot": "sin", "csc": "sin"}
 _AT_ZERO = frozenset({"log", "coth", "csch"})
 
@@ -29,7 +44,19 @@ def walls(tree: Expression, moving: set[Expression]) -> Iterator[Expression]:
     for node in walk(tree):
         for found in _walls_of(node):
             if any(isinstance(leaf, Velocity) or leaf in moving for leaf in walk(found)):
-                yield found
+                yield from _without_squares(found)
+
+
+def _without_squares(wall: Expression) -> Iterator[Expression]:
+    """The factors of a sum that is no product of different ones: the sign of x^2 - 2 x + 1 shows no zero."""
+    names = [node for node in dict.fromkeys(walk(wall)) if isinstance(node, Symbol | Velocity)]
+    tree = wall
+    if isinstance(wall, Sum):
+        with suppress(TooLarge, ZeroDivisionError, KeyError):
+            (tree,) = factored([wall], names, Budget(MOST_TERMS))
+    parts = tree.factors if isinstance(tree, Product) else (tree,)
+    squared = any(isinstance(part, Power) and isinstance(part.base, Sum) for part in parts)
+    yield from _factors(tree) if squared else (wall,)
 
 
 def kinks(tree: Expression) -> Iterator[Expression]:

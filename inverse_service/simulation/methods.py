@@ -10,10 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from inverse_service.codegen.algebra import free_names, real_value
 from inverse_service.codegen.compiled import Compiled, compiled
 from inverse_service.errors import InputError
 from inverse_service.integrators.compositions import ORDERS, composition
-from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.outcomes import Ended, failed_start, trajectory_of
@@ -31,7 +32,7 @@ from inverse_service.simulation.scene import (
 )
 from inverse_service.simulation.schemes import alpha_of, parts_of, program_of
 from inverse_service.simulation.starting import Initial, initial, refusal
-from inverse_service.simulation.watches import RESOLVE, has_unique_roots
+from inverse_service.simulation.watches import RESOLVE, SMALLER_STEP, has_unique_roots
 
 __all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "available", "run"]
 
@@ -165,15 +166,18 @@ def _run(
 def _first_steps(
     formulas: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
 ) -> Outcome | None:
-    """The outcome where FEW steps lead elsewhere than MANY over the same time: what is watched later sees only what
-    steps have met. None where both agree, or where one of them fails, which the run will say itself."""
+    """The outcome where FEW steps lead elsewhere than MANY over the same time, or pass a wall: what is watched later
+    sees only what steps have met. None where both agree, or where one of them fails, which the run will say itself."""
     bare = Observation(momenta=False, velocities=False)
     ends = []
     for count in (FEW, MANY):
-        short = replace(grid, step=FEW * grid.step / count, steps=count, record_every=count)
+        short = replace(grid, step=FEW * grid.step / count, steps=count, record_every=count // FEW)
         found = _run(formulas, choice, begin, short, parameters, bare, None)
         if not found.outcome.completed:
             return None
+        passed = _wall_passed(formulas, found.positions, parameters)
+        if passed is not None:
+            return passed
         ends.append(found.positions[-1] - found.positions[0])
     apart, moved = (float(np.linalg.norm(difference)) for difference in (ends[0] - ends[1], ends[1]))
     if not apart > HALF * moved:
@@ -181,6 +185,19 @@ def _first_steps(
     return Outcome(
         "unresolved", 0, grid.begin, f"the first {FEW} steps compared with {MANY} shorter ones", apart, RESOLVE
     )
+
+
+def _wall_passed(formulas: Formulas, positions: Array, parameters: Mapping[str, float]) -> Outcome | None:
+    """The outcome where a wall of the positions has another sign at the start and at the first points after it."""
+    known = {*(f"q{k}" for k in range(formulas.size)), *parameters}
+    problem = formulas.problem
+    for wall in formulas.walls_of([problem.free_hamiltonian, problem.lagrangian, *(problem.accelerations or ())]):
+        if free_names(wall.formula) <= known:
+            tables = ({**parameters, **{f"q{k}": float(x) for k, x in enumerate(row)}} for row in positions)
+            values = [real_value(wall.formula, table) for table in tables]
+            if any(value * values[0] < 0 for value in values):
+                return Outcome("singular", 0, 0.0, wall.text, values[0], SMALLER_STEP)
+    return None
 
 
 def _is_monotone(formulas: Formulas, choice: MethodChoice, grid: Grid, parameters: Mapping[str, float]) -> bool:

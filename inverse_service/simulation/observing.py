@@ -143,6 +143,17 @@ def point_energy(scene: Scene, positions: Array, velocities: Array, times: Array
     return array_value(energy(lagrangian, scene.coordinates), table)
 
 
+def point_kinetic(scene: Scene, positions: Array, velocities: Array, times: Array) -> Array:
+    """|v dL/dv| / 2 at the recorded points, (m,): the kinetic energy where L has masses."""
+    lagrangian = lagrangian_of_energy(scene)
+    assert lagrangian is not None
+    table = table_of(scene.coordinates, positions, velocities, scene.values, times)
+    powers = [
+        v * array_value(p, table) for v, p in zip(velocities.T, momenta(lagrangian, scene.coordinates), strict=True)
+    ]
+    return np.abs(sum(powers, np.zeros(len(positions)))) / 2
+
+
 def wall_of_energy(scene: Scene, positions: Array, velocities: Array) -> str | None:
     """What the Lagrangian that was found divides by, or takes roots or logarithms of, and the motion passes through 0.
 

@@ -16,6 +16,8 @@ from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.scene import MethodChoice, Observation
 from inverse_service.simulation.watches import SMALLEST, moment_at, rank_watches, resolution_watches, with_clock
 
+SMALLEST_NORM = 1e-200  # times the fourth power of a tolerance it is a number still
+
 Stages = list[tuple[list[Formula], list[Formula]]]
 
 
@@ -39,7 +41,7 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> Pro
     )
     first = [STEP * slope for slope in (*f.symbols("v"), *stages[0][1])]
     fine, coarse = (_squared_norm(f, changes, first, error) for error in (rough, rougher))
-    error = fine**2 / (fine + coarse / 100 + number(SMALLEST))
+    error = fine**2 / (fine + coarse / 100 + number(SMALLEST_NORM))
     program = _point_program(f, observation, statements, changes, [], len(stages), [error])
     return replace(program, error=error, order=8)
 

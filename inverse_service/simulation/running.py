@@ -39,7 +39,7 @@ from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
-from inverse_service.simulation.quantities import Observed, observed_quantities
+from inverse_service.simulation.quantities import Observed, jump_of_energy, observed_quantities
 from inverse_service.simulation.scene import (
     EXACT,
     FreeLagrangian,
@@ -164,10 +164,11 @@ def run_method(
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
     numbers, series = observed_quantities(observed, seconds)
+    outcome = (found.outcome.completed and jump_of_energy(observed, series)) or found.outcome
     if COST in scene.observe and problem is not None:
         with timed(seconds, COST):
             numbers[COST] = _costs(scene, requested, derived, known, stop, find)
-    return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, observed)
+    return MethodRun(requested, outcome, found, numbers, series, seconds, known, events, observed)
 
 
 def _integrated(

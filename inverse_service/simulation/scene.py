@@ -133,7 +133,7 @@ class FreeLagrangian:
 
     `constants` are names of parameters that L~ may choose freely, with the values used; `source` says where L~ comes
     from. `start_momenta` gives p_0 from q_0 and v_0 where dL~/dv is 0/0 at the start. `forced`: the forces of the scene
-    act with it.
+    act with it. `lost` says why an H~ in closed form is not used here.
     """
 
     lagrangian: Expression
@@ -142,6 +142,7 @@ class FreeLagrangian:
     source: str
     start_momenta: Callable[[Array, Array, Mapping[str, float]], Array] | None = None
     forced: bool = False
+    lost: str = ""
 
 
 @dataclass(frozen=True, slots=True)

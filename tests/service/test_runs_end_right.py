@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
 
 FREE = {"coordinates": ["x", "y", "z"], "lagrangian": "(x'^2+y'^2+z'^2)/2"}
@@ -220,3 +221,67 @@ def test_heyoka_is_compiled_once() -> None:
     scene = OSCILLATOR | {"steps": 100, "methods": [{"method": "heyoka", "label": name} for name in "ab"]}
     found = methods(scene)
     assert found["b"]["seconds"]["compile"] < 0.01
+
+
+EVERY = ["variational", "stormer-verlet", "nonholonomic", "runge-kutta", "reference", "adaptive", "stiff", "heyoka"]
+
+
+@pytest.mark.parametrize("lagrangian", ["x'^2/2 - x^2/2", "x'^2/2 - (x - 1)^2", "x'^2/2", "x'^2/2 - x^2/2 + log(x)"])
+def test_what_is_at_rest_stays_at_rest(lagrangian: str) -> None:
+    place = 0 if lagrangian.endswith("x^2/2") else 1
+    start = {"positions": {"x": place}, "velocities": {"x": 0}}
+    scene = OSCILLATOR | {"system": {"coordinates": ["x"], "lagrangian": lagrangian}, "initial": start, "steps": 20}
+    for label, method in methods(scene | {"methods": EVERY}).items():
+        assert method["outcome"] == "completed", label
+        assert method["final"]["positions"]["x"] == pytest.approx(place, abs=1e-14)
+
+
+def test_a_barrier_that_a_step_jumps_over_ends_the_run() -> None:
+    """V rises from -1 to 1 at x = 1 within 0.002; a mass of energy 1/2 - 1 comes back."""
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - tanh(1000*(x - 1))"}
+    start = {"positions": {"x": 0}, "velocities": {"x": 1}}
+    scene = OSCILLATOR | {"system": system, "initial": start, "steps": 30, "methods": EVERY, "observe": ["energy"]}
+    for label, method in methods(scene).items():
+        if method["outcome"] == "completed":
+            assert method["final"]["positions"]["x"] == pytest.approx(-1, abs=1e-2), label
+        else:
+            assert method["outcome"] in ("unresolved", "no_convergence", "guard"), label
+
+
+def test_a_pole_written_as_a_square_is_not_jumped_over() -> None:
+    """(x - y)^2, multiplied out or not, shows no change of sign."""
+    start = {"positions": {"x": 0, "y": 1}, "velocities": {"x": 3, "y": 0}}
+    for pole in ("x^2 - 2*x*y + y^2", "100*(x - y)^2"):
+        system = {"coordinates": ["x", "y"], "lagrangian": f"(x'^2 + y'^2)/2 + 1/({pole})"}
+        scene = OSCILLATOR | {"system": system, "initial": start, "step": 0.3, "steps": 10, "methods": EVERY}
+        assert "completed" not in outcomes(scene).values()
+
+
+def test_a_pole_in_the_first_step_is_not_jumped_over() -> None:
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 + 1/(100*(x - 1)^2)"}
+    start = {"positions": {"x": 0}, "velocities": {"x": 5}}
+    scene = OSCILLATOR | {"system": system, "initial": start, "step": 0.5, "steps": 4, "methods": EVERY}
+    assert "completed" not in outcomes(scene).values()
+
+
+def test_a_pole_of_an_event_is_no_zero() -> None:
+    events = [{"when": "1/x"}, {"when": "x"}]
+    (method,) = methods(OSCILLATOR | {"steps": 50, "methods": ["adaptive"], "events": events}).values()
+    assert [event["count"] for event in method["events"]] == [0, 2]
+
+
+def test_a_start_at_which_the_momenta_are_singular_is_named() -> None:
+    """The top upright: in Euler's angles det g = sin(theta)^2 = 0."""
+    system = {"coordinates": ["phi", "theta"], "lagrangian": "(theta'^2 + phi'^2*sin(theta)^2)/2 - cos(theta)"}
+    start = {"positions": {"phi": 0, "theta": 0}, "velocities": {"phi": 1, "theta": 0}}
+    found = methods(OSCILLATOR | {"system": system, "initial": start, "steps": 5, "methods": ["variational"]})
+    assert "singular there" in found["variational-0.5"]["reason"]
+
+
+@pytest.mark.parametrize("final", [{"t": 0, "positions": {"x": "evil"}, "velocities": {"x": 0}},
+                                   {"t": 0, "positions": [1], "velocities": [1]},
+                                   {"t": float("inf"), "positions": {"x": 1}, "velocities": {"x": 1}}])  # fmt: skip
+def test_a_restart_from_no_point_is_refused(final: dict[str, Any]) -> None:
+    scene = {key: value for key, value in OSCILLATOR.items() if key != "initial"}
+    with pytest.raises(InputError):
+        simulate(scene | {"steps": 5, "methods": ["adaptive"], "restart": {"methods": [{"final": final}]}})

@@ -43,6 +43,10 @@ from inverse_service.simulation.regular_motion import regular_accelerations
 from inverse_service.simulation.scene import FreeLagrangian, Scene, Unavailable
 
 SOLVE_SECONDS = 15.0
+NO_INVERSE = (
+    "The momenta at the start do not give back its velocities: the Lagrangian is singular there, or its Hamiltonian "
+    "belongs to another branch. Begin elsewhere, or take another method."
+)
 Exact = ExactMotion | NoExactMotion
 
 
@@ -119,7 +123,7 @@ def _with_hamiltonian(
     except InputError as error:
         return Unavailable(f"The Lagrangian cannot be used: {error.detail}")
     standard = all(symbol.name == f"p_{name}" for symbol, name in zip(found.symbols, scene.coordinates, strict=True))
-    hamiltonian = None
+    hamiltonian, lost = None, ""
     if not found.implicit and found.velocities is not None and standard:
         values = dict(scene.values) | dict(constants)
         table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], values)
@@ -127,7 +131,9 @@ def _with_hamiltonian(
         back = np.array([array_value(v, table)[0] for v in found.velocities])
         if np.allclose(back, scene.velocities, rtol=1e-8, atol=1e-10):
             hamiltonian = found.hamiltonian
-    return FreeLagrangian(tree, hamiltonian, dict(constants), source)
+        else:
+            lost = NO_INVERSE
+    return FreeLagrangian(tree, hamiltonian, dict(constants), source, lost=lost)
 
 
 def _of_class(known: ClassLagrangian, exact: ExactMotion, constants: Mapping[str, float]) -> FreeLagrangian:

@@ -93,10 +93,14 @@ def beginning(schema: SceneDocument) -> tuple[float, SceneInitial]:
         raise InputError("a scene that restarts begins where the result ended: leave initial and start_time out.",
                          "/restart")  # fmt: skip
     final = _final(schema.restart)
-    positions, velocities = (
-        {name: repr(float(x)) for name, x in final[key].items()} for key in ("positions", "velocities")
-    )
-    return float(final["t"]), SceneInitial(positions=positions, velocities=velocities, project=True)
+    try:
+        positions, velocities = (
+            {name: repr(float(x)) for name, x in final[key].items()} for key in ("positions", "velocities")
+        )
+        begin = number_of(repr(float(final["t"])), "/restart")
+        return begin, SceneInitial(positions=positions, velocities=velocities, project=True)
+    except (AttributeError, TypeError, ValueError):
+        raise InputError("the last point of this result is none: give the result of simulate.", "/restart") from None
 
 
 def _final(result: dict[str, Any]) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from api_schemas.scene import SceneDocument
 from inverse_service import __version__
+from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.service.scenes.scene_lagrangian import finder
