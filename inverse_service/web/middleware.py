@@ -55,6 +55,8 @@ class SecurityHeaders:
                 headers = MutableHeaders(scope=message)
                 for name, value in HEADERS.items():
                     headers.setdefault(name, value)
+                if "://" in headers.get("location", ""):  # by the framework, after a slash too many
+                    headers["location"] = "/" + headers["location"].split("/", 3)[3].lstrip("/")
             await send(message)
 
         await self.app(scope, receive, send_with_headers)

@@ -32,7 +32,7 @@ NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "ap
 KEEP_ALIVE = 10.0
 KindName = Literal["solve", "check", "simulate", "work-precision"]
 # A stream that wakes for every job would read the store more than it writes answers.
-SMALLEST_PAUSE = 0.02
+SMALLEST_PAUSE, LARGEST_PAUSE = 0.02, 0.5
 # Any element is taken; one that is no document is answered by a problem object.
 BATCH_BODY: dict[str, Any] = {
     "requestBody": {
@@ -106,7 +106,7 @@ async def results(request: Request, id: str) -> Response:
 
 
 async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
-    sent, after, spoken = 0, 0, time.monotonic()
+    sent, after, spoken, pause = 0, 0, time.monotonic(), SMALLEST_PAUSE
     with engine.hub.waiting(ANY) as changed:
         while sent < batch.total and not engine.hub.closing:
             changed.clear()
@@ -114,6 +114,8 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
                 answers = await engine.read(engine.store.batch_answers, batch.id, after, AT_ONCE, SMALL)
             except StoreUnavailable:  # the stream goes on when it is back
                 answers = []
+            # Readers of batches where nothing happens are woken by all others too.
+            pause = SMALLEST_PAUSE if answers else min(LARGEST_PAUSE, 2 * pause)
             if answers:
                 after, sent, spoken = answers[-1].order, sent + len(answers), time.monotonic()
                 async for part in lines_of(engine, answers):
@@ -123,7 +125,7 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
                 yield b"\n"
             if len(answers) < AT_ONCE and sent < batch.total:
                 await until_set(changed, 0.5)
-                await asyncio.sleep(SMALLEST_PAUSE)
+                await asyncio.sleep(pause)
 
 
 async def _known(request: Request, id: str) -> Batch:

@@ -74,6 +74,11 @@ def test_another_content_type_is_415(client: httpx.Client, kind: str) -> None:
     problem(client.post("/v1/solve", content=json.dumps(OSCILLATOR), headers={"Content-Type": kind}), 415)
 
 
+def test_a_slash_too_many_leads_back_whatever_the_host_is_called(client: httpx.Client) -> None:
+    answer = client.get("/v1/jobs/?limit=1")
+    assert (answer.status_code, answer.headers["location"]) == (307, "/v1/jobs?limit=1")
+
+
 def test_a_compressed_body_is_415(client: httpx.Client) -> None:
     headers = {"Content-Type": "application/x-ndjson", "Content-Encoding": "gzip"}
     problem(client.post("/v1/batches", content=gzip.compress(b" " * 100_000), headers=headers), 415)

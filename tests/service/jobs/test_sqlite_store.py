@@ -15,9 +15,6 @@ from pathlib import Path
 import pytest
 
 from inverse_service.service.jobs.model import (
-    FINAL,
-    NEXT,
-    STATUSES,
     BatchLine,
     Bounds,
     DatabaseTaken,
@@ -26,7 +23,6 @@ from inverse_service.service.jobs.model import (
     JobRequest,
     TooManyJobs,
     Usage,
-    may_become,
 )
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 
@@ -237,12 +233,6 @@ def test_one_supervisor_for_a_database(tmp_path: Path) -> None:
         SqliteStore(path)
     first.close()
     SqliteStore(path).close()
-
-
-def test_only_the_ways_of_the_state_machine_are_open() -> None:
-    assert set(NEXT) == set(STATUSES)
-    assert all(NEXT[status] == {"accepted"} for status in FINAL)
-    assert not may_become("successful", "running")
 
 
 KILLED = """
