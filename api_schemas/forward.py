@@ -6,10 +6,9 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from api_schemas.base import Document
+from api_schemas.base import MAX_FORWARD, Document
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import Formula, HamiltonianPart, UnderstoodSystem
-from api_schemas.sizes import MAX_FORWARD
 from api_schemas.system import Name, NamedDocument, Text
 
 FORWARD_FORMAT: Final = "inverse-service/forward/1"

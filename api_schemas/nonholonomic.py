@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from api_schemas.base import Document
+from api_schemas.base import MAX_COORDINATES, MAX_EQUATIONS, Document
 from api_schemas.problem import ParseAnswer, ParsedFormula
 from api_schemas.result import (
     Checked,
@@ -18,7 +18,6 @@ from api_schemas.result import (
     ResultDocument,
     Verdict,
 )
-from api_schemas.sizes import MAX_COORDINATES, MAX_EQUATIONS
 from api_schemas.system import Formula as FormulaText
 from api_schemas.system import Name, QuestionDocument, Text, shape
 

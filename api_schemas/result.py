@@ -7,7 +7,6 @@ from typing import Any, Final, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from api_schemas.base import Document
-from api_schemas.special_cases import SpecialCasesPart
 
 FORMAT: Final = "inverse-service/result/1"
 Verdict = Literal["variational", "not_variational", "undetermined"]
@@ -107,6 +106,48 @@ class UnderstoodSystem(Document):
     functions: dict[str, list[str]]
     given: dict[str, Any]
     time: str = "t"
+
+
+class CaseNode(Document):
+    """The system where all conditions hold and none of those of its children.
+
+    A condition is an equation between parameters, or what a function is. `dimension` counts the parameters that stay
+    free, `statement` says how large the space of
+    multipliers is. `verdict` answers the question of the result, `verdict_with_time` L(t, q, q').
+    """
+
+    conditions: list[Formula]
+    verdict: Verdict
+    verdict_with_time: Verdict | None = None
+    dimension: int
+    statement: str = ""
+    reason: str = ""
+    children: list[CaseNode] = Field(default_factory=list)
+
+
+class VariationalCase(Document):
+    """A largest case with a Lagrangian; each of `exceptions` is a list of conditions inside it."""
+
+    conditions: list[Formula]
+    dimension: int
+    exceptions: list[list[Formula]] = Field(default_factory=list)
+
+
+class SpecialCasesPart(Document):
+    """The tree of cases from the generic one down; those with the verdict of what contains them are left out.
+
+    `variational_when` answers the question of the result, `variational_when_with_time` L(t, q, q').
+    `complete`: no other case has another verdict; else `reasons` say where this is not known.
+    `complete_with_time` is that for L(t, q, q') alone, where both questions are asked.
+    """
+
+    tree: CaseNode
+    variational_when: list[VariationalCase]
+    variational_when_with_time: list[VariationalCase] | None = None
+    examined: int
+    complete: bool
+    complete_with_time: bool | None = None
+    reasons: list[str] = Field(default_factory=list)
 
 
 class OtherAnswer(Document):

@@ -7,14 +7,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
-from api_schemas.base import Document
-from api_schemas.sizes import (
+from api_schemas.base import (
     MAX_FORMULA_CHARACTERS,
     MAX_FUNCTIONS,
     MAX_NAME_CHARACTERS,
     MAX_PARAMETERS,
     MAX_SIMULATED,
     MAX_TITLE_CHARACTERS,
+    Document,
 )
 from api_schemas.system import Formula, Name, Value
 

@@ -7,8 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
-from api_schemas.base import Document
-from api_schemas.sizes import (
+from api_schemas.base import (
     MAX_COORDINATES,
     MAX_EQUATIONS,
     MAX_FORMULA_CHARACTERS,
@@ -18,6 +17,7 @@ from api_schemas.sizes import (
     MAX_PARAMETERS,
     MAX_TITLE_CHARACTERS,
     MAX_VALUE_CHARACTERS,
+    Document,
 )
 
 MAX_ANSATZ_TERMS = 50

@@ -75,7 +75,8 @@ def summary_sentences(summary: Summary, seconds: float) -> list[str]:
     """All counts, the rate, and the first reason of what has no verdict."""
     sentences = [", ".join(f"{count} {name}" for name, count in rows_of(summary)) + "."]
     if summary.new:
-        sentences.append(f"{summary.new} lines in {seconds:.1f} s, {summary.new / seconds:.3g} a second.")
+        lines = "line" if summary.new == 1 else "lines"
+        sentences.append(f"{summary.new} {lines} in {seconds:.1f} s, {summary.new / seconds:.3g} a second.")
     for label in ("undetermined", "error", "fault"):
         if label in summary.first:
             sentences.append(f"The first {NAMES.get(label, (label,))[0]}: {summary.first[label]}")

@@ -24,7 +24,7 @@ LOOK_EVERY = 1.0
 HEARD_AT_ONCE = 8
 # Data with a line end in so many bytes, as chunks of a byte or thousands of headers are, cost the loop far more than
 # their length: of them so much is taken in a turn, of others so much.
-CRUMB, FEW_BYTES, MANY_BYTES = 16, 2048, 65_536
+CRUMB, FEW_BYTES, MANY_BYTES = 16, 2048, 262_144
 FULL = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 

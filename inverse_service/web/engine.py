@@ -6,10 +6,9 @@ import asyncio
 import itertools
 import logging
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence, Sized
+from collections.abc import Callable, Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar
 
 from inverse_service import __version__
@@ -30,23 +29,17 @@ from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.worker_process import preload
 from inverse_service.service.jobs.workers import Executor, Workers
 from inverse_service.settings import Settings
-from inverse_service.web.bodies import LARGEST_FACTOR, ByteBudget
+from inverse_service.web.bodies import LARGEST_FACTOR
 from inverse_service.web.clients import Keys
 from inverse_service.web.hub import Hub, until_set
 from inverse_service.web.problems import Refusal
+from inverse_service.web.shares import QUICK_PROCESSES, QUICK_SHARE, ByteBudget, Places
 
 log = logging.getLogger(__name__)
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
 QUICK_DEADLINE = 1.0
 SECONDS_FOR_A_BYTE = 2e-6
 LONG_DEADLINE = 15.0
-QUICK_PROCESSES = 3
-# Of one client so many run at the same time, and one is always left for the others.
-QUICK_SHARE = QUICK_PROCESSES - 1
-# Answers beside forms that are computed at the same time.
-GLANCES = QUICK_PROCESSES - 1
-# A client may have this part of the places of those who wait.
-SHARE_OF_WAITING = 2
 # Another front end over the same store tells this one nothing: look again.
 LOOK_AGAIN = 0.5
 STORE_THREADS = 32
@@ -80,11 +73,10 @@ class Engine:
         self._quick = Workers(QUICK_PROCESSES, settings.memory_limit, QUICK_SHARE)
         self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
         self._cleaner: Cleaner | None = None
-        self._waiting: Counter[str] = Counter()
-        self._glancing: set[str] = set()
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
         self._lag: asyncio.Task[None] | None = None
+        self.places = Places(settings.waiting)
         self.bytes = ByteBudget(2 * LARGEST_FACTOR * settings.max_body, LARGEST_FACTOR * settings.max_body)
         # Those of the server that runs this application, where it counts them.
         self.connections: Sized = ()
@@ -318,7 +310,7 @@ class Engine:
 
     async def _run(self, executor: Executor, call: Call) -> Outcome:
         """The outcome of a call that is withdrawn where nobody waits for it any more."""
-        with self._place_in_queue(call.client):
+        with self.places.take(call.client):
             running = executor.submit(call)
             try:
                 outcome = await asyncio.wrap_future(running.outcome)
@@ -340,37 +332,6 @@ class Engine:
             await asyncio.sleep(LAG_EVERY)
             late = max(0.0, time.monotonic() - began - LAG_EVERY)
             self.counters.observe("inverse_service_loop_lag_seconds", "How late the event loop was.", late)
-
-    @property
-    def waiting(self) -> int:
-        """Requests that are read or checked now, or wait for that."""
-        return self._waiting.total()
-
-    @contextmanager
-    def glance(self, client: str) -> Iterator[bool]:
-        """Whether a client may have an answer that is not stored now: one at a time, the others' echoes go on."""
-        is_free = client not in self._glancing and len(self._glancing) < GLANCES
-        if is_free:
-            self._glancing.add(client)
-        try:
-            yield is_free
-        finally:
-            if is_free:
-                self._glancing.discard(client)
-
-    @contextmanager
-    def _place_in_queue(self, client: str) -> Iterator[None]:
-        most = self.settings.waiting
-        if self._waiting.total() >= most or self._waiting[client] >= max(1, most // SHARE_OF_WAITING):
-            detail = "Too many requests wait for a worker; try again in some seconds."
-            raise Refusal(429, "busy", detail, headers={"Retry-After": "2"})
-        self._waiting[client] += 1
-        try:
-            yield
-        finally:
-            self._waiting[client] -= 1
-            if not self._waiting[client]:
-                del self._waiting[client]
 
 
 def _executor(settings: Settings) -> Executor:

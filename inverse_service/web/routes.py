@@ -8,7 +8,7 @@ from fastapi import APIRouter, Depends
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from api_schemas import sizes
+from api_schemas import base
 from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer
 from inverse_service import catalogue
 from inverse_service.expressions.tokens import LIMITS
@@ -75,7 +75,7 @@ async def catalogue_entry(name: str) -> Response:
 async def limits(request: Request) -> Response:
     """Every limit that a refusal can name."""
     settings = engine_of(request).settings
-    document = {name.lower(): value for name, value in vars(sizes).items() if name.startswith("MAX_")}
+    document = {name.lower(): value for name, value in vars(base).items() if name.startswith("MAX_")}
     service = {
         "time_limit_seconds": settings.time_limit,
         "memory_limit_mib": settings.memory_limit,

@@ -56,7 +56,9 @@ async def metrics(request: Request) -> Response:
         gauge("inverse_service_queue_age_seconds", "How long the oldest of them waits.", {(): age}),
         gauge("inverse_service_store_bytes", "Size of the database.", {(): float(size)}),
         gauge("inverse_service_connections", "Open connections.", {(): float(len(engine.connections))}),
-        gauge("inverse_service_quick_waiting", "Requests that are read or wait for that.", {(): float(engine.waiting)}),
+        gauge(
+            "inverse_service_quick_waiting", "Requests that are read or wait for that.", {(): float(len(engine.places))}
+        ),
         gauge("inverse_service_workers", "Worker processes.", {(): float(engine.settings.workers)}),
         gauge(
             "inverse_service_jobs_taken", "Jobs that this process has taken.", {(): float(engine.supervisor.running)}

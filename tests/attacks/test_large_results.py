@@ -13,8 +13,9 @@ import pytest
 
 from inverse_service.service.jobs.identity import batch_id
 from inverse_service.service.jobs.kinds import request_of
-from inverse_service.service.jobs.model import BatchLine, Usage
+from inverse_service.service.jobs.model import BatchLine
 from inverse_service.service.jobs.options import JobOptions
+from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.scenes.simulating import simulate
 from tests.attacks.harness import Attacked, Watch, attacked

@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.model import BatchLine, Bounds, Event, JobRequest, TooManyJobs, Usage
+from inverse_service.service.jobs.model import BatchLine, Bounds, Event, JobRequest, TooManyJobs
 from inverse_service.service.jobs.opening import stored_answer
+from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.store import JobStore
 
 Stores = Callable[[], JobStore]

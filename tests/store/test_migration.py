@@ -11,8 +11,9 @@ import psycopg
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.model import BatchLine, JobRequest, Usage, WrongVersion
+from inverse_service.service.jobs.model import BatchLine, JobRequest, WrongVersion
 from inverse_service.service.jobs.opening import open_store
+from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.schema import VERSION
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.store import JobStore

@@ -33,7 +33,7 @@ def results(client: httpx.Client, response: httpx.Response) -> list[dict[str, An
     assert response.status_code == 202, response.text
     stream = client.get(response.headers["location"] + "/results")
     assert stream.headers["content-type"].startswith("application/x-ndjson")
-    return [json.loads(line) for line in stream.text.splitlines()]
+    return [json.loads(line) for line in stream.text.splitlines() if line]
 
 
 def test_each_line_is_answered_once_with_its_id(client: httpx.Client) -> None:

@@ -68,15 +68,15 @@ def test_without_a_worker_process_a_request_is_told_to_come_back(monkeypatch: py
 
 def test_one_request_too_many_is_told_to_come_back() -> None:
     engine = Engine(Settings(waiting=4))
-    with engine._place_in_queue("a"), engine._place_in_queue("a"):
-        with pytest.raises(Refusal) as refused, engine._place_in_queue("a"):
+    with engine.places.take("a"), engine.places.take("a"):
+        with pytest.raises(Refusal) as refused, engine.places.take("a"):
             pass
         assert refused.value.status == 429
         assert refused.value.headers == {"Retry-After": "2"}
-        b, c = engine._place_in_queue("b"), engine._place_in_queue("c")
-        with b, engine._place_in_queue("b"), pytest.raises(Refusal), c:
+        b, c = engine.places.take("b"), engine.places.take("c")
+        with b, engine.places.take("b"), pytest.raises(Refusal), c:
             pass
-    with engine._place_in_queue("a"):
+    with engine.places.take("a"):
         pass
 
 

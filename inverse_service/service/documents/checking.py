@@ -17,10 +17,9 @@ from inverse_service.mechanics.branches import branches_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
-from inverse_service.service.documents.document_kinds import is_motion, is_nonholonomic
 from inverse_service.service.documents.hamiltonians import compared_hamiltonians
 from inverse_service.service.documents.kinds import to_kinds
-from inverse_service.service.documents.preparing import inward, prepared
+from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
 from inverse_service.service.documents.reading import read_json
 
 TIME_LIMIT = 60.0  # of processor time: what a busy machine does decides no verdict

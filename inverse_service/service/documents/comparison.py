@@ -18,8 +18,7 @@ from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.reading import read_motion
 from inverse_service.mechanics.reading import read_given
 from inverse_service.service.documents import translate
-from inverse_service.service.documents.document_kinds import is_motion, is_nonholonomic
-from inverse_service.service.documents.preparing import prepared
+from inverse_service.service.documents.preparing import is_motion, is_nonholonomic, prepared
 
 
 def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:

@@ -19,8 +19,7 @@ from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.answers import undetermined
-from inverse_service.service.documents.document_kinds import is_forward, is_motion, is_nonholonomic
-from inverse_service.service.documents.preparing import Prepared, prepared
+from inverse_service.service.documents.preparing import Prepared, is_forward, is_motion, is_nonholonomic, prepared
 from inverse_service.service.documents.refusals import DocumentRefused
 
 # What ends the mathematics of a document that is well written, and what is said of it then.

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from api_schemas.base import MAX_FORWARD
 from api_schemas.forward import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
-from api_schemas.sizes import MAX_FORWARD
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import (

@@ -16,7 +16,6 @@ from inverse_service.expressions.characters import greek_letter
 from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.printing_latex import name_latex
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
-from inverse_service.service.documents.document_kinds import is_forward
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
@@ -38,6 +37,23 @@ _NAMED = (
     re.compile(r"\\d?frac\{d\^\{?2\}?\s*\\?([A-Za-z]*)\}\{d\s*\\?([A-Za-z]+)\^\{?2\}?\}"),
 )
 _BARE = re.compile(rf"{_NAME}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_NAME}_?ddot\b")
+
+
+def is_motion(document: Any) -> bool:
+    """Whether a document gives a motion on constraints as it is."""
+    return isinstance(document, dict) and "motion" in document
+
+
+def is_nonholonomic(document: Any) -> bool:
+    """Whether a document is meant as a Lagrangian with constraints."""
+    return isinstance(document, dict) and ("lagrangian" in document or "constraints" in document)
+
+
+def is_forward(document: Any) -> bool:
+    """Whether a document is a Lagrangian and nothing else that says what moves."""
+    if not isinstance(document, dict) or "equations" in document:
+        return False
+    return "lagrangian" in document and document.get("constraints") in (None, [], "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,9 +25,8 @@ from inverse_service.service.documents.clock import (
     compared_clocked,
     read_clock,
 )
-from inverse_service.service.documents.document_kinds import is_motion
 from inverse_service.service.documents.motion import look_motion, read
-from inverse_service.service.documents.preparing import prepared
+from inverse_service.service.documents.preparing import is_motion, prepared
 from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
 
 QUADRATURE = "Along a solution of these equations the other coordinates are integrals over t of the right sides."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from api_schemas.special_cases import CaseNode, Condition, SpecialCasesPart, VariationalCase
+from api_schemas.result import CaseNode, Formula, SpecialCasesPart, VariationalCase
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.inverse_problem.outcome import Verdict
@@ -61,8 +61,8 @@ def _variational(node: Node, verdict: Reading, inside: bool) -> Iterator[Variati
         yield from _variational(child, verdict, here)
 
 
-def _conditions(case: Case) -> list[Condition]:
+def _conditions(case: Case) -> list[Formula]:
     return [
-        Condition(text=f"{to_text(left)} = {to_text(right)}", latex=f"{to_latex(left)} = {to_latex(right)}")
+        Formula(text=f"{to_text(left)} = {to_text(right)}", latex=f"{to_latex(left)} = {to_latex(right)}")
         for left, right in conditions(case)
     ]

@@ -82,7 +82,7 @@ def count_lines(path: Path) -> int | None:
 
 def _read_line(number: int, data: bytes) -> Line:
     try:
-        value = read_json(data)
+        value = read_json(data.rstrip())  # a fault at its end is on this line
     except InputError as error:
         return Line(number, None, fault=error, raw=data.strip())
     return replace(line_of(number, value), raw=data.strip())

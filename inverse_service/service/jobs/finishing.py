@@ -11,9 +11,9 @@ from inverse_service.errors import InverseServiceError
 from inverse_service.service.documents import problem_documents
 from inverse_service.service.documents.answers import result_document
 from inverse_service.service.jobs.kinds import KINDS, label_of, solve_options
-from inverse_service.service.jobs.model import MAX_CRASHES, MAX_UNSTARTED, TRANSIENT, Job, Usage
+from inverse_service.service.jobs.model import MAX_CRASHES, MAX_UNSTARTED, TRANSIENT, Job
 from inverse_service.service.jobs.options import JobOptions, stored_options
-from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.outcome import Outcome, Usage
 from inverse_service.service.jobs.store import JobStore
 
 log = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
 
     A job that a limit stopped has as its value how the system was understood.
     """
-    usage = Usage(outcome.spent.wall, outcome.spent.cpu, outcome.spent.memory)
+    usage = outcome.spent
     if outcome.status == "cancelled":
         # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
         store.release(job.id, job.attempt, crashed=False, usage=usage)

@@ -12,7 +12,7 @@ import sys
 import time
 from multiprocessing.connection import Connection
 
-from inverse_service.service.jobs.outcome import Spent
+from inverse_service.service.jobs.outcome import Usage
 
 PR_SET_PDEATHSIG = 1
 # The wall clock ends a task first; the bound on processor time is for tasks that start threads.
@@ -113,9 +113,9 @@ class Meter:
         forget_peak()
         self._wall, self._cpu = time.monotonic(), time.process_time()
 
-    def spent(self) -> Spent:
+    def spent(self) -> Usage:
         """What was used since."""
-        return Spent(time.monotonic() - self._wall, time.process_time() - self._cpu, peak_memory())
+        return Usage(time.monotonic() - self._wall, time.process_time() - self._cpu, peak_memory())
 
 
 def _limit(name: str, soft: int, hard: int | None) -> None:

@@ -94,15 +94,6 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Usage:
-    """What a run took: seconds of wall clock and processor, peak memory in MiB."""
-
-    wall: float = 0.0
-    cpu: float = 0.0
-    memory: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
 class Event:
     """One event of a job. Numbers grow, also over restarts; `data` is JSON. `kind`: status or progress."""
 

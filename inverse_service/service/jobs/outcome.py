@@ -33,7 +33,7 @@ def faults_of(error: InputError) -> tuple[Place, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Spent:
+class Usage:
     """What a task took: seconds of wall clock and of processor, peak memory in MiB."""
 
     wall: float = 0.0
@@ -55,7 +55,7 @@ class Outcome:
     value: Any = None
     places: tuple[Place, ...] = ()
     detail: str = ""
-    spent: Spent = field(default=Spent(), compare=False)
+    spent: Usage = field(default=Usage(), compare=False)
 
 
 @dataclass(frozen=True, slots=True)

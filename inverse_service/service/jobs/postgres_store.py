@@ -21,7 +21,7 @@ from psycopg.rows import dict_row
 from inverse_service.errors import InputError
 from inverse_service.service.jobs import schema
 from inverse_service.service.jobs.model import StoreUnavailable, WrongVersion
-from inverse_service.service.jobs.statements import SELECT
+from inverse_service.service.jobs.queries import SELECT
 from inverse_service.service.jobs.store import Changed, JobStore
 
 log = logging.getLogger(__name__)
@@ -202,7 +202,7 @@ def connect(address: str) -> Connection:
 
 @dataclass(frozen=True, slots=True)
 class _Session:
-    """See `statements.Session`."""
+    """See `queries.Session`."""
 
     connection: Connection
 

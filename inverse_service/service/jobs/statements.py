@@ -1,38 +1,39 @@
 """What a store does inside a transaction, the same for each database.
 
-Statements have ? for an argument and AMONG (?) for one that is a list; moment() is the time of the database, today()
-its day in UTC, counted from 1970. Locks, which only mean something where transactions run at the same time, are always
-taken in the order jobs (by id), then batches (by id), so that no two wait for each other.
+Locks, which only mean something where transactions run at the same time, are always taken in the order jobs (by id),
+then batches (by id), so that no two wait for each other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from inverse_service.service.jobs.model import (
     NO_BOUND,
     Batch,
-    BatchAnswer,
     BatchLine,
     Bounds,
     Job,
     JobRequest,
     JobStatus,
     TooManyJobs,
-    Usage,
 )
-
-COLUMNS: Final = (
-    "id", "kind", "document", "options", "status", "client", "priority", "created", "started", "finished",
-    "attempt", "crashes", "restarts", "revision", "sequence", "wall", "cpu", "memory", "expires",
-)  # fmt: skip
-LISTED: Final = ", ".join(f"jobs.{name}" for name in COLUMNS)
-SELECT: Final = f"SELECT {LISTED}"
-OPEN: Final = "status IN ('accepted', 'running')"
-FINISHED: Final = "status NOT IN ('accepted', 'running')"
-BODY: Final = "LEFT JOIN bodies ON bodies.id = jobs.id AND bodies.status = jobs.status"
+from inverse_service.service.jobs.outcome import Usage
+from inverse_service.service.jobs.queries import (
+    BODY,
+    FINISHED,
+    LISTED,
+    OPEN,
+    SELECT,
+    Session,
+    dismiss_lines,
+    first,
+    jobs_of,
+    number_lines,
+    read_batch,
+)
 
 # Which jobs are next: by the operator's rank of the client and of the job, then the client with the fewest running
 # ones, then by priority and age. Each client is found by one step in the index (client, priority, sequence), however
@@ -55,17 +56,6 @@ WAITED_FOR: Final = (
     "SELECT EXISTS (SELECT 1 FROM askers WHERE job = ? AND gone = 0) "
     "OR EXISTS (SELECT 1 FROM lines WHERE job = ? AND order_number IS NULL) AS waited"
 )
-COUNTS: Final = (
-    "SELECT CASE WHEN lines.dismissed = 1 THEN 'dismissed' ELSE coalesce(jobs.status, 'failed') END AS status, "
-    "count(*) AS lines FROM lines LEFT JOIN jobs ON jobs.id = lines.job WHERE batch = ? GROUP BY 1"
-)
-# Arguments: the largest body that comes with its line, the batch, the last order that is known, how many.
-ANSWERS: Final = (
-    "SELECT lines.number, lines.identifier, lines.problem, lines.order_number, lines.dismissed, lines.job, "
-    "bodies.status, length(bodies.body) AS size, CASE WHEN length(bodies.body) <= ? THEN bodies.body END AS body "
-    "FROM lines LEFT JOIN bodies ON bodies.id = lines.job "
-    "WHERE lines.batch = ? AND lines.order_number > ? ORDER BY lines.order_number LIMIT ?"
-)
 ACCEPT: Final = (
     "INSERT INTO jobs (id, kind, document, options, status, client, priority, created) "
     "VALUES (?, ?, ?, ?, 'accepted', ?, ?, moment()) ON CONFLICT (id) DO UPDATE SET status = 'accepted', "
@@ -77,33 +67,6 @@ DRAINED: Final = "SELECT value FROM counters WHERE name = 'drained'"
 ACCEPT_LOCK, CLAIM_LOCK = 7_204_021_102, 7_204_021_104
 # Near the bounds on open jobs front ends accept one after the other, so that they hold for all together.
 FAR, FAR_AT_LEAST = 10, 1000
-
-
-class Session(Protocol):
-    """The connection of one transaction."""
-
-    def rows(self, query: str, *arguments: Any) -> list[Any]:
-        """All rows, each a mapping by column."""
-
-    def run(self, query: str, *arguments: Any) -> None:
-        """A statement whose rows nobody waits for."""
-
-    def many(self, query: str, arguments: Sequence[tuple[Any, ...]]) -> None:
-        """The statement for each of the arguments."""
-
-    def lock(self, name: int) -> None:
-        """Wait until no other transaction holds this lock; held to the end."""
-
-
-def first(session: Session, query: str, *arguments: Any) -> Any:
-    """The first row, None where there is none."""
-    rows = session.rows(query, *arguments)
-    return rows[0] if rows else None
-
-
-def jobs_of(rows: Iterable[Mapping[str, Any]]) -> list[Job]:
-    """Rows of SELECT, with a `body` if the query has one."""
-    return [Job(**dict(row)) for row in rows]
 
 
 def read_job(session: Session, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
@@ -224,7 +187,7 @@ def end(
         id, status, body,
     )  # fmt: skip
     count_use(session, changed["client"], usage)
-    _number_lines(session, "job = ?", (id,))
+    number_lines(session, "job = ?", (id,))
     return True
 
 
@@ -257,7 +220,7 @@ def leave(session: Session, id: str, client: str) -> tuple[Job | None, bool]:
     if job is None or not job.is_open:
         return job, False
     session.run("INSERT INTO askers VALUES (?, ?, 1) ON CONFLICT (job, client) DO UPDATE SET gone = 1", id, client)
-    _dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
+    dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
     return (replace(job, status="dismissed"), False) if _is_waited_for(session, id) else dismiss(session, id)
 
 
@@ -266,7 +229,7 @@ def leave_batch(session: Session, batch: str) -> list[str]:
     rows = session.rows("SELECT DISTINCT job FROM lines WHERE batch = ? AND order_number IS NULL", batch)
     ids = sorted(row["job"] for row in rows)
     _locked(session, ids)
-    _dismiss_lines(session, "batch = ?", (batch,))
+    dismiss_lines(session, "batch = ?", (batch,))
     return [id for id in ids if not _is_waited_for(session, id) and dismiss(session, id)[1]]
 
 
@@ -279,7 +242,7 @@ def dismiss(session: Session, id: str) -> tuple[Job | None, bool]:
     )
     if changed:
         session.run("DELETE FROM askers WHERE job = ?", id)
-        _dismiss_lines(session, "job = ?", (id,))
+        dismiss_lines(session, "job = ?", (id,))
     return read_job(session, id), bool(changed)
 
 
@@ -329,29 +292,6 @@ def create_batch(
     return batch
 
 
-def read_batch(session: Session, id: str) -> Batch | None:
-    """A batch with its counts by status."""
-    row = first(session, "SELECT * FROM batches WHERE id = ?", id)
-    if row is None:
-        return None
-    by_status = {found["status"]: found["lines"] for found in session.rows(COUNTS, id)}
-    return Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
-
-
-def answers(session: Session, batch: str, after: int, limit: int, largest: int) -> list[BatchAnswer]:
-    """Answers of a batch in their order: of a bad line, of one that was cancelled, or of a job."""
-    return [_answer_of(row) for row in session.rows(ANSWERS, largest, batch, after, limit)]
-
-
-def _answer_of(row: Any) -> BatchAnswer:
-    if row["problem"] is not None:
-        return BatchAnswer(row["number"], row["identifier"], "failed", row["problem"], row["order_number"])
-    status: JobStatus = "dismissed" if row["dismissed"] else row["status"] or "dismissed"
-    body = None if status == "dismissed" else row["body"]
-    job, size = row["job"] or "", row["size"] or 0
-    return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
-
-
 def is_drained(session: Session) -> bool:
     """Whether an operator lets no job begin."""
     found = first(session, DRAINED)
@@ -360,24 +300,3 @@ def is_drained(session: Session) -> bool:
 
 def _is_waited_for(session: Session, id: str) -> bool:
     return bool(first(session, WAITED_FOR, id, id)["waited"])
-
-
-def _dismiss_lines(session: Session, where: str, arguments: tuple[str, ...]) -> None:
-    session.run(f"UPDATE lines SET dismissed = 1 WHERE {where} AND order_number IS NULL", *arguments)
-    _number_lines(session, f"{where} AND dismissed = 1", arguments)
-
-
-def _number_lines(session: Session, where: str, arguments: tuple[str, ...]) -> None:
-    """Number lines that have an answer now, in the order in which answers come.
-
-    Whoever takes numbers of a batch holds its row until the commit, so they become visible in their order.
-    """
-    due = f"FROM lines WHERE {where} AND order_number IS NULL"
-    for row in session.rows(f"SELECT batch, count(*) AS due {due} GROUP BY batch ORDER BY batch", *arguments):
-        taken = "UPDATE batches SET answers = answers + ? WHERE id = ? RETURNING answers"
-        before = first(session, taken, row["due"], row["batch"])["answers"] - row["due"]
-        places = f"SELECT number AS line, row_number() OVER (ORDER BY number) AS place {due} AND batch = ?"
-        session.run(
-            f"UPDATE lines SET order_number = ? + place FROM ({places}) AS due WHERE batch = ? AND number = due.line",
-            before, *arguments, row["batch"], row["batch"],
-        )  # fmt: skip

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar, TypeVar
 
-from inverse_service.service.jobs import statements, upkeep
+from inverse_service.service.jobs import queries, statements, upkeep
 from inverse_service.service.jobs.model import (
     NO_BOUND,
     Batch,
@@ -23,9 +23,9 @@ from inverse_service.service.jobs.model import (
     Job,
     JobRequest,
     JobStatus,
-    Usage,
 )
-from inverse_service.service.jobs.statements import Session
+from inverse_service.service.jobs.outcome import Usage
+from inverse_service.service.jobs.queries import SELECT, Session, jobs_of
 
 T = TypeVar("T")
 Changed = Callable[[T], Iterable[str]]
@@ -149,8 +149,8 @@ class JobStore(ABC):
         wanted = {"status": status, "kind": kind, "client": client, "sequence": _sequence_of(cursor)}
         chosen = {name: value for name, value in wanted.items() if value is not None}
         where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1 = 1"
-        query = f"{statements.SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
-        found = statements.jobs_of(self._read(lambda s: s.rows(query, *chosen.values(), limit + 1)))
+        query = f"{SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
+        found = jobs_of(self._read(lambda s: s.rows(query, *chosen.values(), limit + 1)))
         return found[:limit], str(found[limit - 1].sequence) if len(found) > limit else None
 
     def add_events(self, events: Iterable[tuple[str, Event]]) -> None:
@@ -173,11 +173,11 @@ class JobStore(ABC):
 
     def batch(self, id: str) -> Batch | None:
         """One batch with its counts."""
-        return self._read(lambda s: statements.read_batch(s, id))
+        return self._read(lambda s: queries.read_batch(s, id))
 
     def batch_answers(self, id: str, after: int = 0, limit: int = 500, largest: int = NO_BOUND) -> list[BatchAnswer]:
         """Answers with `order` above `after`, in that order: what is done so far; bodies of at most `largest` bytes."""
-        return self._read(lambda s: statements.answers(s, id, after, limit, largest))
+        return self._read(lambda s: queries.answers(s, id, after, limit, largest))
 
     def dismiss_batch(self, id: str) -> list[str]:
         """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop."""

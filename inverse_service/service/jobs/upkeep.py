@@ -6,7 +6,8 @@ import itertools
 from typing import Final
 
 from inverse_service.service.jobs.model import ClientUse
-from inverse_service.service.jobs.statements import FINISHED, OPEN, Session, first, leave, leave_batch
+from inverse_service.service.jobs.queries import FINISHED, OPEN, Session, first
+from inverse_service.service.jobs.statements import leave, leave_batch
 
 PRUNE_LOCK: Final = 7_204_021_103
 # So many bytes of answers are forgotten at once, and one answer however large.

@@ -25,7 +25,7 @@ from inverse_service.service.jobs.isolation import (
     silence_standard_error,
 )
 from inverse_service.service.jobs.locks import hold
-from inverse_service.service.jobs.outcome import Call, Outcome, Spent, outcome_of_exit
+from inverse_service.service.jobs.outcome import Call, Outcome, Usage, outcome_of_exit
 
 WARM = "inverse_service.service.jobs.warm"
 STARTED, REPORT, DONE = "started", "report", "done"
@@ -71,7 +71,7 @@ class WorkerProcess:
             raise NotStarted from None
         self.tasks += 1
         outcome = self._await(Patience(self.pid, call.deadline), report)
-        return outcome if outcome.spent.wall else replace(outcome, spent=Spent(wall=time.monotonic() - began))
+        return outcome if outcome.spent.wall else replace(outcome, spent=Usage(wall=time.monotonic() - began))
 
     def kill(self) -> None:
         """End the process at once, whatever it does."""

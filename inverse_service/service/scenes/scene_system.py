@@ -11,8 +11,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from api_schemas.base import MAX_SIMULATED
 from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocument, ResultSystem
-from api_schemas.sizes import MAX_SIMULATED
 from inverse_service import catalogue
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.errors import InputError

@@ -124,7 +124,7 @@ async def echo(request: Request) -> HTMLResponse:
 async def answer_beside(request: Request) -> Response:
     """The answer beside the form: nothing is stored; one at a time for each client, and none where it takes long."""
     engine: Engine = request.app.state.engine
-    with engine.glance(client_of(request)) as is_free:
+    with engine.places.glance(client_of(request)) as is_free:
         if not is_free:
             return Response(status_code=204)
         try:

@@ -22,8 +22,8 @@ from inverse_service.service.jobs.model import (
     Job,
     JobRequest,
     TooManyJobs,
-    Usage,
 )
+from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 
 USAGE = Usage(1.0, 0.5, 100.0)
