@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: install service run test nightly lint paper bench bench-service soundness coverage mutation font
+.PHONY: install service run test nightly lint paper bench bench-service soundness coverage mutation font reference
 
 # What the service and the command line need; what tests and development need besides.
 service: $(SERVICE)
@@ -94,3 +94,7 @@ font: install
 	  --layout-features='' --no-hinting --desubroutinize --notdef-outline --unicodes=$(BASIC),$(SIGNS),$(ITALIC) \
 	  --output-file=$(FONT).woff2
 	cp build/font/package/LICENSE $(FONT).LICENSE
+
+# docs/fields.md and docs/reference.md from the program; a test says when they are old.
+reference: install
+	.venv/bin/python -m tests.docs.reference
