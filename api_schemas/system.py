@@ -74,7 +74,7 @@ class NamedDocument(Document):
 
     `coordinates`: left out, they are the names with derivatives in the formulas, or the keys of `equations`.
     `parameters`: a list of names, or an object with values (null leaves one generic); "guess", or a name "..."
-       beside the others, takes names that are not declared as constants and lists them in `guessed`.
+       in addition to the others, takes names that are not declared as constants and lists them in `guessed`.
     `functions`: arbitrary functions, each with the coordinates it depends on.
     `where`: names that stand for a formula, which is put in exactly: {"r": "sqrt(x^2 + y^2)"}.
     """

@@ -107,7 +107,7 @@ class SeriesTables:
     Degree d has counts[d] monomials from starts[d] on; the last of `starts` is the number of all. The product
     of monomial i of degree j and monomial k of degree l stands, within degree j + l, at
     products[product_starts[j (order + 1) + l] + i counts[l] + k]. For monomial i of degree d < order,
-    x_a times it stands at raised[raised_starts[d] + i size + a], its exponent of x_a in `exponents` there.
+    x_a times it occurs at raised[raised_starts[d] + i size + a], its exponent of x_a in `exponents` there.
     """
 
     size: int

@@ -201,7 +201,7 @@ def simulate(
     time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 600.")] = None,
     figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
 ) -> None:
-    """Integrate a scene by its methods. Exit 0 unless no method got through (1)."""
+    """Integrate a scene by its methods. Exit 1 only if every method failed."""
     from inverse_service.cli.simulating import simulate_file
 
     sys.exit(simulate_file(scene, output, time_limit, figures))

@@ -49,7 +49,7 @@ def serve_http(host: str, port: int) -> ExitCode:
     journal.begin(settings.log_level)
     _warn(settings, host, listener)
     application = create_application(settings)
-    # Opened here so that a database that cannot be used is one sentence, and before the address is told.
+    # Opened here so that a database that cannot be used is one sentence, and before the address is printed.
     application.state.engine.open()
     address = _address(host, listener.getsockname()[1])
     bound_data(WEB_MEMORY + SHARE_OF_BODIES * settings.max_body // 2**20)
@@ -121,7 +121,7 @@ def _is_local(listener: socket.socket) -> bool:
 
 
 def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
-    """Streams that are open end when the first signal comes; uvicorn waits for them, and not for ever."""
+    """Streams that are open end when the first signal comes; uvicorn waits for them, for a limited time."""
     handle = server.handle_exit
 
     def handle_exit(number: int, frame: Any) -> None:

@@ -73,7 +73,7 @@ def sum_of(terms: Sequence[Expression], column: int, limits: Limits) -> Expressi
 def reciprocal(expression: Expression, column: int) -> Expression:
     """1/u; InputError where u is the number 0."""
     if expression == Number(Fraction(0)):
-        raise refusal("a division by zero stands", column, "divide by something that is not 0")
+        raise refusal("a division by zero occurs", column, "divide by something that is not 0")
     return power(expression, -1)
 
 

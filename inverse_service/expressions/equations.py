@@ -83,7 +83,7 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[Expression, E
     places = [place for place, token in enumerate(equation.tokens) if token.is_operator("=")]
     if len(places) > 1:
         column = equation.tokens[places[1]].column
-        raise refusal("a second = stands", column, "separate equations by ;")
+        raise refusal("a second = occurs", column, "separate equations by ;")
     if not places:
         return _side(list(equation.tokens), equation.end_column, names), ZERO
     left, right = list(equation.tokens[: places[0]]), list(equation.tokens[places[0] + 1 :])

@@ -41,13 +41,13 @@ class FormulaParser(OperandParser):
         if rest.kind == "end":
             return result
         if rest.is_operator("=", ";"):
-            raise refusal("an equation stands where a formula is expected", rest.column, "write one side only")
+            raise refusal("an equation occurs where a formula is expected", rest.column, "write one side only")
         if rest.is_operator("[", "]"):
             raise refusal("square brackets are not accepted here", rest.column, "write ( and )")
         if rest.is_operator("<", ">"):
-            raise refusal("a comparison stands", rest.column, "write an equation with one =")
+            raise refusal("a comparison occurs", rest.column, "write an equation with one =")
         if rest.is_operator(","):
-            raise refusal("a comma stands outside a function", rest.column, "write a decimal point, or * for a product")
+            raise refusal("a comma occurs outside a function", rest.column, "write a decimal point, or * for a product")
         raise unexpected(rest, "an operator or the end")
 
     def _expression(self) -> Expression:
@@ -109,7 +109,7 @@ class FormulaParser(OperandParser):
         ahead = self._stream.ahead
         if ahead.kind == "prime":
             instead = "only a coordinate or a declared function takes a prime; write diff(u, x) for other derivatives"
-            raise refusal("a prime stands", ahead.column, instead)
+            raise refusal("a prime occurs", ahead.column, instead)
         if not self._stream.take_operator("^"):
             return base
         return raised(base, self._exponent(), ahead.column, self._limits)
@@ -129,7 +129,7 @@ class FormulaParser(OperandParser):
         if token.is_operator("|"):
             return call("abs", self._until(token, "|", 1), token.column)
         if token.is_operator("\u2202"):
-            raise refusal("a partial derivative stands", token.column, "write diff(A(x, y), x), A declared")
+            raise refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
         if not token.is_operator("("):
             raise unexpected(token, _OPERAND)
         return self._until(token, ")", 1)[0]

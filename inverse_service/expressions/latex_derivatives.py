@@ -55,7 +55,7 @@ class LatexDerivatives(LatexWords, ABC):
             self._emit_name(name, raw, order + dots)
         elif 0 < order == len(variables) and "t" not in variables and (partial or not self._names.role("d")):
             instead = f'declare {name} in "functions" with its arguments, or write {name}\'({variables[0]})'
-            raise refusal(f"a derivative of {name} by {variables[0]} stands", raw.column, instead)
+            raise refusal(f"a derivative of {name} by {variables[0]} occurs", raw.column, instead)
         else:
             self._place = start
             return False
@@ -83,7 +83,7 @@ class LatexDerivatives(LatexWords, ABC):
         self._operand()
         if partial and "t" in variables and not any(map(self._time_argument_at, range(operand, self._place))):
             instead = "write \\frac{d}{dt}\\left( and \\right) for the derivative along the motion"
-            raise refusal("a partial derivative by the time stands", raw.column, instead)
+            raise refusal("a partial derivative by the time occurs", raw.column, instead)
         for variable in variables:
             self._emit(",", raw)
             self._emit_name(variable, raw)

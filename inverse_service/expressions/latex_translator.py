@@ -116,7 +116,7 @@ class LatexTranslator(LatexDerivatives):
         digits = "".join(piece.text for piece in self._run(start))
         match = NUMBER.match(digits)
         if match is None:
-            raise refusal("a dot stands alone", start.column, "a dot belongs to a number such as 0.5")
+            raise refusal("a dot is alone", start.column, "a dot belongs to a number such as 0.5")
         self._place += match.end()
         self._tokens.append(number_token(match.group(), start.column, start.space_before, self._limits))
 
@@ -150,16 +150,16 @@ class LatexTranslator(LatexDerivatives):
 
     def _function(self, name: str, raw: Raw) -> None:
         if self._ahead.is_character("_"):
-            raise refusal("a base of a logarithm stands", raw.column, "write \\ln(x)/\\ln(b)")
+            raise refusal("a base of a logarithm occurs", raw.column, "write \\ln(x)/\\ln(b)")
         self._emit_name(name, raw)
 
     def _font(self, raw: Raw) -> None:
         start = self._place
         name = self._name_part()
         if any(piece.space_before for piece in self._raw[start + 1 : self._place]):
-            raise refusal("words stand", raw.column, "write the equations alone, separated by ;")
+            raise refusal("words occur", raw.column, "write the equations alone, separated by ;")
         if name == "d" and self._names.role("d") is None:
-            raise refusal("a differential stands", raw.column, "write \\frac{dx}{dt} for a derivative")
+            raise refusal("a differential occurs", raw.column, "write \\frac{dx}{dt} for a derivative")
         if not name:
             raise refusal(f"\\{raw.text} holds no name", raw.column, "write letters and digits in it")
         self._emit_name(self._with_subscript(name), raw)
@@ -320,7 +320,7 @@ class LatexTranslator(LatexDerivatives):
         alone = len(raised) == 1 or raised[1].is_character("}")
         digits = self._run(raised[0]) if len(raised) == 1 else raised[:1]
         if alone and [piece.text for piece in digits] == ["1"] and self._tokens and self._tokens[-1].kind != "number":
-            raise refusal("a raised 1 stands", raised[0].column, "an index? write it below, as in q_1 and q_2")
+            raise refusal("a raised 1 occurs", raised[0].column, "an index? write it below, as in q_1 and q_2")
 
     def _primes(self) -> None:
         while _is_prime(self._ahead):

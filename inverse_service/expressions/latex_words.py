@@ -140,7 +140,7 @@ class LatexWords:
 
     def _plain_piece(self, raw: Raw) -> str:
         if raw.is_command(*MARKED):
-            raise refusal(f"\\{raw.text} stands", raw.column, MARKED[raw.text])
+            raise refusal(f"\\{raw.text} occurs", raw.column, MARKED[raw.text])
         if raw.kind == "command":
             return raw.text if self._names.role(raw.text) else LETTER_COMMANDS.get(raw.text, "")
         return raw.text if raw.kind in ("letter", "digit") else ""

@@ -75,7 +75,7 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     known = reason_against(name, column)
     if known is not None:
         return known
-    shown = f"the name '{shorten(name)}' is not declared; it stands"
+    shown = f"the name '{shorten(name)}' is not declared; it occurs"
     if name == "d":
         return refusal(shown, column, "write x' and x'' for dx/dt and d^2x/dt^2, diff(u, t) for other derivatives")
     if follows[:1] == "'" and (meant := readings(name, names)):

@@ -40,7 +40,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if "I" in marks and names.role("I") is None and (tokens != written or marks & DERIVATIVE_NAMES):
         column = next(token.column for token in tokens if token.text == "I")
         raise refusal(
-            "I is the imaginary unit in this notation; it stands",
+            "I is the imaginary unit in this notation; it occurs",
             column,
             'a constant of this name? add it to "parameters"',
         )
@@ -147,7 +147,7 @@ def _after_dot(tokens: Sequence[Token], place: int, found: Tokens, names: Names)
         found.pop()
         return place + 1
     if method.text != "diff" or not _opens(tokens, place + 2):
-        raise refusal("a dot stands", tokens[place].column, "a dot belongs to a number such as 0.5, or to u.diff(t)")
+        raise refusal("a dot occurs", tokens[place].column, "a dot belongs to a number such as 0.5, or to u.diff(t)")
     arguments, after = _arguments(tokens, place + 2)
     start = _operand(found)
     operand = found[start:]
@@ -188,7 +188,7 @@ def _derivative_of(tokens: Sequence[Token], place: int, order: int, found: Token
     """(x) after D or Derivative[2], as x with primes; the (t) after it follows by itself."""
     name = tokens[place + 1 : place + 3]
     if not _opens(tokens, place) or len(name) < 2 or name[0].kind != "name" or not name[1].is_operator(")"):
-        raise refusal("a derivative of a name stands", tokens[place - 1].column, "write x'' or diff(x, t, 2)")
+        raise refusal("a derivative of a name occurs", tokens[place - 1].column, "write x'' or diff(x, t, 2)")
     found += [name[0], Token("prime", "'" * order, name[0].column, False, Fraction(order))]
     return place + 3
 
@@ -271,7 +271,7 @@ def _logarithm(tokens: Sequence[Token], place: int, found: Tokens, names: Names)
 
 
 def _float(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    raise refusal("a Float stands", tokens[place].column, "write the exact number, such as Rational(1, 3)")
+    raise refusal("a Float occurs", tokens[place].column, "write the exact number, such as Rational(1, 3)")
 
 
 def _der(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:

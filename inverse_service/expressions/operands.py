@@ -72,7 +72,7 @@ def _along_motion(expression: Expression, variable: Variable, names: Names) -> E
 
 
 def _third(column: int) -> InputError:
-    return refusal("a third derivative stands", column, "write equations of second order")
+    return refusal("a third derivative occurs", column, "write equations of second order")
 
 
 class OperandParser(ABC):
@@ -125,7 +125,7 @@ class OperandParser(ABC):
         if name == "t" and self._names.time:
             return self._single(TIME, token)
         if name == "t":
-            raise refusal("the time t is not accepted here; it stands", token.column, "leave it out")
+            raise refusal("the time t is not accepted here; it occurs", token.column, "leave it out")
         dotted = self._names.derivative(name)
         if dotted:
             return self._coordinate(*dotted, token)
@@ -159,20 +159,20 @@ class OperandParser(ABC):
             name = token.text
             raise refusal(f"{name}( could be a product or a function", ahead.column, f"write {name}*( for a product")
         if ahead.kind == "prime":
-            raise refusal(f"{token.text} has no derivative in time; a prime stands", ahead.column, "leave it out")
+            raise refusal(f"{token.text} has no derivative in time; a prime occurs", ahead.column, "leave it out")
         return node
 
     def _coordinate(self, name: str, order: int, token: Token) -> Expression:
         order += self._primes()
         if order > 2:
-            raise refusal("a third derivative stands", token.column, "write equations of second order")
+            raise refusal("a third derivative occurs", token.column, "write equations of second order")
         self._skip_time_argument()
         ahead = self._stream.ahead
         touches = self._opens_arguments() and not ahead.space_before
         if touches and self._stream.look(1).kind == "number" and self._stream.look(2).is_operator(")"):
             value = f"{name}({shorten(self._stream.look(1).text)})"
             instead = f"leave initial conditions out, they change no answer; write {name}* for a product"
-            raise refusal(f"{value} stands", token.column, instead)
+            raise refusal(f"{value} occurs", token.column, instead)
         if self._opens_arguments() and ahead.space_before and self._group_has_time():
             raise refusal(f"{name} ( could be a product or a function of time", ahead.column, f"write {name}*(")
         node = (Symbol(name), Velocity(name), Acceleration(name))[order]
@@ -241,7 +241,7 @@ class OperandParser(ABC):
         column = self._stream.ahead.column
         primes = self._primes()
         if primes and count != 1:
-            raise refusal(f"{name} has {count} arguments and a prime stands", column, f"write diff({name}, x)")
+            raise refusal(f"{name} has {count} arguments and a prime occurs", column, f"write diff({name}, x)")
         opening = self._stream.take_operator("[")
         if not opening:
             return (primes,) if count == 1 else (0,) * count
@@ -300,7 +300,7 @@ class OperandParser(ABC):
             case "parameter":
                 return Symbol(name)
             case "function":
-                raise refusal("a derivative by a function stands", token.column, "differentiate by a coordinate")
+                raise refusal("a derivative by a function occurs", token.column, "differentiate by a coordinate")
         dotted = self._names.derivative(name)
         if dotted:
             return self._coordinate(*dotted, token)

@@ -88,7 +88,7 @@ def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
         condition = _CONDITION.match(text, place) if conditions else None
         if conditions and open_brackets and _EQUALITY.match(text, place):
             instead = "write inequalities such as x > 0, for an answer is about open sets"
-            raise refusal("an equation stands in a condition", place + 1, instead)
+            raise refusal("an equation occurs in a condition", place + 1, instead)
         if condition:
             sign = _CONDITION_SIGNS.get(condition[0], condition[0])
             found, place = [Token("operator", sign, place + 1, space)], condition.end()
@@ -177,7 +177,7 @@ def _long_name(text: str, place: int) -> tuple[str, int, int]:
         place += 1
         unclear = found[1] and len([part for part in parts if part]) > 1
         if unclear or (order and found[0][:1].isalpha() and len(parts) > 1 and "_" not in parts):
-            raise refusal("dots stand over a letter inside a name", start + 1, "write * between factors")
+            raise refusal("dots are over a letter inside a name", start + 1, "write * between factors")
     return "".join(parts), order, place
 
 
@@ -186,15 +186,15 @@ def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     if text.startswith("==", place):
         return [Token("operator", "=", column, space)], place + 2
     if text.startswith(":=", place):
-        raise refusal(":= stands", column, "write =, and leave out a name that is given to an equation")
+        raise refusal(":= occurs", column, "write =, and leave out a name that is given to an equation")
     if character in _COMPARISONS or text.startswith("!=", place):
-        raise refusal("a comparison stands", column, "write an equation with one =")
+        raise refusal("a comparison occurs", column, "write an equation with one =")
     if other := _OTHER_PROGRAMS.match(text, place):
         return [Token("operator", sign, column, space) for sign in _SIGNS[other.lastgroup]], other.end()
     if sign := _ELEMENTWISE.get(text[place : place + 2]):
         return [Token("operator", sign, column, space)], place + 2
     if text.startswith("//", place):
-        raise refusal("// stands", column, "write / for a quotient")
+        raise refusal("// occurs", column, "write / for a quotient")
     if text.startswith("**", place):
         return [Token("operator", "^", column, space)], place + 2
     character = OPERATORS.get(character, character)

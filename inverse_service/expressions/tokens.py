@@ -79,7 +79,7 @@ def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
         numbers = tokens[place - 1].kind == "number" and after.kind == "number"
         if comma.is_operator(",") and numbers and not square and not after.space_before:
             raise refusal(
-                "a comma stands between digits", comma.column, "write a decimal point, or a space after a comma"
+                "a comma occurs between digits", comma.column, "write a decimal point, or a space after a comma"
             )
 
 
@@ -141,7 +141,7 @@ def unexpected(token: Token, wanted: str) -> InputError:
     if token.kind == "end":
         return refusal("the formula ends", token.column, f"{wanted} is missing")
     shown = {"newline": "a new line", "prime": "a prime (')"}.get(token.kind, f"'{shorten(token.text)}'")
-    return refusal(f"{shown} is not expected", token.column, f"{wanted} should stand here")
+    return refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
 
 
 def shorten(text: str, length: int = 30) -> str:

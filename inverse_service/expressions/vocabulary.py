@@ -141,4 +141,4 @@ def check_domain(function: str, argument: Expression, column: int) -> None:
 def reason_against(name: str, column: int) -> InputError | None:
     """The refusal of a well-known name that formulas cannot use, or None."""
     entry = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(name)
-    return refusal(f"{name} {entry[0]}; it stands", column, entry[1]) if entry else None
+    return refusal(f"{name} {entry[0]}; it occurs", column, entry[1]) if entry else None

@@ -75,7 +75,7 @@ def _refuse_products(tokens: Sequence[Token], declared: Names) -> None:
                 factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
                 meant = "*".join((*factors, f"{moving}''"))
                 instead = f'did you mean {meant}? a coordinate of this name? add it to "coordinates"'
-                raise refusal(f"{name}'' stands", column, instead, (meant,))
+                raise refusal(f"{name}'' occurs", column, instead, (meant,))
 
 
 def key_coordinate(key: str, names: Names, pointer: str) -> str:
@@ -236,7 +236,7 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
     together = Names(names.coordinates, (*names.parameters, *letters), names.functions)
     seen: dict[str, str] = {}
     for name, (pointer, token) in guessed.items():
-        column, shown = token.column, f"the name '{shorten(name)}' is not declared; it stands"
+        column, shown = token.column, f"the name '{shorten(name)}' is not declared; it occurs"
         if meant := readings(name, together):
             instead = f'did you mean {" or ".join(meant)}? a constant of this name? add it to "parameters"'
             raise refusal(shown, column, instead, meant).at(pointer)
@@ -244,7 +244,7 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
             raise refusal(shown, column, ask_for_the_time(name, names.coordinates), ("t",)).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
-            raise refusal(shown, column, f"{other} stands too; write one of the two", (other,)).at(pointer)
+            raise refusal(shown, column, f"{other} occurs too; write one of the two", (other,)).at(pointer)
 
 
 def _refuse_operators(line: Sequence[Token], place: int, pointer: str) -> None:
@@ -254,12 +254,12 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str) -> None:
     after = line[place + 1] if place + 1 < len(line) else None
     if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after and after.is_operator(")"))):
         instead = 'a transpose? write components; a constant? add T to "parameters"'
-        raise refusal("a raised T stands", token.column, instead).at(pointer)
+        raise refusal("a raised T occurs", token.column, instead).at(pointer)
     if token.text == "d" and after is not None and after.text == "t":
-        raise refusal("a differential stands", token.column, "write x' or dx/dt for a derivative").at(pointer)
+        raise refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
     if token.text == "Delta" and after is not None and after.kind == "name":
         instead = f'a product? write Delta*{after.text} and add Delta to "parameters"'
-        raise refusal(f"Delta {after.text} is a difference or a Laplacian to most; it stands", token.column, instead,
+        raise refusal(f"Delta {after.text} is a difference or a Laplacian to most; it occurs", token.column, instead,
                       (f"Delta*{after.text}",)).at(pointer)  # fmt: skip
 
 

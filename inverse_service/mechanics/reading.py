@@ -198,18 +198,18 @@ def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
         try:
             groups = split_equations(text, names) if _DEFINES.search(text) else []
         except InputError:
-            continue  # its fault is told where it is read
+            continue  # its fault is reported where it is read
         for group in groups:
             first, *rest = group.tokens
             moved = _ACCELERATION.fullmatch(first.text)
             if moved and not names.role(first.text) and rest and rest[0].is_operator("="):
                 instead = f"write {next(filter(None, moved.groups()))}'' for a second derivative"
-                raise refusal(f"{first.text} is read as a name; it stands", first.column, instead).at(pointer)
+                raise refusal(f"{first.text} is read as a name; it occurs", first.column, instead).at(pointer)
             moves = names.role(first.text) or derived_stem(first.text) or _DERIVATIVE.search(first.text)
             if first.kind != "name" or not rest or not rest[0].is_operator("=") or moves:
                 continue
             key = '"lagrangian": "…"' if first.text == "L" else f'"where": {{"{first.text}": "…"}}'
-            what = f"{first.text} = … is a definition and no equation of motion; it stands"
+            what = f"{first.text} = … is a definition and no equation of motion; it occurs"
             raise refusal(what, first.column, f"write it in the document as {key}").at(pointer)
 
 
@@ -288,7 +288,7 @@ def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> Expr
             return read_formula(text, names)
         groups = split_equations(text, names)
         if len(groups) != 1:
-            raise InputError("several equations stand here: write only the acceleration.", column=1)
+            raise InputError("several equations occur here: write only the acceleration.", column=1)
         left, right = read_equation(groups[0], names)
         if left != Acceleration(coordinate):
             raise InputError(f"the left side is not {coordinate}'': write only the acceleration.", column=1)

@@ -150,7 +150,7 @@ def _zero(equation: Any) -> Any:
     if equation in (sympy.true, sympy.false, True, False):
         raise InputError("an equation became True or False: give Eq(a, b, evaluate=False).", "/equations")
     if isinstance(equation, sympy.core.relational.Relational) and not isinstance(equation, sympy.Equality):
-        raise InputError("a comparison stands: write an equation, Eq(a, b).", "/equations")
+        raise InputError("a comparison occurs: write an equation, Eq(a, b).", "/equations")
     return _expression(equation.lhs - equation.rhs if isinstance(equation, sympy.Equality) else equation)
 
 
@@ -195,7 +195,7 @@ def _found_time(zeros: Sequence[Any]) -> Any:
             orders[by] = max(orders.get(by, 0), len(derivative.variables))
     found = {by for by, order in orders.items() if order >= 2}
     if orders and not found:
-        raise InputError("no second derivative stands here: write equations such as x'' = -x.", "/equations")
+        raise InputError("no second derivative occurs here: write equations such as x'' = -x.", "/equations")
     if len(found) != 1:
         raise InputError("what the time is cannot be seen from the derivatives: say time=t.", "/time")
     return found.pop()
@@ -258,18 +258,22 @@ def _dummies(zeros: Sequence[Any]) -> set[Any]:
 
 
 def _refuse_other_motions(given: _Given, applied: set[Any], symbols: Sequence[Any]) -> None:
-    """InputError for x(t - 1), for a second function x with other assumptions, and for a symbol x beside x(t)."""
+    """InputError for x(t - 1), for a second function x with other assumptions, and for a symbol x besides x(t)."""
     moving = {str(each.func): each for each in given.coordinates if isinstance(each, AppliedUndef)}
     for each in sorted(applied, key=str):
         known = moving.get(str(each.func))
         if known is not None and each.func == known.func:
-            raise InputError(f"{each} stands beside {known}: only {known} itself is accepted, no delay.", "/equations")
+            raise InputError(
+                f"{each} occurs together with {known}: only {known} itself is accepted, no delay.", "/equations"
+            )
         if known is not None:
             detail = f"two functions are called {known.func} and have other assumptions: use one of them."
             raise InputError(detail, "/coordinates")
     for each in symbols:
         if str(each) in moving:
-            detail = f"the symbol {each} stands beside {moving[str(each)]}: write the function, or rename the symbol."
+            detail = (
+                f"the symbol {each} occurs together with {moving[str(each)]}: write the function, or rename the symbol."
+            )
             raise InputError(detail, "/parameters")
 
 

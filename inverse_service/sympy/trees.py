@@ -38,7 +38,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.sympy.names import Table
 
-_REFUSED = ((sympy.Integral, "an integral stands: carry it out, or declare a function of your own"),)
+_REFUSED = ((sympy.Integral, "an integral occurs: carry it out, or declare a function of your own"),)
 
 
 def to_sympy(tree: Expression, table: Table) -> Any:
@@ -97,11 +97,11 @@ def from_sympy(expression: Any, leaves: Leaves) -> Expression:
         return leaves.trees[expression]
     match expression:
         case sympy.Float():
-            raise _refused("a Float stands", "write the exact number, such as Rational(1, 3)")
+            raise _refused("a Float occurs", "write the exact number, such as Rational(1, 3)")
         case sympy.Rational():
             return Number(Fraction(int(expression.p), int(expression.q)))
         case sympy.Symbol():
-            raise _refused(f"the symbol {expression} stands twice with other assumptions", "use one symbol")
+            raise _refused(f"the symbol {expression} occurs twice with other assumptions", "use one symbol")
         case sympy.Add():
             return add(*(from_sympy(term, leaves) for term in expression.args))
         case sympy.Mul():
@@ -128,7 +128,7 @@ def from_sympy(expression: Any, leaves: Leaves) -> Expression:
         case sympy.Function():
             return _elementary(expression, leaves)
     if expression is sympy.I:
-        raise _refused("complex numbers stand", "write the equations of real and imaginary part")
+        raise _refused("complex numbers occur", "write the equations of real and imaginary part")
     if expression.is_finite is False or expression is sympy.nan:
         raise _refused(f"{expression} is not a number", "write a finite number")
     reason = next((text for kind, text in _REFUSED if isinstance(expression, kind)), "")
@@ -148,7 +148,7 @@ def _condition(held: Any, leaves: Leaves) -> Expression:
             return subtract(ONE, _condition(held.args[0], leaves))
         case sympy.Gt() | sympy.Ge() | sympy.Lt() | sympy.Le():
             return step(from_sympy(held.gts - held.lts, leaves), 1)
-    raise _refused(f"the condition {held} stands", "write inequalities of polynomials, joined by &, | and ~")
+    raise _refused(f"the condition {held} occurs", "write inequalities of polynomials, joined by &, | and ~")
 
 
 def _refused(what: str, instead: str) -> InputError:
@@ -158,7 +158,7 @@ def _refused(what: str, instead: str) -> InputError:
 def _elementary(expression: Any, leaves: Leaves) -> Expression:
     name = type(expression).__name__
     if name not in ELEMENTARY or len(expression.args) != 1:
-        raise _refused(f"the function {name} stands", "write elementary functions, or a function of your own")
+        raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
     return Apply(name, from_sympy(expression.args[0], leaves))
 
 
@@ -177,15 +177,15 @@ def _derivative(expression: Any, leaves: Leaves) -> Expression:
     if not isinstance(inner, sympy.Derivative) or not isinstance(inner.expr, AppliedUndef):
         done = expression.doit()
         if done == expression:
-            raise _refused("a derivative that is not carried out stands", "call doit()")
+            raise _refused("a derivative that is not carried out occurs", "call doit()")
         return from_sympy(done, leaves)
     if inner.expr in leaves.trees:
-        raise _refused("a third derivative stands", "write equations of second order")
+        raise _refused("a third derivative occurs", "write equations of second order")
     orders = [0] * len(inner.expr.args)
     for variable, count in inner.variable_count:
         places = [place for place, argument in enumerate(inner.expr.args) if argument == variable]
         if len(places) != 1:
-            raise _refused(f"a derivative by {variable} stands", "differentiate by the arguments of the function")
+            raise _refused(f"a derivative by {variable} occurs", "differentiate by the arguments of the function")
         orders[places[0]] += int(count)
     return _arbitrary(inner.expr, orders, [argument.subs(replaced) for argument in inner.expr.args], leaves)
 
@@ -193,5 +193,5 @@ def _derivative(expression: Any, leaves: Leaves) -> Expression:
 def _arbitrary(applied: Any, orders: list[int], arguments: Any, leaves: Leaves) -> Expression:
     name = leaves.functions.get(applied.func)
     if name is None:
-        raise _refused(f"the function {applied} stands", "give the coordinates, and functions of them")
+        raise _refused(f"the function {applied} occurs", "give the coordinates, and functions of them")
     return Arbitrary(name, tuple(from_sympy(argument, leaves) for argument in arguments), tuple(orders))

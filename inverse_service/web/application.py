@@ -29,7 +29,7 @@ from inverse_service.web.pages.refused import page_of_refusal
 
 TITLE = "inverse-service"
 SUMMARY = "Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."
-# The setting by which every program with OpenTelemetry is told where traces go.
+# The setting that tells every program with OpenTelemetry where traces go.
 ENDPOINT = "OTEL_EXPORTER_OTLP_ENDPOINT"
 CORS_HEADERS = (
     "Authorization", "Cache-Control", "Content-Type", "Idempotency-Key", "Last-Event-ID", "Prefer", "X-API-Key",

@@ -1,4 +1,4 @@
-"""Connections that are not for ever: so many in all and of one address, heard in turn, each with its time."""
+"""Connections, limited in number (in all, and of one address) and in time, served in turn."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Connections:
                 del self._addresses[connection.address]
 
     def hears(self, connection: Connection) -> bool:
-        """Whether a connection may take what came at once, or waits for its turn: nobody's burst holds up others."""
+        """Whether a connection may take what came at once, or waits for its turn: nobody's burst delays others."""
         if self._heard == 0 and not self._turns:
             connection.loop.call_soon(self._give_turns, connection.loop)
         self._heard += 1

@@ -191,7 +191,12 @@ def engine_of(request: Request) -> Engine:
     """The engine of this application; 503 while it starts or stops."""
     engine: Engine = request.app.state.engine
     if not engine.is_open:
-        raise Refusal(503, "not-ready", "The service starts or stops; try again.", headers={"Retry-After": "2"})
+        raise Refusal(
+            503,
+            "not-ready",
+            "The service is starting up or shutting down; try again in a few seconds.",
+            headers={"Retry-After": "2"},
+        )
     return engine
 
 

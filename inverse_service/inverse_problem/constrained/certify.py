@@ -55,7 +55,7 @@ def _head(analysed: AnalysedMotion, with_time: bool, claim: str, kind: str) -> d
 
 
 def _system(analysed: AnalysedMotion) -> dict[str, Any]:
-    """As of a second-order system, with the velocities of the dependent coordinates beside the accelerations."""
+    """As of a second-order system, with velocities of the dependent coordinates besides the accelerations."""
     motion = analysed.motion
     return {
         "coordinates": list(analysed.names),

@@ -38,7 +38,7 @@ def lettered(
 
 
 def _factored(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear) -> Row:
-    """The coefficients, brought to one denominator, as a number and irreducible factors that they do not all share."""
+    """The coefficients, put over one denominator, as a number and irreducible factors that they do not all share."""
     places = {tree: index for index, tree in ring.trees.items()}
     whole = sum_of(ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]).numerator
     parts = {unknown: coefficient(whole, places[symbols[unknown]], 1) for unknown in row}

@@ -1,8 +1,8 @@
-"""Terms that an ansatz needs beside its kinetic ones: what can cancel the residuals of these.
+"""Terms that an ansatz needs besides its kinetic ones: what can cancel the residuals of these.
 
 Of a single term the residuals T(q) w(v) are answered by B(q) w v_i / v_j with dB/dq_j = T. Those of a combination that
 has a multiplier as Hessian are the Euler-Lagrange expressions of some A_i(q) v_i - V(q), so they are linear in the
-velocities once everything is brought to one denominator: terms T(q) and T(q) v_j, answered by B(q) and B(q) v_k with
+velocities once everything is put over one denominator: terms T(q) and T(q) v_j, answered by B(q) and B(q) v_k with
 dB/dq_j = T. Closures term by term cannot see this where polynomials in the velocities are letters, as their relations
 to the velocities are used only there.
 """

@@ -50,7 +50,7 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
     return found
 
 
-# Terms that are tried beside four for each term wanted, and how often what is left over is answered.
+# Terms that are tried in addition to four for each term wanted, and how often what is left over is answered.
 _MOST_TERMS, _DEPTH = 60, 3
 # With coefficients that hold parameters: so many terms, in so much work (see `deadline`).
 _MOST_SYMBOLIC, _TERMS, _WORK = 40, 500, 50_000

@@ -128,7 +128,7 @@ def _used(shapes: Sequence[Monomial], weights: Sequence[int], forms: Sequence[Gr
     return [shape for shape, c in zip(shapes, weights, strict=True) if c]
 
 
-# Plain functions of position that are offered as potentials beside what the residuals ask for.
+# Plain functions of position that are offered as potentials in addition to what the residuals ask for.
 _MOST_FUNCTIONS = 60
 # Terms beyond the chosen ones that potentials and linear terms may add, and closures.
 _MOST_POTENTIALS, _MOST_CLOSED = 150, 300
@@ -194,7 +194,7 @@ def with_parameters(material: Material, terms: Sequence[Monomial], most: int) ->
 
 
 def _fitted(material: Material, factors: Factors, shape: Monomial) -> Iterator[Monomial]:
-    """What the coefficients of v_i v_l in f_i ask for beside a power of v_i."""
+    """What the coefficients of v_i v_l in f_i ask for besides a power of v_i."""
     for i, v in enumerate(material.motion.velocities):
         exponent = dict(shape).get(v, Fraction(0))
         if exponent and len(shape) <= 2:

@@ -119,7 +119,7 @@ def _power(base: ComplexTree, exponent: Fraction) -> ComplexTree:
 
 
 def _applied(function: str, z: ComplexTree) -> ComplexTree:
-    """exp, log and the circular and hyperbolic sine and cosine."""
+    """exp, log, and the trigonometric and hyperbolic sine and cosine."""
     if z.imaginary == ZERO:
         return ComplexTree(Apply(function, z.real))
     if function == "log":

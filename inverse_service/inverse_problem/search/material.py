@@ -227,7 +227,7 @@ def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]
 
 
 def _raised_powers(key: Monomial, variable: Expression) -> list[Monomial]:
-    """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, a numeric power of p beside it counted in."""
+    """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, a numeric power of p next to it included."""
     found = []
     for letter, times_over in key:
         if not isinstance(letter, Power) or isinstance(letter.exponent, Number):

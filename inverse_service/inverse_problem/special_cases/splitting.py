@@ -121,7 +121,7 @@ def _linear_choices(equations: Sequence[fmpq_mpoly]) -> Iterator[tuple[tuple[int
 
 
 def _solved_linear(equations: Sequence[fmpq_mpoly], stratum: Stratum, others: Sequence[fmpq_mpoly]) -> list[_Open]:
-    """A a + B = 0 solved for a; A = B = 0 beside it. Empty where none of `equations` is linear in a parameter."""
+    """A a + B = 0 solved for a; A = B = 0 in addition. Empty where none of `equations` is linear in a parameter."""
     choice = min(_linear_choices(equations), default=None)
     if choice is None:
         return []

@@ -123,7 +123,7 @@ def geometry(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> Geom
 
 
 def too_large(error: TooLarge) -> LimitError:
-    """What a document that needs too large expressions is told."""
+    """The refusal of a document that needs too large expressions."""
     return LimitError(f"the equations of motion are too large to be written out, {error}: use fewer symbols.")
 
 

@@ -132,7 +132,7 @@ def describe() -> Fingerprint:
 
 
 async def cancel(key: str) -> None:
-    """Kill the work on an order if this machine has it; runs beside the tasks, not among them.
+    """Kill the work on an order if this machine has it; runs in parallel with the tasks, not as one of them.
 
     A coroutine, as Dask waits for all machines where it is a plain function.
     """

@@ -34,7 +34,7 @@ _COVERED: Final = {
     "lagrangian", "hamiltonian", "integrals", "domain", "branches", "with_time", "kinds", "instead", "any_associated",
     "with_clock", "guessed", "id", "near", "kind", "factor", "equations", "dissipation",
 }  # fmt: skip
-_PARTS = ("with_time", "instead", "with_clock")  # answers beside the main one
+_PARTS = ("with_time", "instead", "with_clock")  # answers besides the main one
 # Answers without a verdict; each says what was computed and claims nothing that a certificate could prove.
 _WITHOUT_CLAIM: Final = ("inverse-service/forward/", "inverse-service/simulation/", "inverse-service/work-precision/")
 _NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check; to check L, solve its equations."
@@ -84,7 +84,7 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
 
 
 def claims_nothing(found: object) -> bool:
-    """Whether it is the answer to another question than whether a Lagrangian exists, alone or beside its document."""
+    """Whether it is the answer to another question than whether a Lagrangian exists, alone or with its document."""
     result = _object(found).get("result", found)
     return "verdict" not in _object(result) and str(_object(result).get("format", "")).startswith(_WITHOUT_CLAIM)
 

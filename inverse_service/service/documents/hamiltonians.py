@@ -33,7 +33,7 @@ def compared_hamiltonians(result: Mapping[str, Any], end: float) -> CheckResult:
 
 
 def _answers(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """The answers with a Hamiltonian beside the Lagrangian that is proven."""
+    """The answers with a Hamiltonian besides the proven Lagrangian."""
     branches = result.get("branches")
     for part in (result, *(branches if isinstance(branches, list) else [])):
         for answer in (part, *(part.get(key) for key in _PARTS)) if isinstance(part, dict) else ():

@@ -112,7 +112,7 @@ def prepared_scene(scene: Any) -> Any:
     try:
         time = prepared(part).time if given is None else given
     except InputError:
-        return scene  # told with its place when the system is read
+        return scene  # reported with its place when the system is read
     if time == "t":
         return scene
     table = {time: "t"}
@@ -128,7 +128,7 @@ def prepared_scene(scene: Any) -> Any:
 
 
 def uses_the_letter_t(ready: Prepared) -> bool:
-    """Whether t is a name of the document's own, beside a time that is called otherwise."""
+    """Whether t is a name of the document's own, while its time has another name."""
     return ready.time != "t" and any(ready.other in text for text in _texts(ready.document))
 
 

@@ -134,7 +134,7 @@ def _refuse_other_layouts(line: Line) -> None:
     if line.raw.startswith(b"["):
         raise InputError("The input is a JSON array; write one document a line, as 'jq -c .[] FILE' does.")
     if line.raw == b"{":
-        raise InputError("A document stands on several lines; write one document a line, as 'jq -c . FILE' does.")
+        raise InputError("A document takes several lines; write one document a line, as 'jq -c . FILE' does.")
 
 
 class BatchEngine:

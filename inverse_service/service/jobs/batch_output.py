@@ -196,7 +196,7 @@ def _members(path: Path) -> Iterator[tuple[list[bytes], int]]:
 
 
 def _part_superseded(path: Path) -> None:
-    """Keep the last answer of each key; append the others to a file beside."""
+    """Keep the last answer of each key; append the others to a file next to it."""
     last = {answer_key(json.loads(line)): number for number, (line, _) in enumerate(_whole_lines(path))}
     fresh = path.with_name(f"{path.name}.fresh")
     opened = gzip.open if path.suffix == ".gz" else open

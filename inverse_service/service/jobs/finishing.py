@@ -18,7 +18,7 @@ from inverse_service.service.jobs.store import JobStore
 
 log = logging.getLogger(__name__)
 LIMITS = ("deadline", "memory")
-# What is undetermined after this part of its time and more may be so for want of time.
+# What is undetermined after this part of its time and more may be so for lack of time.
 CLOCK_SHARE = 0.5
 
 

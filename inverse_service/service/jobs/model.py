@@ -88,7 +88,7 @@ class Job:
         return self.status in FINAL
 
     def is_to_be_asked(self, fresh: bool, now: float) -> bool:
-        """Whether a question for this job is computed: it was cancelled, its answer expired or shall be a new one."""
+        """Whether a question for this job is computed: it was cancelled, its answer expired or is to be new."""
         is_old = fresh or (self.expires is not None and self.expires <= now)
         return self.status == "dismissed" or (self.is_final and is_old)
 

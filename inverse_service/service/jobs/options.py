@@ -1,4 +1,4 @@
-"""What a caller may ask for beside the document: bounds within the server's, and the seed."""
+"""What a caller may ask for in addition to the document: bounds within the server's, and the seed."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def _read(session: Session, ids: list[str], with_bodies: bool) -> dict[str, Job]
 
 
 def _refuse_too_many(session: Session, new: Sequence[JobRequest], bounds: Bounds) -> None:
-    """Raises TooManyJobs. Far from the bounds nobody waits for another one: the lock costs most of the rate."""
+    """Raises TooManyJobs. Well below the limits no lock is taken: it dominates the rate."""
     clients = {request.client for request in new}
     if bounds.daily < NO_BOUND:
         used = "SELECT client FROM uses WHERE client AMONG (?) AND day = today() AND cpu >= ?"

@@ -126,7 +126,7 @@ class Supervisor:
         self._wake.set()
 
     def cancel(self, id: str) -> None:
-        """Stop the work on a job at once, if it runs here; the store is told by the caller."""
+        """Stop the work on a job at once, if it runs here; the caller updates the store."""
         with self._lock:
             found = [task for (job, _), (_, task) in self._running.items() if job == id]
         for task in found:

@@ -41,7 +41,7 @@ class Answer:
 
 
 def job_task(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Outcome:
-    """A stored job to its Answer; JSON is read and written here, so that the service has its hands free."""
+    """A stored job to its Answer; JSON is read and written here, so that the web process is never blocked."""
     return guard(_job, kind, document, options, report)
 
 
@@ -51,7 +51,7 @@ def understand_job_task(document: str) -> Outcome:
 
 
 def solve_task(document: Any, options: SolveOptions, report: Callable[[str], None] | None = None) -> Outcome:
-    """A System document to its result document; `report` is told the stages."""
+    """A System document to its result document; `report` receives the stages."""
     return guard(lambda: _documents().solve_document(document, options, report))
 
 
@@ -116,7 +116,7 @@ NO_RESULT = "The body is not a result: send the JSON object that /v1/solve answe
 
 @dataclass(frozen=True, slots=True)
 class AskingTerms:
-    """What a request says beside its body: the kind, the server's options, a time limit of its own, who asks."""
+    """What a request says besides its body: the kind, the server's options, a time limit of its own, who asks."""
 
     kind: str
     server: JobOptions

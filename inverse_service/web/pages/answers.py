@@ -326,7 +326,7 @@ def _part(part: Mapping[str, Any], names: Names) -> Markup:
 
 
 def _said_once(steps: Sequence[Step]) -> list[Step]:
-    """Links to matrices and words stand at the first step that uses them."""
+    """Links to matrices and words occur at the first step that uses them."""
     seen: set[str] = set()
     found = []
     for step in steps:

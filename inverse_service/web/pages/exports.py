@@ -1,4 +1,4 @@
-"""A result to take along: LaTeX, Python call, curl, JSON; code in other languages is made on demand."""
+"""Export formats of a result: LaTeX, Python call, curl, JSON; code in other languages is made on demand."""
 
 from __future__ import annotations
 

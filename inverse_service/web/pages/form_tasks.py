@@ -21,7 +21,7 @@ from inverse_service.web.pages.forms import Form, form_of
 from inverse_service.web.pages.typesetting import names_of
 
 Fields = dict[str, str]
-# What a person waits for beside a form that they still write, s.
+# How long a person waits for an answer next to a form that they are still filling in, s.
 GLANCE = 1.5
 
 

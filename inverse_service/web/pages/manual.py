@@ -1,4 +1,4 @@
-"""The manual and the about page: the project's own Markdown pages, served beside what they explain."""
+"""The manual and the about page: the project's own Markdown pages, served along with what they explain."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ MOST_LABELS = 6
 
 @dataclass(frozen=True, slots=True)
 class PlotLine:
-    """Points with their look; a wide line is the true motion, which the others are drawn upon."""
+    """Points with their look; a wide line is the true motion, drawn below the others."""
 
     points: tuple[tuple[float, float], ...]
     colour: str

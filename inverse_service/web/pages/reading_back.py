@@ -23,7 +23,7 @@ FIELD_NAMES = {
 }  # fmt: skip
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40
-_COLUMN = re.compile(r"(; it stands)? at column \d+")
+_COLUMN = re.compile(r"(; it occurs)? at column \d+")
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from inverse_service.web.pages.visitor import VISITOR, Visitor
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What a page depends on beside its result: who looks, at which address, and what the service gives."""
+    """What a page depends on besides its result: who looks, at which address, and what the service gives."""
 
     visitor: Visitor
     address: str

@@ -112,7 +112,7 @@ def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> Met
 
 
 def notes_of(result: Mapping[str, Any]) -> list[str]:
-    """What the scene and its methods have to say beside their numbers; the same note of several methods once."""
+    """Notes of the scene and its methods, besides their numbers; the same note of several methods once."""
     found: dict[str, list[str]] = {}
     for method in result["methods"]:
         for key in ("note", "energy_note", "error_note", "phase_note"):

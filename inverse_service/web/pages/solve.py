@@ -122,7 +122,7 @@ async def echo(request: Request) -> HTMLResponse:
 
 @router.post("/answer")
 async def answer_beside(request: Request) -> Response:
-    """The answer beside the form: nothing is stored; one at a time for each client, and none where it takes long."""
+    """The answer next to the form: nothing is stored; one at a time for each client, and none where it takes long."""
     engine: Engine = request.app.state.engine
     with engine.places.glance(client_of(request)) as is_free:
         if not is_free:

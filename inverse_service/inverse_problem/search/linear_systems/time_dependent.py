@@ -101,7 +101,7 @@ def _weights(count: int) -> Iterator[tuple[int, ...]]:
 
 
 def _rate(weights: Sequence[int], starts: Sequence[mpmath.matrix], sizes: Sequence[int]) -> _Rated | None:
-    """None for a singular sum; a negative definite one is turned round."""
+    """None for a singular sum; a negative definite one changes its sign."""
     total = mpmath.zeros(starts[0].rows)
     for weight, start in zip(weights, starts, strict=True):
         total += weight * start

@@ -1,4 +1,4 @@
-"""Formulas in t, x and v brought to one denominator, factored, and their roots and signs."""
+"""Formulas in t, x and v put over one denominator, factored, and their roots and signs."""
 
 from __future__ import annotations
 
