@@ -130,7 +130,7 @@ def _evaluate(expression: Expression, point: Point, known: dict[Expression, int]
                 product = product * evaluate(factor, point, known) % prime
             return product
         case Power(base, Number(exponent)):
-            return _power_value(evaluate(base, point, known), exponent, prime)
+            return power_value(evaluate(base, point, known), exponent, prime)
         case Apply():
             return point.atom(expression)
         case Arbitrary(name, arguments, orders):
@@ -138,7 +138,8 @@ def _evaluate(expression: Expression, point: Point, known: dict[Expression, int]
     raise TypeError(f"{type(expression).__name__} is not a kernel")
 
 
-def _power_value(base: int, exponent: Fraction, prime: int) -> int:
+def power_value(base: int, exponent: Fraction, prime: int) -> int:
+    """base^exponent modulo the prime; SingularPoint for 0 to a negative power."""
     if base == 0 and exponent < 0:
         raise SingularPoint("division by zero modulo the prime")
     return positive_power(base, exponent, prime)
@@ -203,7 +204,7 @@ class Expansion:
     def _power(self, base: Series, exponent: Fraction) -> Series:
         if exponent.denominator == 1:
             return ps.integer_power(self.ring, base, exponent.numerator)
-        start = _power_value(ps.value_at_point(base), exponent, self.ring.prime)
+        start = power_value(ps.value_at_point(base), exponent, self.ring.prime)
         return ps.power(self.ring, base, exponent, start)
 
     def _apply(self, node: Expression, function: str, argument: Series) -> Series:

@@ -18,9 +18,8 @@ import numpy.typing as npt
 
 from inverse_service.algebra import modular
 from inverse_service.algebra import series_kernels as machine
-from inverse_service.algebra.modular import positive_power
 from inverse_service.algebra.monomials import SeriesTables, coefficients, products, series_tables
-from inverse_service.algebra.point import Point, Variable, evaluate, number_value
+from inverse_service.algebra.point import Point, Variable, evaluate, number_value, power_value
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.expressions.tree import (
     Apply,
@@ -153,7 +152,7 @@ class SeriesProgram:
         if exponent.denominator == 1:
             return self._integer_power(base, inner, exponent.numerator)
         residue = self.constant(lambda point, known: number_value(exponent, point.prime))
-        self.constant(lambda point, known: _root(evaluate(base, point, known), exponent, point.prime))
+        self.constant(lambda point, known: power_value(evaluate(base, point, known), exponent, point.prime))
         return self.write(machine.POWER, self.register(), inner, c=residue)
 
     def _integer_power(self, base: Expression, inner: int, exponent: int) -> int:
@@ -227,12 +226,6 @@ def _split(factors: tuple[Expression, ...]) -> tuple[Fraction, tuple[Expression,
     """The product of the numbers among the factors, and the others."""
     value = math.prod((f.value for f in factors if isinstance(f, Number)), start=Fraction(1))
     return value, tuple(f for f in factors if not isinstance(f, Number))
-
-
-def _root(base: int, exponent: Fraction, prime: int) -> int:
-    if base == 0 and exponent < 0:
-        raise SingularPoint("division by zero modulo the prime")
-    return positive_power(base, exponent, prime)
 
 
 def _taylor_coefficient(tree: Arbitrary, more: tuple[int, ...]) -> Recipe:

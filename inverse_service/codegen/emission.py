@@ -10,12 +10,9 @@ import symengine
 from inverse_service.codegen.algebra import Formula
 from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.errors import InputError
+from inverse_service.expressions.functions import RECIPROCALS
 
-_LIBRARY = {
-    "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "asin": "asin", "acos": "acos", "atan": "atan",
-    "asinh": "asinh", "acosh": "acosh", "atanh": "atanh",
-}  # fmt: skip
-_RECIPROCAL = {"csc": "sin", "sec": "cos", "csch": "sinh", "sech": "cosh", "coth": "tanh"}
+_LIBRARY = frozenset(("sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh"))
 _ROOTS = {symengine.Rational(1, 2): 1, symengine.Rational(3, 2): 3, symengine.Rational(5, 2): 5}
 _LARGEST_PRODUCT = 64
 
@@ -161,10 +158,10 @@ class Emitter:
         }
         if name in special:
             return special[name]()
-        if name in _RECIPROCAL:
-            return self._reciprocal(self._function(_RECIPROCAL[name], argument))
+        if name in RECIPROCALS and name != "cot":
+            return self._reciprocal(self._function(RECIPROCALS[name], argument))
         if name in _LIBRARY:
-            return self.writer.call(_LIBRARY[name], self._value(argument))
+            return self.writer.call(name, self._value(argument))
         raise InputError(f"A simulation cannot compute the function {name}.")
 
     def _sine_cosine(self, argument: Formula) -> tuple[str, str]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.functions import FUNCTION, Rule
 from inverse_service.expressions.tree import (
     HALF,
-    MINUS_ONE,
     ONE,
     TIME,
     ZERO,
@@ -27,7 +27,6 @@ from inverse_service.expressions.tree import (
     add,
     apply,
     multiply,
-    negate,
     number,
     power,
     rebuild,
@@ -36,48 +35,16 @@ from inverse_service.expressions.tree import (
     walk,
 )
 
-Rule = Callable[[Expression], Expression]
 # For each arbitrary function the names of its arguments and its formula over them.
 Definitions = Mapping[str, tuple[tuple[str, ...], Expression]]
 
 
-def _square(expression: Expression) -> Expression:
-    return power(expression, 2)
-
-
-def _jump(_: Expression) -> Expression:
+def _rule(function: str) -> Rule:
+    """The derivative of a function; InputError for a step, which has none where its pieces meet."""
+    if function in FUNCTION:
+        return FUNCTION[function].derivative
     instead = "piecewise formulas are accepted in the right sides of equations; write the Lagrangian of one piece"
     raise InputError(f"a piecewise formula has no derivative where its pieces meet: {instead}.")
-
-
-def _inverse_root(expression: Expression) -> Expression:
-    return power(expression, Fraction(-1, 2))
-
-
-_RULES: dict[str, Rule] = {
-    "exp": lambda u: apply("exp", u),
-    "log": lambda u: power(u, -1),
-    "sin": lambda u: apply("cos", u),
-    "cos": lambda u: negate(apply("sin", u)),
-    "tan": lambda u: add(ONE, _square(apply("tan", u))),
-    "cot": lambda u: negate(add(ONE, _square(apply("cot", u)))),
-    "sec": lambda u: multiply(apply("sec", u), apply("tan", u)),
-    "csc": lambda u: multiply(MINUS_ONE, apply("csc", u), apply("cot", u)),
-    "sinh": lambda u: apply("cosh", u),
-    "cosh": lambda u: apply("sinh", u),
-    "tanh": lambda u: subtract(ONE, _square(apply("tanh", u))),
-    "coth": lambda u: subtract(ONE, _square(apply("coth", u))),
-    "sech": lambda u: multiply(MINUS_ONE, apply("sech", u), apply("tanh", u)),
-    "csch": lambda u: multiply(MINUS_ONE, apply("csch", u), apply("coth", u)),
-    "asin": lambda u: _inverse_root(subtract(ONE, _square(u))),
-    "acos": lambda u: negate(_inverse_root(subtract(ONE, _square(u)))),
-    "atan": lambda u: power(add(ONE, _square(u)), -1),
-    "asinh": lambda u: _inverse_root(add(ONE, _square(u))),
-    # Two roots and not that of u^2 - 1, which would be real for u < -1 too, where acosh is not.
-    "acosh": lambda u: multiply(_inverse_root(subtract(u, ONE)), _inverse_root(add(u, ONE))),
-    "atanh": lambda u: power(subtract(ONE, _square(u)), -1),
-    "Heaviside": _jump,
-}
 
 
 def differentiate(expression: Expression, variable: Expression) -> Expression:
@@ -135,7 +102,7 @@ def _derivative(expression: Expression, rate: Rule) -> Expression:
             return _of_power(base, exponent, rate)
         case Apply(function, argument):
             inner = rate(argument)
-            return ZERO if inner == ZERO else multiply(_RULES[function](argument), inner)
+            return ZERO if inner == ZERO else multiply(_rule(function)(argument), inner)
         case Integral():
             return _of_integral(expression, rate)
         case Arbitrary():
@@ -165,7 +132,7 @@ def _of_power(base: Expression, exponent: Expression, rate: Rule) -> Expression:
 
 
 def _lowered(base: Expression, exponent: Expression) -> Expression:
-    return _inverse_root(base) if exponent == HALF else power(base, subtract(exponent, number(1)))
+    return power(base, Fraction(-1, 2)) if exponent == HALF else power(base, subtract(exponent, number(1)))
 
 
 def _of_integral(integral: Integral, rate: Rule) -> Expression:

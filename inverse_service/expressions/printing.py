@@ -26,7 +26,7 @@ from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_layout import (
     Ratio,
     has_plain_arguments,
-    signed_terms,
+    signed,
     variables,
 )
 from inverse_service.expressions.printing_mathml import to_mathml
@@ -49,14 +49,7 @@ __all__ = ["to_latex", "to_mathml", "to_text"]
 @lru_cache(maxsize=2048)
 def to_text(expression: Expression) -> str:
     """The canonical text; deterministic, with no more brackets than reading needs."""
-    pieces: list[str] = []
-    for term in signed_terms(expression):
-        if pieces:
-            pieces.append(" - " if term.negative else " + ")
-        elif term.negative:
-            pieces.append("-")
-        pieces.append(_ratio(term))
-    return "".join(pieces)
+    return signed(expression, _ratio)
 
 
 def _ratio(term: Ratio) -> str:

@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 from inverse_service.expressions.characters import greek_letter, written
-from inverse_service.expressions.printing_layout import Ratio, has_plain_arguments, signed_terms, variables
+from inverse_service.expressions.functions import FUNCTION
+from inverse_service.expressions.printing_layout import Ratio, has_plain_arguments, signed, variables
 from inverse_service.expressions.tree import (
     HALF,
     TIME,
@@ -23,24 +24,13 @@ from inverse_service.expressions.tree import (
     walk,
 )
 
-_COMMANDS = {
-    name: f"\\{name}" for name in ("exp", "sin", "cos", "tan", "cot", "sec", "csc", "sinh", "cosh", "tanh", "coth")
-}
-_COMMANDS |= {"log": "\\ln", "asin": "\\arcsin", "acos": "\\arccos", "atan": "\\arctan"}
 _WITHOUT_COMMAND = ("omicron", "Alpha", "Beta", "Epsilon", "Zeta", "Eta", "Iota", "Kappa", "Mu", "Nu", "Omicron")
 _NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
 
 
 def to_latex(expression: Expression) -> str:
     """The formula in LaTeX, without delimiters."""
-    pieces: list[str] = []
-    for term in signed_terms(expression):
-        if pieces:
-            pieces.append(" - " if term.negative else " + ")
-        elif term.negative:
-            pieces.append("-")
-        pieces.append(_ratio(term))
-    return "".join(pieces)
+    return signed(expression, _ratio)
 
 
 def _ratio(term: Ratio) -> str:
@@ -115,7 +105,8 @@ def _brackets(expression: Expression) -> str:
 
 
 def _command(function: str) -> str:
-    return _COMMANDS.get(function, f"\\operatorname{{{function}}}")
+    row = FUNCTION.get(function)
+    return (row.command if row else "") or f"\\operatorname{{{function}}}"
 
 
 def name_latex(name: str, accent: str = "") -> str:

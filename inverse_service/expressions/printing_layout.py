@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
@@ -124,6 +124,15 @@ def signed_terms(expression: Expression) -> list[Ratio]:
     """The terms of a sum, or the one term, in their order."""
     terms = expression.terms if isinstance(expression, Sum) else (expression,)
     return [ratio(term) for term in terms]
+
+
+def signed(expression: Expression, write: Callable[[Ratio], str]) -> str:
+    """The terms as they are written, with a sign before each but a first one that is not negative."""
+    pieces: list[str] = []
+    for term in signed_terms(expression):
+        sign = " - " if term.negative else " + "
+        pieces += [sign if pieces else sign.strip(" +"), write(term)]
+    return "".join(pieces)
 
 
 def has_plain_arguments(function: Arbitrary) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from inverse_service.expressions.characters import greek_letter, written
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.printing_layout import Ratio, signed_terms
 from inverse_service.expressions.tree import (
     HALF,
@@ -22,7 +23,6 @@ from inverse_service.expressions.tree import (
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 _TIMES = "<mo>&#x2062;</mo>"
 _APPLY = "<mo>&#x2061;</mo>"
-_SHOWN = {"log": "ln", "asin": "arcsin", "acos": "arccos", "atan": "arctan"}
 _DOTS = ("", "&#x02D9;", "&#x00A8;")
 
 
@@ -87,7 +87,8 @@ def _atom(expression: Expression) -> str:
         case Apply("exp", argument):
             return f"<msup><mi>e</mi>{_row(argument)}</msup>"
         case Apply(function, argument):
-            name = escape(_SHOWN.get(function, function))
+            row = FUNCTION.get(function)
+            name = escape((row.shown if row else "") or function)
             return f"<mrow><mi>{name}</mi>{_APPLY}{_brackets(argument)}</mrow>"
         case Power(base, exponent) if exponent == HALF:
             return f"<msqrt>{_row(base)}</msqrt>"

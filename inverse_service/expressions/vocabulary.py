@@ -6,6 +6,7 @@ from collections.abc import Callable
 from fractions import Fraction
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.pieces import STEP, step
 from inverse_service.expressions.tokens import refusal
 from inverse_service.expressions.tree import (
@@ -112,19 +113,11 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
 
 
 _DOMAINS: dict[str, tuple[Callable[[Fraction], bool], str]] = {
-    "log": (lambda u: u > 0, "a positive number"),
+    **{name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None},
     "log10": (lambda u: u > 0, "a positive number"),
     "log2": (lambda u: u > 0, "a positive number"),
     "sqrt": (lambda u: u >= 0, "a number that is not negative"),
     "cbrt": (lambda u: u >= 0, "a number that is not negative, as in -cbrt(8)"),
-    "asin": (lambda u: abs(u) <= 1, "a number between -1 and 1"),
-    "acos": (lambda u: abs(u) <= 1, "a number between -1 and 1"),
-    "acosh": (lambda u: u >= 1, "a number not less than 1"),
-    "atanh": (lambda u: abs(u) < 1, "a number between -1 and 1"),
-    "cot": (bool, "a number other than 0"),
-    "csc": (bool, "a number other than 0"),
-    "coth": (bool, "a number other than 0"),
-    "csch": (bool, "a number other than 0"),
     "sign": (bool, "a number other than 0"),
 }
 

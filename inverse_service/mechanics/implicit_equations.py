@@ -39,10 +39,11 @@ from inverse_service.mechanics.linear_parts import LinearEquation
 from inverse_service.mechanics.opaque_fractions import (
     OpaqueFraction,
     OpaqueRing,
-    Polynomial,
     atoms_of,
+    cleared,
+    common_denominator,
     expanded_terms,
-    times,
+    solved_rows,
 )
 
 _DIGITS = 50
@@ -169,48 +170,11 @@ def _scaled(coefficient: Expression, expression: Expression) -> Expression:
 
 def _inverse(ring: OpaqueRing, matrix: list[list[OpaqueFraction]]) -> list[list[OpaqueFraction]] | None:
     """The inverse of a block, None where its determinant is the zero function."""
-    scales = [_common_denominator(ring, row) for row in matrix]
-    size = len(matrix)
-    table = []
-    for place, (row, scale) in enumerate(zip(matrix, scales, strict=True)):
-        entries = [times(entry.numerator, divmod(scale, entry.denominator)[0]) for entry in row]
-        table.append(entries + [scale if place == k else ring.constant(0) for k in range(size)])
-    determinant = _eliminate(ring, table)
-    if determinant is None or vanishes(ring.tree(OpaqueFraction(determinant, ring.constant(1)))):
+    scales = [common_denominator(ring, row) for row in matrix]
+    found = solved_rows(ring, [cleared(row, scale) for row, scale in zip(matrix, scales, strict=True)], scales)
+    if found is None or vanishes(ring.tree(OpaqueFraction(found[1], ring.constant(1)))):
         return None
-    return [[ring.reduced(entry, determinant) for entry in row[size:]] for row in table]
-
-
-def _common_denominator(ring: OpaqueRing, row: Sequence[OpaqueFraction]) -> Polynomial:
-    common = ring.constant(1)
-    for entry in row:
-        common = times(common, divmod(entry.denominator, common.gcd(entry.denominator))[0])
-    return common
-
-
-def _eliminate(ring: OpaqueRing, table: list[list[Polynomial]]) -> Polynomial | None:
-    """Fraction-free Gauss-Jordan of (P | D) in place to (d I | d P^-1 D); d, or None where P is singular."""
-    previous = ring.constant(1)
-    for column in range(len(table)):
-        rows = [row for row in range(column, len(table)) if not table[row][column].is_zero()]
-        if not rows:
-            return None
-        best = min(rows, key=lambda row: len(table[row][column]))
-        table[column], table[best] = table[best], table[column]
-        pivot_row, pivot = table[column], table[column][column]
-        for place, row in enumerate(table):
-            if place != column:
-                table[place] = _eliminated(row, pivot_row, pivot, row[column], previous)
-        previous = pivot
-    return previous
-
-
-def _eliminated(
-    row: list[Polynomial], pivot_row: list[Polynomial], pivot: Polynomial, head: Polynomial, previous: Polynomial
-) -> list[Polynomial]:
-    """(pivot · row - head · pivot_row) / previous, which is exact."""
-    pairs = zip(row, pivot_row, strict=True)
-    return [divmod(times(pivot, a) - times(head, b), previous)[0] for a, b in pairs]
+    return [[ring.reduced(entry, found[1]) for entry in row] for row in found[0]]
 
 
 def _solution(

@@ -30,6 +30,7 @@ from inverse_service.expressions.tree import (
 )
 
 Polynomial = Any  # python-flint has no types
+Rows = list[list[Polynomial]]
 
 MOST_TERMS = 40_000
 _FACTORED_TERMS = 100
@@ -155,15 +156,55 @@ def _rank(atom: Expression) -> int:
     return 0 if isinstance(atom, Symbol) else 2 if isinstance(atom, Velocity) else 1
 
 
-def times(left: Polynomial, right: Polynomial) -> Polynomial:
+def times(left: Polynomial, right: Polynomial, most: int = MOST_TERMS) -> Polynomial:
     """The product; LimitError where it could have too many terms."""
-    if len(left) * len(right) > MOST_TERMS:
+    if len(left) * len(right) > most:
         raise LimitError(
-            f"the accelerations cannot be solved for, a polynomial would have over {MOST_TERMS:,} terms: "
+            f"the accelerations cannot be solved for, a polynomial would have over {most:,} terms: "
             "write the equations solved, or with fewer symbols.",
             "/equations",
         )
     return left * right
+
+
+def common_denominator(ring: OpaqueRing, entries: Iterable[OpaqueFraction], most: int = MOST_TERMS) -> Polynomial:
+    """The least common multiple of the denominators; LimitError as `times`."""
+    common = ring.constant(1)
+    for entry in entries:
+        common = times(common, divmod(entry.denominator, common.gcd(entry.denominator))[0], most)
+    return common
+
+
+def cleared(entries: Iterable[OpaqueFraction], common: Polynomial, most: int = MOST_TERMS) -> list[Polynomial]:
+    """The entries times a multiple of their denominators."""
+    return [times(entry.numerator, divmod(common, entry.denominator)[0], most) for entry in entries]
+
+
+def solved_rows(
+    ring: OpaqueRing, matrix: Rows, right: Sequence[Polynomial], most: int = MOST_TERMS
+) -> tuple[Rows, Polynomial] | None:
+    """(d P^-1 D, d) for a matrix P and a diagonal matrix D; None where P is singular, d is +-det P.
+
+    Fraction-free Gauss-Jordan elimination (Bareiss 1968) of (P | D) to (d I | d P^-1 D). LimitError as `times`.
+    """
+    size, zero = len(matrix), ring.constant(0)
+    table = [[*row, *(right[i] if i == j else zero for j in range(size))] for i, row in enumerate(matrix)]
+    previous = ring.constant(1)
+    for column in range(size):
+        rows = [row for row in range(column, size) if not table[row][column].is_zero()]
+        if not rows:
+            return None
+        best = min(rows, key=lambda row: len(table[row][column]))
+        table[column], table[best] = table[best], table[column]
+        top, pivot = table[column], table[column][column]
+        for place, row in enumerate(table):
+            if place != column:
+                pairs = zip(row, top, strict=True)
+                table[place] = [
+                    divmod(times(pivot, a, most) - times(row[column], b, most), previous)[0] for a, b in pairs
+                ]
+        previous = pivot
+    return [row[size:] for row in table], previous
 
 
 def expanded_terms(tree: Expression) -> tuple[int, int]:

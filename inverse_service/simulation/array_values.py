@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.functions import RECIPROCALS
 from inverse_service.expressions.tree import (
     PI,
     TIME,
@@ -22,21 +23,13 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.integrators.trajectory import Array
 
-_FUNCTIONS: dict[str, Callable[[Any], Any]] = {
-    **{name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    "cot": lambda u: np.cos(u) / np.sin(u),
-    "sec": lambda u: 1 / np.cos(u),
-    "csc": lambda u: 1 / np.sin(u),
-    "coth": lambda u: 1 / np.tanh(u),
-    "sech": lambda u: 1 / np.cosh(u),
-    "csch": lambda u: 1 / np.sinh(u),
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
-    "asinh": np.arcsinh,
-    "acosh": np.arccosh,
-    "atanh": np.arctanh,
-}
+# NumPy's names, where they are not ours.
+_NUMPY = {name: f"arc{name[1:]}" for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")}
+
+
+def _function(name: str, values: Any) -> Any:
+    below = RECIPROCALS.get(name)
+    return 1 / _function(below, values) if below else getattr(np, _NUMPY.get(name, name))(values)
 
 
 class NoValue(InputError):
@@ -95,7 +88,7 @@ def _computed(expression: Expression, known: dict[Expression, Any]) -> Any:
         case Power(base, exponent):
             return _power(_value(base, known), exponent, known)
         case Apply(function, argument):
-            return _FUNCTIONS[function](_value(argument, known))
+            return _function(function, _value(argument, known))
         case _ if expression == PI:
             return np.pi
         case _:

@@ -130,7 +130,7 @@ REFUSED = [
     (r"\sqrt[n]{x}", 1, "integer"),
     (r"\dot{x + y}", 1, "belongs to a name"),
     (r"\dddot{x}", 1, "second order"),
-    (r"\left|x\right)", 8, "should stand"),
+    (r"\left|x\right)", 8, "is expected"),
     (r"\frac{x}{", 9, "closed"),
     (r"\log_{10} x", 1, "\\ln(x)/\\ln(b)"),
     (r"x^{2", 3, "closed"),

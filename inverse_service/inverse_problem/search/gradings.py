@@ -19,6 +19,7 @@ from types import MappingProxyType
 
 from flint import nmod_mat
 
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.tree import (
     PI,
     TIME,
@@ -46,8 +47,8 @@ _ONE = Fraction(1)
 _PRIME = 2**61 - 1
 # Below that many terms there is nothing to be gained.
 _FEW = 8
-_ODD = frozenset({"sin", "tan", "cot", "csc", "asin", "atan", "sinh", "tanh", "coth", "csch", "asinh", "atanh"})
-_EVEN = frozenset({"cos", "sec", "cosh", "sech"})
+_ODD = frozenset(name for name, row in FUNCTION.items() if row.parity < 0)
+_EVEN = frozenset(name for name, row in FUNCTION.items() if row.parity > 0)
 
 
 @dataclass(slots=True)

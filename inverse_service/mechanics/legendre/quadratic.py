@@ -29,11 +29,18 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, degrees, without
 from inverse_service.mechanics.legendre.forms import separated, shortest, trigonometric
-from inverse_service.mechanics.opaque_fractions import OpaqueFraction, OpaqueRing, Polynomial
+from inverse_service.mechanics.opaque_fractions import (
+    OpaqueRing,
+    Polynomial,
+    Rows,
+    cleared,
+    common_denominator,
+    solved_rows,
+    times,
+)
 
 Matrix = tuple[tuple[Expression, ...], ...]
-_MOST_TERMS = 4_000
-Rows = list[list[Polynomial]]
+_MOST_TERMS = 4_000  # an inverse with more nobody would read
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,51 +82,17 @@ def invert(matrix: Sequence[Sequence[Expression]]) -> Inverse | None:
     ring = OpaqueRing([entry for row in plain for entry in row])
     try:
         fractions = [[ring.fraction(entry) for entry in row] for row in plain]
-        common = _common_denominator(ring, [entry for row in fractions for entry in row])
-        rows = [[times(e.numerator, divmod(common, e.denominator)[0]) for e in row] for row in fractions]
-        solved = _adjugate(ring, rows)
+        common = common_denominator(ring, [entry for row in fractions for entry in row], _MOST_TERMS)
+        rows = [cleared(row, common, _MOST_TERMS) for row in fractions]
+        solved = solved_rows(ring, rows, [ring.constant(1)] * len(rows), _MOST_TERMS)
         return None if solved is None else _reduced(ring, solved[0], solved[1], common)
     except (LimitError, ZeroDivisionError):
         return None
 
 
-def times(left: Polynomial, right: Polynomial) -> Polynomial:
-    """The product; LimitError where it could have so many terms that nobody would read the inverse."""
-    if len(left) * len(right) > _MOST_TERMS:
-        raise LimitError("an inverse matrix has too many terms to be written down")
-    return left * right
-
-
-def _common_denominator(ring: OpaqueRing, entries: Sequence[OpaqueFraction]) -> Polynomial:
-    common = ring.constant(1)
-    for entry in entries:
-        common = times(common, divmod(entry.denominator, common.gcd(entry.denominator))[0])
-    return common
-
-
-def _adjugate(ring: OpaqueRing, matrix: Rows) -> tuple[Rows, Polynomial] | None:
-    """(adj P, det P) up to a common sign; None where P is singular."""
-    count = len(matrix)
-    table = [[*row, *(ring.constant(int(i == j)) for j in range(count))] for i, row in enumerate(matrix)]
-    previous = ring.constant(1)
-    for column in range(count):
-        rows = [row for row in range(column, count) if not table[row][column].is_zero()]
-        if not rows:
-            return None
-        best = min(rows, key=lambda row: len(table[row][column]))
-        table[column], table[best] = table[best], table[column]
-        top, pivot = table[column], table[column][column]
-        for place, row in enumerate(table):
-            if place != column:
-                pairs = zip(row, top, strict=True)
-                table[place] = [divmod(times(pivot, a) - times(row[column], b), previous)[0] for a, b in pairs]
-        previous = pivot
-    return [row[count:] for row in table], previous
-
-
 def _reduced(ring: OpaqueRing, adjugate: Rows, determinant: Polynomial, scale: Polynomial) -> Inverse:
     """scale * adjugate / determinant, reduced as a whole and entry by entry."""
-    rows = [[times(scale, entry) for entry in row] for row in adjugate]
+    rows = [[times(scale, entry, _MOST_TERMS) for entry in row] for row in adjugate]
     common = determinant
     for row in rows:
         for entry in row:

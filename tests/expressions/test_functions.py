@@ -1,0 +1,36 @@
+"""The table of elementary functions agrees with the functions that mpmath evaluates."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+from mpmath import mp, mpf
+
+from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.functions import FUNCTION, RECIPROCALS, Function
+from inverse_service.expressions.tree import ELEMENTARY, Symbol, apply
+
+U = Symbol("u")
+
+
+def test_every_function_has_its_row() -> None:
+    assert FUNCTION.keys() == ELEMENTARY
+
+
+@pytest.mark.parametrize("row", FUNCTION.values(), ids=list(FUNCTION))
+def test_a_row_says_what_holds_of_its_function(row: Function) -> None:
+    point = mpf(5) / 3 if row.name == "acosh" else mpf(3) / 7
+    with mp.workdps(60):
+        value = evaluate(apply(row.name, U), {U: point})
+        slope = mp.diff(lambda u: evaluate(apply(row.name, U), {U: u}), point)
+        assert abs(evaluate(row.derivative(U), {U: point}) - slope) < mpf(10) ** -25
+        if row.parity:
+            assert abs(evaluate(apply(row.name, U), {U: -point}) - row.parity * value) < mpf(10) ** -50
+        if row.reciprocal:
+            assert abs(value * evaluate(apply(row.reciprocal, U), {U: point}) - 1) < mpf(10) ** -50
+    if row.holds is not None:
+        assert row.holds(Fraction(3, 7)) or row.name == "acosh"
+        assert not all(row.holds(Fraction(k)) for k in (-2, 0))
+        assert row.wanted
+    assert RECIPROCALS.get(row.name, "") == row.reciprocal
