@@ -12,7 +12,7 @@ from inverse_service.web.problems import Refusal
 QUICK_PROCESSES = 3
 # Of one client so many run at the same time, and one is always left for the others.
 QUICK_SHARE = QUICK_PROCESSES - 1
-# Answers beside forms that are computed at the same time.
+# Answers next to forms that are computed at the same time.
 GLANCES = QUICK_PROCESSES - 1
 # A client may have this part of the places of those who wait.
 SHARE_OF_WAITING = 2

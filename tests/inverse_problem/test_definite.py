@@ -33,7 +33,7 @@ KNOWN: list[tuple[str, dict[str, str], list[str], dict[str, Any], str]] = [
     ("Kepler (Landau, Lifshitz 1976, 15)", {"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"}, [], {}, YES),
     ("one coordinate always has one (Darboux 1894, 604)", {"x": "(1-x^2)*x' - x"}, [], {"x": 1, "x'": 2}, YES),
     ("q'' = -i q in two planes (Taussky 1972)", {"x": "-y", "y": "x", "z": "-w", "w": "z"}, [], {}, NO),
-    ("a rotation beside an oscillator (Taussky 1972)", {"x": "-y", "y": "x", "z": "-z"}, [], {}, NO),
+    ("a rotation and an oscillator (Taussky 1972)", {"x": "-y", "y": "x", "z": "-z"}, [], {}, NO),
     (
         "q'' = q^2 in C: the eigenvalues of dq''/dq are not real (Taussky 1972)",
         {"x": "x^2-y^2", "y": "2*x*y"},
@@ -46,7 +46,7 @@ KNOWN: list[tuple[str, dict[str, str], list[str], dict[str, Any], str]] = [
     ("two bars, follower load 2 < 7/2 - sqrt(2) (Ziegler 1952)", {"x": "-x/2", "y": "3*x/2 - y"}, [], {}, YES),
     ("the same, load 5/2: flutter (Ziegler 1952)", {"x": "-x/4 - y/4", "y": "5*x/4 - 3*y/4"}, [], {}, NO),
     ("the oscillator of fourth order, as two (Bolonek, Kosinski 2005)", {"x": "-x", "y": "-4*y"}, [], {}, YES),
-    ("a Jordan block beside a spring (Taussky 1972)", {"x": "-x + y", "y": "-y", "z": "-2*z"}, [], {}, NO),
+    ("a Jordan block and a spring (Taussky 1972)", {"x": "-x + y", "y": "-y", "z": "-2*z"}, [], {}, NO),
     ("no Lagrangian at all (Douglas 1941)", {"x": "x^2+y^2", "y": "0"}, [], {}, NO),
 ]
 

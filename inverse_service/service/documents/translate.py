@@ -127,7 +127,7 @@ def _plain_name(name: str) -> str:
 
 
 def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> UnderstoodSystem:
-    """The `system` part of a result: canonical equations beside the document as given."""
+    """The `system` part of a result: canonical equations along with the document as given."""
     return UnderstoodSystem(
         name=system.name,
         coordinates=list(system.coordinates),

@@ -51,7 +51,7 @@ T = TypeVar("T")
 def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
     if isinstance(document, dict) and "equations" in document:
-        sentence = "'equations' stand beside a Lagrangian or constraints: keep the one or the other."
+        sentence = "'equations' and a Lagrangian or constraints are both given: keep the one or the other."
         raise DocumentRefused((Place(sentence, "/equations"),))
     return validated(document, NonholonomicDocument)
 
