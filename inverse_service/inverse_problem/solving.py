@@ -21,6 +21,7 @@ from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import (
     as_given_steps,
     branch_steps,
+    energy_step,
     existence_steps,
     hamiltonian_of,
     legendre_steps,
@@ -37,6 +38,7 @@ from inverse_service.inverse_problem.explanation.wording import printed_conditio
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
+from inverse_service.inverse_problem.search.further import is_multiple, with_squared_energies
 from inverse_service.inverse_problem.search.integrating import is_free_of_divergence
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.members import reading_class
@@ -57,8 +59,8 @@ _SHORT = 2_000
 _MOST_FOR_FREEDOM = 30_000
 # Rational functions of the velocities, and what is harder to read (`reading_class`).
 _RATIONAL = 2
-# The cost up to which something nicer is searched for where a complete answer is known.
-_QUICK = 1.9
+# The costs up to which something nicer is searched for where a complete answer is known, and other matrices.
+_QUICK, _CONSTANT_MATRIX = 1.9, 0.5
 
 
 @dataclass(slots=True)
@@ -182,8 +184,20 @@ def _as_given(work: _Work) -> Answer | None:
             short = sum(1 for f in system.accelerations for _ in walk(f)) <= _SHORT
             decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
             found = of_lagrangian(work.analysis, with_time, form, AS_GIVEN, as_given_steps(form), decision)
-            return _completed(work, replace(found, checked="valid"), [], with_time)
+            others = _with_other_matrices(work, with_time) if short else []
+            return _completed(work, replace(found, checked="valid"), others, with_time)
     return None
+
+
+def _with_other_matrices(work: _Work, with_time: bool) -> list[Expression]:
+    """Lagrangians for which another constant matrix stands in the multiplier of the one that is known."""
+    if len(work.analysis.system.coordinates) == 1:
+        return []
+    with until(now() + _SEARCH_SHARE * work.left()):
+        found = search(
+            work.analysis, with_time, work.options.seed, math.inf, work.progress, highest=_CONSTANT_MATRIX
+        ).found
+    return [] if found is None else list(found.lagrangians)
 
 
 def _holds_time(answer: Answer) -> bool:
@@ -358,7 +372,14 @@ def _completed(work: _Work, answer: Answer, others: list[Expression], with_time:
     hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
     steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
-    confirmed = [other for other in others if _is_confirmed(work, other, with_time)]
+    raised = with_squared_energies(answer.lagrangian.expression, names)
+    if raised is not None:
+        others, steps = [*others, tidied(raised, work.analysis.system)], (*steps, energy_step())
+    confirmed: list[Expression] = []
+    for other in others:
+        known = (answer.lagrangian.expression, *confirmed)
+        if not any(is_multiple(one, other, names, work.analysis.real_point) for one in known):
+            confirmed += [other] if _is_confirmed(work, other, with_time) else []
     described = tuple(describe(work.analysis, other, answer.lagrangian.family) for other in confirmed)
     return replace(answer, hamiltonian=hamiltonian, other_lagrangians=described, explanation=steps)
 

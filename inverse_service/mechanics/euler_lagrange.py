@@ -14,7 +14,6 @@ from inverse_service.expressions.tree import (
     TIME,
     ZERO,
     Expression,
-    Number,
     Product,
     Sum,
     Symbol,
@@ -36,8 +35,8 @@ def gradient(tree: Expression, leaves: Iterable[Symbol | Velocity]) -> dict[Symb
         match part:
             case Sum(terms):
                 left += [(factor, term) for term in terms]
-            case Product((Number() as number, Sum(terms))):
-                left += [(multiply(factor, number), term) for term in terms]
+            case Product((*constants, Sum(terms))) if wanted.isdisjoint(node for c in constants for node in walk(c)):
+                left += [(multiply(factor, *constants), term) for term in terms]
             case _:
                 held = dict.fromkeys(node for node in walk(part) if isinstance(node, Symbol | Velocity))
                 for leaf in (node for node in held if node in wanted):

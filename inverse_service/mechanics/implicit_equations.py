@@ -128,8 +128,10 @@ def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequen
 
 
 def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str]) -> list[OpaqueFraction]:
+    zero = ring.fraction(ZERO)
     try:
-        return [ring.fraction(equation.coefficients.get(name, ZERO)) for name in coordinates]
+        found = {name: ring.fraction(tree) for name, tree in equation.coefficients.items()}
+        return [found.get(name, zero) for name in coordinates]
     except ZeroDivisionError:
         raise InputError("an equation divides by zero: write it without that.", equation.pointer) from None
 

@@ -48,8 +48,8 @@ def test_a_lagrangian_without_time_found_late_answers_both_questions(monkeypatch
     """Where the first search runs out of time and the search with t finds one that holds no t."""
     whole = solving.search
 
-    def hurried(analysis: Analysis, with_time: bool, *rest: Any) -> SearchOutcome:
-        return whole(analysis, with_time, *rest) if with_time else SearchOutcome(None, ())
+    def hurried(analysis: Analysis, with_time: bool, *rest: Any, **more: Any) -> SearchOutcome:
+        return whole(analysis, with_time, *rest, **more) if with_time else SearchOutcome(None, ())
 
     monkeypatch.setattr(solving, "search", hurried)
     solution = solved({"x": "x*y'", "y": "-x*x'"})

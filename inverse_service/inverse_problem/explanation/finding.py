@@ -131,6 +131,17 @@ def as_given_steps(tree: Expression) -> tuple[Step, ...]:
     return (step,)
 
 
+def energy_step() -> Step:
+    """How free L is where a coordinate has an energy of its own."""
+    return said(
+        "A coordinate `x` that `L` couples with no other, in a part without `t`, has an energy of its own, "
+        "`h = x' dL/dx' - L` of that part. More generally, `x' int F(h)/x'^2 dx'` may stand for the part with every "
+        "function `F` that keeps the Hessian regular; `F = h` gives it back, and `F = h^2` the last of the other "
+        "Lagrangians.",
+        about=("regular",),
+    )
+
+
 def search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
     """The family or the method that found L, and the constants it may have."""
     assert outcome.found is not None

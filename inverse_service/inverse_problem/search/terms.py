@@ -145,7 +145,9 @@ def terms_of(expression: Expression) -> Terms:
 
 def _with_leading_plus(function: str, argument: Terms) -> Terms:
     """sin(y - x) = -sin(x - y), cos(y - x) = cos(x - y): one letter for both."""
-    negative = bool(argument) and argument[min(argument, key=rank)] < 0
+    if not argument:
+        return {} if _PARITY[function] < 0 else {EMPTY: Fraction(1)}
+    negative = argument[min(argument, key=rank)] < 0
     turned = {key: -value for key, value in argument.items()} if negative else argument
     sign = _PARITY[function] if negative else 1
     return {monomial(Apply(function, tree_of(turned))): Fraction(sign)}

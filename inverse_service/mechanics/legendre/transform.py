@@ -52,6 +52,7 @@ from inverse_service.mechanics.legendre.points import (
 from inverse_service.mechanics.legendre.solving import Reach, block_branches, momentum_shifts
 
 _MOST_BRANCHES = 16
+_FEW = 4
 TIME_LIMIT = 3.0
 
 
@@ -157,7 +158,9 @@ def _best(block: Block, points: Sequence[Point], reach: Reach) -> _Chosen | None
     for branch in _with_variants(islice(block_branches(block, reach), _MOST_BRANCHES)):
         velocities = resolved(branch.velocities, block.names)
         claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
-        judgement = judge(claim, branch.conditions, points)
+        # What claims to hold everywhere is judged at all points once the blocks are put together.
+        quick = None if branch.conditions else judge(claim, (), points[:_FEW])
+        judgement = quick or judge(claim, branch.conditions, points)
         if judgement is None:
             continue
         if not judgement.conditions:

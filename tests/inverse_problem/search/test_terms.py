@@ -116,3 +116,9 @@ def test_functions_of_opposite_arguments_have_one_letter(text: str, other: str) 
 
 def test_logarithms_of_opposite_arguments_are_two_letters() -> None:
     assert terms_of(tree("log(x-y)")) != terms_of(tree("log(y-x)"))
+
+
+@pytest.mark.parametrize(("given", "value"), [("sin(x - x)", "0"), ("cos(x - x)", "1")])
+def test_functions_of_an_empty_sum_are_numbers(given: str, value: str) -> None:
+    """Euler-Lagrange equations written by a loop hold cos(a1 - a1)."""
+    assert terms_of(tree(given)) == terms_of(tree(value))
