@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from fractions import Fraction
+from itertools import combinations
 from typing import Any
 
 from flint import fmpq, fmpq_mat
@@ -16,7 +17,22 @@ from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import check, end
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, add, multiply, walk
+from inverse_service.expressions.tree import (
+    HALF,
+    TIME,
+    ZERO,
+    Apply,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    power,
+    square_root,
+    substitute,
+    subtract,
+    walk,
+)
 from inverse_service.inverse_problem.search.material import antiderivatives
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.terms import (
@@ -28,6 +44,7 @@ from inverse_service.inverse_problem.search.terms import (
     monomial_tree,
     multiply_terms,
     rank,
+    terms_of,
     times,
     tree_of,
 )
@@ -75,6 +92,57 @@ def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | Non
 
     The coefficients of its terms are rational where that is enough, else they hold parameters.
     """
+    magnetic, wanted = _of_round_fields(names, wanted)
+    found = _completed(names, wanted)
+    return None if found is None else add(magnetic, found)
+
+
+def _of_round_fields(names: Sequence[str], wanted: Sequence[Terms]) -> tuple[Expression, list[Terms]]:
+    """A(s) (x y' - y x') for the terms B v_j of E_i, -B v_i of E_j where B depends on s = x^2 + y^2 alone; the rest.
+
+    It is regular on both axes: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.
+    """
+    total, rest = [], [dict(terms) for terms in wanted]
+    fields = [_by_velocity(terms) for terms in wanted]
+    for (i, field), (j, opposite) in combinations(enumerate(fields), 2):
+        x, y, v, w = Symbol(names[i]), Symbol(names[j]), Velocity(names[i]), Velocity(names[j])
+        if w not in field or add_terms(field[w], opposite.get(v, {})) or not _is_round(field[w], x, y):
+            continue
+        radial = _moving(terms_of(substitute(tree_of(field[w]), {y: ZERO})), x)
+        flux = _completed([x.name], [radial])
+        if flux is not None:
+            square = add(power(x, 2), power(y, 2))
+            table = {power(x, 2): square, Apply("log", x): multiply(HALF, Apply("log", square)), x: square_root(square)}
+            turn = subtract(multiply(x, w), multiply(y, v))
+            total.append(multiply(substitute(flux, table), power(square, -1), turn))
+            rest[i] = add_terms(rest[i], _moving(field[w], w), -1)
+            rest[j] = add_terms(rest[j], _moving(field[w], v))
+    return add(*total), rest
+
+
+def _is_round(field: Terms, x: Symbol, y: Symbol) -> bool:
+    """Whether it depends on x^2 + y^2, and on x and y in no other way: x B_y = y B_x."""
+    slopes = [derivative_of_terms(field, variable) for variable in (x, y)]
+    turned = [_moving(slope, factor) for slope, factor in zip(slopes, (y, x), strict=True)]
+    return bool(slopes[0]) and turned[0] == turned[1]
+
+
+def _by_velocity(terms: Terms) -> dict[Expression, Terms]:
+    """The coefficients of single velocities."""
+    found: dict[Expression, Terms] = {}
+    for key, value in terms.items():
+        position, moving = split_velocities(key)
+        for letter, e in moving:
+            if moving == monomial(letter):
+                found.setdefault(letter, {})[position] = value * e
+    return found
+
+
+def _moving(field: Terms, letter: Symbol | Velocity) -> Terms:
+    return multiply_terms(field, {monomial(letter): Fraction(1)})
+
+
+def _completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:
     columns: dict[Monomial, list[Terms]] = {}
     fresh = [(i, key) for i, terms in enumerate(wanted) for key in terms]
     if any(not _is_affine(key) for _, key in fresh):

@@ -6,7 +6,10 @@ Trigonometric functions of arctangents become algebraic: cos(k atan u) + i sin(k
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from fractions import Fraction
+from functools import partial
+from itertools import combinations
 
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
@@ -16,6 +19,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
+    ZERO,
     Apply,
     Expression,
     Number,
@@ -104,12 +108,63 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
     Circular functions of arctangents are algebraic in it, even where that is longer.
     Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
     """
-    tree = without_arctangents(tree)
+    tree = _merged(without_arctangents(tree))
     if _size(tree) > _LARGEST_TIDY:
         return tree
     kept = _velocity_sums(tree)
-    others = [form for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
-    return min([tree, *others], key=_size)
+    others = [_merged(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
+    return _as_written(min([tree, *others], key=_size), system)
+
+
+def _as_written(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """The sums of f that are short as they are written in it, (x + m)^2 + y^2, in the place of their expansions."""
+    table: dict[Expression, Expression] = {}
+    for node in distinct_nodes(system.accelerations):
+        if isinstance(node, Sum):
+            with suppress(TooManyTerms):
+                content, common, expansion = split_content(terms_of(node))
+                if not common and content == 1 and _size(node) < _size(expansion):
+                    table[expansion] = node
+    return substitute(tree, table)
+
+
+def _merged(tree: Expression) -> Expression:
+    """Products with each base once: t^c/t is t^(c - 1), (1 - t^2)^m/((1 - t)(1 + t)) is (1 - t^2)^(m - 1)."""
+    tree = rebuild(tree, _merged)
+    if not isinstance(tree, Product) or not any(
+        isinstance(f, Power) and not _is_number(f.exponent) for f in tree.factors
+    ):
+        return tree
+    table: dict[Expression, Expression] = {}
+    for factor in tree.factors:
+        base, e = (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, ONE)
+        table[base] = add(table.get(base, ZERO), e)
+    numbers = [power(base, table.pop(base)) for base in list(table) if isinstance(base, Number)]
+    for base in [base for base, e in table.items() if isinstance(base, Sum) and not _is_number(e)]:
+        numbers += _absorbed(base, table)
+    return multiply(*numbers, *(power(base, _ordered(e)) for base, e in table.items()))
+
+
+def _ordered(exponent: Expression) -> Expression:
+    return tree_of(terms_of(exponent))
+
+
+def _is_number(tree: Expression) -> bool:
+    return isinstance(tree, Number)
+
+
+def _absorbed(base: Expression, table: dict[Expression, Expression]) -> list[Expression]:
+    """What is left of sums to one power whose product is a multiple of the base: they are counted in there."""
+    whole = terms_of(base)
+    sums = [p for p, e in table.items() if isinstance(p, Sum) and isinstance(e, Number) and e.value.denominator == 1]
+    for chosen in (some for k in (1, 2) for some in combinations(sums, k)):
+        found = terms_of(multiply(*chosen))
+        ratio = found.get(next(iter(whole)), Fraction(0)) / whole[next(iter(whole))]
+        if ratio and found == {key: ratio * a for key, a in whole.items()} and len({table[p] for p in chosen}) == 1:
+            exponents = [table.pop(p) for p in chosen]
+            table[base] = add(table[base], exponents[0])
+            return [power(number(ratio), exponents[0])]
+    return []
 
 
 def _velocity_sums(tree: Expression) -> int:
@@ -126,7 +181,9 @@ def _velocity_sums(tree: Expression) -> int:
 
 def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:
     found = []
-    for form in (collect, _inside, _with_common_factor, lambda given: _grouped(given, system)):
+    parameters = frozenset(Symbol(name) for name in system.parameters)
+    forms = (collect, _inside, _with_common_factor, partial(_grouped, system), partial(_by_parameters, parameters))
+    for form in forms:
         try:
             found.append(form(tree))
         except _FAILED:
@@ -171,7 +228,18 @@ def _is_exponential_of_time(letter: Expression) -> bool:
     return isinstance(letter, Apply) and letter.function == "exp" and any(node == TIME for node in walk(letter))
 
 
-def _grouped(tree: Expression, system: SecondOrderSystem) -> Expression:
+def _by_parameters(parameters: frozenset[Symbol], tree: Expression) -> Expression:
+    """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
+    groups: dict[Monomial, Terms] = {}
+    for key, value in terms_of(tree).items():
+        constant: Monomial = frozenset(item for item in key if item[0] in parameters)
+        groups.setdefault(key - constant, {})[constant] = value
+    budget = Budget(_TERMS, end(), _WORK)
+    coefficients = factored([tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), budget)
+    return add(*(multiply(c, monomial_tree(key)) for c, key in zip(coefficients, groups, strict=True)))
+
+
+def _grouped(system: SecondOrderSystem, tree: Expression) -> Expression:
     """The sum over velocities and parameters of their coefficients, each in its shortest form."""
     parameters = frozenset(Symbol(name) for name in system.parameters)
     groups: dict[Monomial, Terms] = {}

@@ -1,0 +1,76 @@
+"""Lagrangians come out as a textbook has them (each right-hand column verified by hand or in the source named)."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.expressions.printing import to_text
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer
+from inverse_service.inverse_problem.solving import solve
+from inverse_service.mechanics.reading import read_given, read_system
+
+
+def _answered(equations: dict[str, str], parameters: str = "") -> Answer:
+    names, declared = list(equations), parameters.split()
+    system = read_system(names, equations, declared)
+    given = read_given(names, equations, declared).residuals
+    solution = solve(system, SolveOptions(given=given))
+    answer = solution.with_time if solution.autonomous is None else solution.autonomous
+    assert answer is not None
+    assert answer.lagrangian is not None
+    return answer
+
+
+# Sturm-Liouville forms: Abramowitz and Stegun, 22.6 and 13.1, 15.5.
+SYMBOLIC_POWERS = [
+    ("((2*m+1)*t*y' - n*(n+2*m)*y)/(1-t^2)", "m n",
+     "y'^2*(-t^2 + 1)^(m + 1/2)/2 - n*(2*m + n)*y^2*(-t^2 + 1)^(m - 1/2)/2"),
+    ("-((c-(a+b+1)*t)*y' - a*b*y)/(t*(1-t))", "a b c",
+     "t^c*(-t + 1)^(a + b - c + 1)*y'^2/2 + a*b*y^2*(-t + 1)^(a + b - c)*t^(c - 1)/2"),
+    ("-((b-a-(a+b+2)*t)*y' + n*(n+a+b+1)*y)/(1-t^2)", "a b n",
+     "y'^2*(-t + 1)^(a + 1)*(t + 1)^(b + 1)/2 - n*(a + b + n + 1)*y^2*(-t + 1)^a*(t + 1)^b/2"),
+    ("-((b-t)*y' - a*y)/t", "a b", "exp(-t)*(y'^2*t^b + a*y^2*t^(b - 1))/2"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("f", "parameters", "wanted"), SYMBOLIC_POWERS, ids=["Gegenbauer", "Gauss", "Jacobi", "Kummer"]
+)
+def test_powers_with_letters_are_put_together(f: str, parameters: str, wanted: str) -> None:
+    answer = _answered({"y": f}, parameters)
+    assert answer.lagrangian is not None
+    assert to_text(answer.lagrangian.expression) == wanted
+
+
+# A magnetic field that depends on the distance from a line: its vector potential in the round gauge has no place
+# where it is not defined but those of the field (Landau and Lifshitz, The Classical Theory of Fields, section 19).
+ROUND_FIELDS = [
+    ("1/(x^2+y^2)", "x'^2/2 + y'^2/2 - log(x^2 + y^2)*(x*y' - y*x')/(2*(x^2 + y^2))"),
+    ("B/(x^2+y^2)", "x'^2/2 + y'^2/2 - B*log(x^2 + y^2)*(x*y' - y*x')/(2*(x^2 + y^2))"),
+    ("exp(-x^2-y^2)", "x'^2/2 + y'^2/2 + exp(-(x^2 + y^2))*(x*y' - y*x')/(2*(x^2 + y^2))"),
+    ("1/(x^2+y^2)^2", "x*y'/(2*(x^2 + y^2)^2) - y*x'/(2*(x^2 + y^2)^2) + x'^2/2 + y'^2/2"),
+    ("B", "x'^2/2 + y'^2/2 - B*x*y'"),
+]
+
+
+@pytest.mark.parametrize(("field", "wanted"), ROUND_FIELDS, ids=[field for field, _ in ROUND_FIELDS])
+def test_a_round_field_has_a_round_potential(field: str, wanted: str) -> None:
+    answer = _answered({"x": f"-({field})*y'", "y": f"({field})*x'"}, "B")
+    assert answer.lagrangian is not None
+    assert to_text(answer.lagrangian.expression) == wanted
+    assert answer.hamiltonian is not None
+    assert not answer.hamiltonian.implicit
+
+
+def test_distances_stay_as_they_are_written() -> None:
+    """The restricted problem of three bodies (Szebehely, Theory of Orbits, 1.5)."""
+    attraction = "-(1-m)*({0})/((x+m)^2+y^2)^(3/2) - m*({1})/((x-1+m)^2+y^2)^(3/2)"
+    answer = _answered(
+        {"x": "2*y' + x" + attraction.format("x+m", "x-1+m"), "y": "-2*x' + y" + attraction.format("y", "y")}, "m"
+    )
+    assert answer.lagrangian is not None
+    assert answer.hamiltonian is not None
+    for tree in (answer.lagrangian.expression, answer.hamiltonian.expression):
+        assert "sqrt((x + m)^2 + y^2)" in to_text(tree)
+        assert "sqrt((x + m - 1)^2 + y^2)" in to_text(tree)
