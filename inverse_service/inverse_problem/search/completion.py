@@ -7,13 +7,14 @@ B v_i with dB/dq_j = T. What the derivatives of these leave over is answered aga
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from itertools import combinations
 from typing import Any
 
 from flint import fmpq, fmpq_mat
 
-from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.exact_atoms import exact_ring, factored
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import check, end
@@ -92,54 +93,53 @@ def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | Non
 
     The coefficients of its terms are rational where that is enough, else they hold parameters.
     """
-    magnetic, wanted = _of_round_fields(names, wanted)
-    found = _completed(names, wanted)
-    return None if found is None else add(magnetic, found)
+    total, rest = [], list(wanted)
+    with suppress(TooLarge, ZeroDivisionError):
+        for i, j in combinations(range(len(names)), 2):
+            magnetic = _of_round_field(names, rest, i, j)
+            if magnetic is not None:
+                rest = _less(names, rest, terms_of(magnetic))
+                total.append(magnetic)
+    found = _completed(names, rest)
+    return None if found is None else add(*total, found)
 
 
-def _of_round_fields(names: Sequence[str], wanted: Sequence[Terms]) -> tuple[Expression, list[Terms]]:
-    """A(s) (x y' - y x') for the terms B v_j of E_i, -B v_i of E_j where B depends on s = x^2 + y^2 alone; the rest.
+def _less(names: Sequence[str], wanted: Sequence[Terms], known: Terms) -> list[Terms]:
+    """What is still wanted beside known terms; what vanishes by relations among its letters is left out."""
+    own = expressions_without_acceleration(names, known)
+    trees = [tree_of(add_terms(dict(terms), part, -1)) for terms, part in zip(wanted, own, strict=True)]
+    symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    return [terms_of(tree) for tree in factored(trees, symbols, Budget(_TERMS, end(), _WORK))]
 
-    It is regular on both axes: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.
+
+def _of_round_field(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> Expression | None:
+    """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y where B depends on x and y by s = x^2 + y^2 alone.
+
+    It is regular where B is, but for the axis: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.
     """
-    total, rest = [], [dict(terms) for terms in wanted]
-    fields = [_by_velocity(terms) for terms in wanted]
-    for (i, field), (j, opposite) in combinations(enumerate(fields), 2):
-        x, y, v, w = Symbol(names[i]), Symbol(names[j]), Velocity(names[i]), Velocity(names[j])
-        if w not in field or add_terms(field[w], opposite.get(v, {})) or not _is_round(field[w], x, y):
-            continue
-        radial = _moving(terms_of(substitute(tree_of(field[w]), {y: ZERO})), x)
-        flux = _completed([x.name], [radial])
-        if flux is not None:
-            square = add(power(x, 2), power(y, 2))
-            table = {power(x, 2): square, Apply("log", x): multiply(HALF, Apply("log", square)), x: square_root(square)}
-            turn = subtract(multiply(x, w), multiply(y, v))
-            total.append(multiply(substitute(flux, table), power(square, -1), turn))
-            rest[i] = add_terms(rest[i], _moving(field[w], w), -1)
-            rest[j] = add_terms(rest[j], _moving(field[w], v))
-    return add(*total), rest
+    x, y, v, w = Symbol(names[i]), Symbol(names[j]), Velocity(names[i]), Velocity(names[j])
+    field = _beside(wanted[i], w)
+    if not field or not _is_round(field, x, y) or add_terms(field, _beside(wanted[j], v)):
+        return None
+    radial = multiply_terms(terms_of(substitute(tree_of(field), {y: ZERO})), {monomial(x): Fraction(1)})
+    flux = _completed([x.name], [radial])
+    if flux is None:
+        return None
+    square = add(power(x, 2), power(y, 2))
+    table = {power(x, 2): square, Apply("log", x): multiply(HALF, Apply("log", square)), x: square_root(square)}
+    return multiply(substitute(flux, table), power(square, -1), subtract(multiply(x, w), multiply(y, v)))
 
 
 def _is_round(field: Terms, x: Symbol, y: Symbol) -> bool:
     """Whether it depends on x^2 + y^2, and on x and y in no other way: x B_y = y B_x."""
     slopes = [derivative_of_terms(field, variable) for variable in (x, y)]
-    turned = [_moving(slope, factor) for slope, factor in zip(slopes, (y, x), strict=True)]
+    turned = [multiply_terms(slope, {monomial(q): Fraction(1)}) for slope, q in zip(slopes, (y, x), strict=True)]
     return bool(slopes[0]) and turned[0] == turned[1]
 
 
-def _by_velocity(terms: Terms) -> dict[Expression, Terms]:
-    """The coefficients of single velocities."""
-    found: dict[Expression, Terms] = {}
-    for key, value in terms.items():
-        position, moving = split_velocities(key)
-        for letter, e in moving:
-            if moving == monomial(letter):
-                found.setdefault(letter, {})[position] = value * e
-    return found
-
-
-def _moving(field: Terms, letter: Symbol | Velocity) -> Terms:
-    return multiply_terms(field, {monomial(letter): Fraction(1)})
+def _beside(terms: Terms, velocity: Velocity) -> Terms:
+    """The coefficient of a velocity."""
+    return {key - monomial(velocity): a for key, a in terms.items() if split_velocities(key)[1] == monomial(velocity)}
 
 
 def _completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:

@@ -9,6 +9,8 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_given, read_system
+from tests.inverse_problem.search.forty_digits import same_value
+from tests.inverse_problem.search.given import tree
 
 
 def _answered(equations: dict[str, str], parameters: str = "") -> Answer:
@@ -61,6 +63,24 @@ def test_a_round_field_has_a_round_potential(field: str, wanted: str) -> None:
     assert to_text(answer.lagrangian.expression) == wanted
     assert answer.hamiltonian is not None
     assert not answer.hamiltonian.implicit
+
+
+# Dirac's monopole and a magnetic dipole: Jackson, Classical Electrodynamics, 6.11 and 5.6; a bottle: Northrop (1963).
+FIELDS_IN_SPACE = [
+    ("c*x/(x^2+y^2+z^2)^(3/2)", "c*y/(x^2+y^2+z^2)^(3/2)", "c*z/(x^2+y^2+z^2)^(3/2)",
+     "- c*z*(x*y' - y*x')/(sqrt(x^2 + y^2 + z^2)*(x^2 + y^2))"),
+    ("3*c*x*z/(x^2+y^2+z^2)^(5/2)", "3*c*y*z/(x^2+y^2+z^2)^(5/2)", "c*(2*z^2-x^2-y^2)/(x^2+y^2+z^2)^(5/2)",
+     "+ c*x*y'/(x^2 + y^2 + z^2)^(3/2) - c*y*x'/(x^2 + y^2 + z^2)^(3/2)"),
+    ("-c*x*z", "-c*y*z", "c*(z^2-(x^2+y^2)/2)", "- c*(x^2 + y^2 - 4*z^2)*x*y'/8 + c*(x^2 + y^2 - 4*z^2)*y*x'/8"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("bx", "by", "bz", "wanted"), FIELDS_IN_SPACE, ids=["monopole", "dipole", "bottle"])
+def test_a_field_round_about_an_axis_has_a_round_potential(bx: str, by: str, bz: str, wanted: str) -> None:
+    forces = {"x": f"y'*({bz})-z'*({by})", "y": f"z'*({bx})-x'*({bz})", "z": f"x'*({by})-y'*({bx})"}
+    answer = _answered(forces, "c")
+    assert answer.lagrangian is not None
+    assert same_value(answer.lagrangian.expression, tree(f"x'^2/2 + y'^2/2 + z'^2/2 {wanted}"))
 
 
 def test_distances_stay_as_they_are_written() -> None:
