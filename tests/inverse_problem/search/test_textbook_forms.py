@@ -91,6 +91,6 @@ def test_distances_stay_as_they_are_written() -> None:
     )
     assert answer.lagrangian is not None
     assert answer.hamiltonian is not None
-    for tree in (answer.lagrangian.expression, answer.hamiltonian.expression):
-        assert "sqrt((x + m)^2 + y^2)" in to_text(tree)
-        assert "sqrt((x + m - 1)^2 + y^2)" in to_text(tree)
+    for formula in (answer.lagrangian.expression, answer.hamiltonian.expression):
+        assert "sqrt((x + m)^2 + y^2)" in to_text(formula)
+        assert "sqrt((x + m - 1)^2 + y^2)" in to_text(formula)
