@@ -12,7 +12,7 @@ from inverse_service.inverse_problem.search import (
 )
 from inverse_service.inverse_problem.search.families import Family
 from inverse_service.inverse_problem.search.linear_systems.time_dependent import is_linear, linear_lagrangians
-from inverse_service.inverse_problem.search.one_coordinate import last_multiplier
+from inverse_service.inverse_problem.search.one_coordinate import contact, last_multiplier
 from inverse_service.inverse_problem.search.protocol import Leaf, Reduction
 
 Rung = Leaf | Reduction | Family
@@ -53,6 +53,14 @@ LEAVES = (
         "One velocity `w'` is constant and `x'' = w' W'(w) A x'` in blocks: then `L = w'^2/2 + x'^T S(W) x'/(2 w')` "
         "will do with `dS/dW = -S A`.",
         exact=True,
+    ),
+    Leaf(
+        "one coordinate, contact transformations",
+        6.6,
+        scalar_multiplier.is_of_one_coordinate,
+        contact.propose,
+        "With `T = y'`, `Y = t y' - y`, or with `t` and `y` exchanged, the equation has a multiplier that is free of "
+        "the velocity; carried back, it is one of the equation, and `L` is that integrated twice by the velocity.",
     ),
     Leaf(
         "one coordinate, products of Darboux factors",

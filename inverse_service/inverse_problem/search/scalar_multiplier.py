@@ -104,7 +104,7 @@ def propose(material: Material, seed: int) -> list[Expression]:
 def kinetic_terms(material: Material) -> list[Monomial]:
     """The terms of phi G_ij v_i v_j for all of these multipliers: where they are found, A and V may take an ansatz."""
     known = _prepared(material)
-    if known is None or any(isinstance(node, Integral) for node in walk(known.setting.phi)):
+    if known is None or function_of_position(material) is None:
         return []
     velocities = material.motion.velocities
     try:
@@ -112,6 +112,12 @@ def kinetic_terms(material: Material) -> list[Monomial]:
         return list(dict.fromkeys(key for tree in kinetic for key in terms_of(tree)))
     except TooManyTerms:
         return []
+
+
+def function_of_position(material: Material) -> Expression | None:
+    """phi where f has such a multiplier without integral signs in it."""
+    known = _prepared(material)
+    return known.setting.phi if known and not any(isinstance(n, Integral) for n in walk(known.setting.phi)) else None
 
 
 def is_of_one_coordinate(material: Material) -> bool:

@@ -157,7 +157,7 @@ def _absorbed(base: Expression, table: dict[Expression, Expression]) -> list[Exp
     """What is left of sums to one power whose product is a multiple of the base: they are counted in there."""
     whole = terms_of(base)
     sums = [p for p, e in table.items() if isinstance(p, Sum) and isinstance(e, Number) and e.value.denominator == 1]
-    for chosen in (some for k in (1, 2) for some in combinations(sums, k)):
+    for chosen in (some for k in (1, 2) for some in combinations(sums, k) if whole):
         found = terms_of(multiply(*chosen))
         ratio = found.get(next(iter(whole)), Fraction(0)) / whole[next(iter(whole))]
         if ratio and found == {key: ratio * a for key, a in whole.items()} and len({table[p] for p in chosen}) == 1:

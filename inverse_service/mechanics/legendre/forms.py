@@ -28,9 +28,7 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.mechanics.opaque_fractions import OpaqueRing, expanded_terms
-
-_MOST_TERMS = 400
+from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, expanded_terms
 
 
 def size(tree: Expression) -> int:
@@ -51,7 +49,7 @@ def separated(tree: Expression) -> Expression:
 def quotient(tree: Expression) -> Expression:
     """The tree as one factored quotient of polynomials in atoms; as it is where that is too large."""
     plain = separated(tree)
-    if max(expanded_terms(plain)) > _MOST_TERMS:
+    if max(expanded_terms(plain)) > MOST_TERMS:
         return tree
     try:
         ring = OpaqueRing([plain])
@@ -77,6 +75,18 @@ def simplified(tree: Expression) -> Expression:
 def trigonometric(tree: Expression) -> Expression:
     """The tree, or the shortest form of it with sin^2 = 1 - cos^2 where both occur."""
     return shortest([tree, *(quotient(other) for other in _without_squares(tree))])
+
+
+def with_cosines(tree: Expression) -> Expression:
+    """The tree with 1/cos^2 for 1 + tan^2."""
+    inner = rebuild(tree, with_cosines)
+    match inner:
+        case Sum((Power(Apply("tan", argument), Number(value)), rest)) | Sum(
+            (rest, Power(Apply("tan", argument), Number(value)))
+        ) if value == 2 and rest == ONE:
+            return power(Apply("cos", argument), -2)
+        case _:
+            return inner
 
 
 def _without_squares(tree: Expression) -> Iterator[Expression]:

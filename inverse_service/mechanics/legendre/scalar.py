@@ -37,7 +37,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
-from inverse_service.mechanics.legendre.forms import quotient, shortest, simplified, velocities_in
+from inverse_service.mechanics.legendre.forms import quotient, shortest, simplified, velocities_in, with_cosines
 from inverse_service.mechanics.legendre.isolation import (
     Root,
     isolate,
@@ -64,6 +64,7 @@ def scalar_branches(block: Block, solve: Solver) -> Iterator[Branch]:
         velocity = simplified(root.value)
         trees = [substitute(energy, {rate: velocity}) for energy in energies]
         forms = [simplified(tree) for tree in trees] + [simplified(factored_inside(tree)) for tree in trees[2:3]]
+        forms += [with_cosines(factored_inside(form)) for form in forms]
         yield Branch((velocity,), shortest(forms), root.conditions)
 
 
