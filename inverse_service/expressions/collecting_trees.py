@@ -94,17 +94,21 @@ def monomial_tree_of(factors: Iterable[Expression]) -> Expression:
     """The product of the factors with powers of the same base put together."""
     coefficient: Expression = ONE
     table: dict[Expression, Fraction] = {}
-    rest: list[Expression] = []
+    symbolic: dict[Expression, list[Expression]] = {}
     for factor in factors:
         match factor:
             case Number():
                 coefficient = multiply(coefficient, factor)
+            case Power(Power(base, exponent), Number(value) as times) if value.denominator == 1:
+                symbolic.setdefault(base, []).append(multiply(times, exponent))
             case Power(base, Number(exponent)):
                 table[base] = table.get(base, Fraction(0)) + exponent
-            case Power():
-                rest.append(factor)
+            case Power(base, exponent):
+                symbolic.setdefault(base, []).append(exponent)
             case _:
                 table[factor] = table.get(factor, Fraction(0)) + 1
+    exponents = {base: add(*found, Number(table.pop(base, Fraction(0)))) for base, found in symbolic.items()}
+    rest = [power(base, exponent) for base, exponent in exponents.items()]
     return multiply(coefficient, monomial_tree(tuple(table.items())), *rest)
 
 

@@ -55,14 +55,6 @@ LEAVES = (
         exact=True,
     ),
     Leaf(
-        "one coordinate, contact transformations",
-        6.6,
-        scalar_multiplier.is_of_one_coordinate,
-        contact.propose,
-        "With `T = y'`, `Y = t y' - y`, or with `t` and `y` exchanged, the equation has a multiplier that is free of "
-        "the velocity; carried back, it is one of the equation, and `L` is that integrated twice by the velocity.",
-    ),
-    Leaf(
         "one coordinate, products of Darboux factors",
         6.5,
         last_multiplier.applies,
@@ -116,6 +108,7 @@ ANSATZ = (
     Family("functions of velocities, short factors", 4, shapes.functions, _SMALL),
     Family("quadratic in the velocities", 5, shapes.quadratic, _LARGE),
     Family("ratios of velocities", 6, shapes.ratios, _LARGE),
+    Family("a multiplier after a contact transformation", 6.6, contact.kinetic_terms, 0, given=True),
     Family("functions of velocities", 7, shapes.functions, _LARGE),
     Family("products, roots and logarithms of velocities", 8, shapes.products_and_roots, _LARGE),
     Family("logarithms and arctangents of two velocities", 9, shapes.complex_logarithms, _SMALL),

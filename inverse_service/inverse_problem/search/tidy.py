@@ -122,7 +122,8 @@ def _as_written(tree: Expression, system: SecondOrderSystem) -> Expression:
     for node in distinct_nodes(system.accelerations):
         if isinstance(node, Sum):
             with suppress(TooManyTerms):
-                content, common, expansion = split_content(terms_of(node))
+                terms = terms_of(node)
+                content, common, expansion = split_content(terms) if terms else (Fraction(0), EMPTY, node)
                 if not common and content == 1 and _size(node) < _size(expansion):
                     table[expansion] = node
     return substitute(tree, table)
@@ -157,9 +158,9 @@ def _absorbed(base: Expression, table: dict[Expression, Expression]) -> list[Exp
     """What is left of sums to one power whose product is a multiple of the base: they are counted in there."""
     whole = terms_of(base)
     sums = [p for p, e in table.items() if isinstance(p, Sum) and isinstance(e, Number) and e.value.denominator == 1]
-    for chosen in (some for k in (1, 2) for some in combinations(sums, k) if whole):
+    for chosen in (some for k in (1, 2) for some in combinations(sums, k)):
         found = terms_of(multiply(*chosen))
-        ratio = found.get(next(iter(whole)), Fraction(0)) / whole[next(iter(whole))]
+        ratio = next((found.get(key, Fraction(0)) / a for key, a in whole.items()), Fraction(0))
         if ratio and found == {key: ratio * a for key, a in whole.items()} and len({table[p] for p in chosen}) == 1:
             exponents = [table.pop(p) for p in chosen]
             table[base] = add(table[base], exponents[0])
