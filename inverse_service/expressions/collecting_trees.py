@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from functools import lru_cache
 
@@ -83,11 +83,21 @@ def merge_powers(tree: Expression) -> Expression:
     inner = rebuild(tree, merge_powers)
     match inner:
         case Product(factors):
-            return monomial_tree_of(factors)
+            return monomial_tree_of(_flat(factors))
         case Power(Apply("exp", argument), Number() as exponent):
             return Apply("exp", multiply(exponent, argument))
         case _:
             return inner
+
+
+def _flat(factors: Iterable[Expression]) -> Iterator[Expression]:
+    """The factors, those of a product under an integral power one by one."""
+    for factor in factors:
+        match factor:
+            case Power(Product(inner), Number(value) as exponent) if value.denominator == 1:
+                yield from (power(part, exponent) for part in inner)
+            case _:
+                yield factor
 
 
 def monomial_tree_of(factors: Iterable[Expression]) -> Expression:
