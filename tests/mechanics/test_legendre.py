@@ -397,3 +397,17 @@ def test_a_small_box_has_points_to_check_h_at() -> None:
     lagrangian = parse("E*exp(x)-sqrt(1-exp(2*x)*x'^2-y'^2)", names)
     found = legendre(lagrangian, ("x", "y"), positive=[parse(text, names) for text in box])
     assert not found.implicit
+
+
+SYMBOLIC = [
+    # The damped oscillator with letters: its momentum is an arctangent once a root is put in (Musielak 2008).
+    ("(l*x + 2*x')*atan((l*x + 2*x')/(x*sqrt(4*w^2-l^2)))/(x*sqrt(4*w^2-l^2)) - log(x'^2 + l*x*x' + w^2*x^2)/2", "cos"),
+    ("(t*x' - x)^(-r + 2)/((-r + 1)*(-r + 2)*t^2) + w*x", "p_x"),
+]
+
+
+@pytest.mark.parametrize(("lagrangian", "holds"), SYMBOLIC, ids=["damped oscillator", "Clairaut"])
+def test_letters_in_roots_and_exponents_do_not_hide_an_inverse(lagrangian: str, holds: str) -> None:
+    found = legendre(parse(lagrangian, Names(("x",), ("l", "w", "r"), {})), ("x",))
+    assert not found.implicit
+    assert holds in to_text(found.hamiltonian)

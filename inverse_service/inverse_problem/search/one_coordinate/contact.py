@@ -50,8 +50,8 @@ def kinetic_terms(material: Material) -> list[Monomial]:
     if material.motion.size > 1:
         return []
     f, (y,), (v,) = material.analysis.system.accelerations[0], material.motion.coordinates, material.motion.velocities
-    legendre = {TIME: v, y: subtract(multiply(TIME, v), y), v: TIME}
-    exchange = {TIME: y, y: TIME, v: power(v, -1)}
+    legendre: dict[Expression, Expression] = {TIME: v, y: subtract(multiply(TIME, v), y), v: TIME}
+    exchange: dict[Expression, Expression] = {TIME: y, y: TIME, v: power(v, -1)}
     changes = [(legendre, power(f, -1), power(f, -1)), (exchange, negate(divide(f, power(v, 3))), power(v, -3))]
     found: dict[Monomial, None] = {}
     for table, changed, weight in changes:
@@ -67,7 +67,7 @@ def kinetic_terms(material: Material) -> list[Monomial]:
 
 def _multiplier(material: Material, force: Expression) -> Expression | None:
     """phi(t, y) for y'' = force."""
-    symbols = [*material.motion.coordinates, *material.motion.velocities]
+    symbols: list[Symbol | Velocity] = [*material.motion.coordinates, *material.motion.velocities]
     system = replace(material.analysis.system, accelerations=(factored(force, symbols),), branch=None)
     return function_of_position(gather(analyse(system), with_time=True))
 
