@@ -20,6 +20,7 @@ from inverse_service.expressions.tree import (
     TIME,
     Expression,
     Symbol,
+    Velocity,
     divide,
     multiply,
     negate,
