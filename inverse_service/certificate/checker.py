@@ -341,7 +341,7 @@ class Question:
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
         """The functions that are known by one derivative, which may hold those before them; the tokens of all."""
         check_shape(listed, {}, "integrals")
-        check_shape(listed, {key: {"arguments": [NAME, 6], "derivatives": {}} for key in listed}, "integrals")
+        check_shape(listed, {key: {"arguments": [NAME + "'?", 6], "derivatives": {}} for key in listed}, "integrals")
         check_shape(list(listed), [NAME, MAX_NAMES], "integrals")
         require(
             not {*listed} & ({*self.names, *self.functions} | RESERVED), "An integral has the name of another thing."
@@ -351,7 +351,7 @@ class Question:
         for name, one in listed.items():
             arguments, slopes = one["arguments"], one["derivatives"]
             require(0 < len(arguments) == len({*arguments}), f"integrals.{name} has to name its arguments once.")
-            require({*arguments} <= {"t", *self.coordinates}, f"integrals.{name} may hold t and coordinates only.")
+            require({*arguments} <= {"t", *self.variables}, f"integrals.{name} may hold t, q and q' only.")
             require({*slopes} <= {*arguments}, f"integrals.{name} has a derivative by what is no argument.")
             if len(slopes) != 1:
                 raise Ended("incomplete", f"integrals.{name} has to have one derivative.")

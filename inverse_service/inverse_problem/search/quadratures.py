@@ -57,7 +57,7 @@ def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analys
     places = range(len(form))
     if any(not (ring.partial(i)(form[j]) - ring.partial(j)(form[i])).is_zero for i in places for j in places if i < j):
         return None
-    names = _fresh_names(analysis.system)
+    names = fresh_names(analysis.system)
     if any(not ring.partial(i)(form[j]).is_zero for i in places for j in places if i != j):
         arguments = [ring.variables[k] for k in places if not form[k].is_zero]
         slopes = tuple(readable(ring, slope) for slope in form if not slope.is_zero)
@@ -112,7 +112,7 @@ def potential_with_integrals(system: SecondOrderSystem, phi: Expression, wanted:
     names, x = system.coordinates, Symbol(system.coordinates[0])
     if any(isinstance(node, Velocity) for key in wanted for letter, _ in key for node in walk(letter)):
         return None
-    fresh = _fresh_names(system, phi)
+    fresh = fresh_names(system, phi)
     groups: dict[Monomial, Terms] = {}
     for key, value in wanted.items():
         own: Monomial = frozenset(item for item in key if any(node == x for node in walk(item[0])))
@@ -133,7 +133,7 @@ def _integral(slope: Expression, x: Symbol, names: Sequence[str], name: str) -> 
     return Integral(name, (x,), (0,), (slope,))
 
 
-def _fresh_names(system: SecondOrderSystem, *trees: Expression) -> Iterator[str]:
+def fresh_names(system: SecondOrderSystem, *trees: Expression) -> Iterator[str]:
     """Names of functions that nothing else bears."""
     used = {*system.coordinates, *system.parameters, *(function.name for function in system.functions)}
     used |= {node.name for tree in trees for node in walk(tree) if isinstance(node, Arbitrary)}

@@ -62,6 +62,15 @@ LEAVES = (
         "For one coordinate `g` has to solve `Gamma(g) + g df/dv = 0`; a product of factors that `Gamma` takes to "
         "multiples of themselves solves it, and `L` is `g` integrated twice by `v`.",
     ),
+    Leaf(
+        "one coordinate, a function of the velocity by quadratures",
+        9.5,
+        scalar_multiplier.is_of_one_coordinate,
+        last_multiplier.propose_with_integrals,
+        "For `f = F(v) G(t, x)` the multiplier `1/F` solves `Gamma(g) + g df/dv = 0`; `L` is that integrated twice by "
+        "`v`, two integrals, and the integral of `G` by `x`.",
+        exact=True,
+    ),
 )
 REDUCTIONS = (
     Reduction(

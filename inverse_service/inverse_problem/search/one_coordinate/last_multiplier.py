@@ -25,6 +25,7 @@ from inverse_service.expressions.tree import (
     TIME,
     Apply,
     Expression,
+    Integral,
     Number,
     Power,
     Product,
@@ -39,6 +40,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.search.choice import scaled
+from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.factors import Factors, find_factors
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import has_velocity
@@ -64,6 +66,7 @@ from inverse_service.inverse_problem.search.one_coordinate.kinetic import (
     double_integral,
     potential,
 )
+from inverse_service.inverse_problem.search.quadratures import fresh_names
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
@@ -221,6 +224,23 @@ def _of_symbolic_power(material: Material) -> Expression | None:
     except (ValueError, NotElementary, NoRealValue, IrreducibleAtoms, TooManyTerms):
         return None
     return None if rest is None else add(kinetic, rest)
+
+
+def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
+    """For f = F(v) G(t, x): v P - Q + int G dx with P' = 1/F and Q' = v/F, functions of v that are known by these."""
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    system, (f,) = material.analysis.system, material.analysis.system.accelerations
+    moving = multiply(*(power(base, e) for base, e in _moving_factors(material)))
+    try:
+        outer = factored(divide(f, moving), [x, v])
+        rest = None if has_velocity(outer) else completed([x.name], [terms_of(negate(outer))])
+    except TooManyTerms:
+        return []
+    if rest is None or any(node in (x, TIME) for node in walk(moving)):
+        return []
+    names = fresh_names(system)
+    p, q = (Integral(next(names), (v,), (0,), (divide(above, moving),)) for above in (ONE, v))
+    return [add(multiply(v, p), negate(q), rest)]
 
 
 _MOST_TERMS_OF_FORCE = 30
