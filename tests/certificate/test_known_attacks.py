@@ -120,6 +120,15 @@ HIDING = {
     "a coordinate in a derivative by another": of_lagrangian(
         "x^2+y^2", "0", "x'^2/2+y'^2/2+F(y)", integrals=integral("x'*y", "y")
     ),
+    "a coordinate in a derivative by a velocity": of_lagrangian(
+        "x^2+y^2", "0", "x'^2/2+y'^2/2+F(x')", integrals=integral("(x^2+y^2)*x'", "x'")
+    ),
+    "a velocity in a derivative by another": of_lagrangian(
+        "-y'", "x'", "x'^2/2+y'^2/2+F(x')", integrals=integral("y'", "x'")
+    ),
+    "a derivative of an integral by the velocity": of_lagrangian(
+        "0", "0", "x'^2/2+y'^2/2+F'(x')", integrals=integral("1", "x'")
+    ),
     "an integral that holds one of another argument": of_lagrangian(
         "x^2+y^2", "0", "x'^2/2+y'^2/2+F(t)",
         integrals={"G": integral("x", "x")["F"], **integral("-(x^2+y^2)*x'+G(x)")}, **TIMED

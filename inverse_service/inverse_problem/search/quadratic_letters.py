@@ -3,7 +3,7 @@
 With p' = dp/dv, p'' and D = 2 p p'' - p'^2, which does not hold v,
     d/dv (p' p^e) = (1 + 2 e) p'' p^e - e D p^(e-1)
 steps through the powers, down from p^(3/2) and up from p^(-5/2) or 1/p^2, until there is left
-    d/dv atan(p'/sqrt D) = sqrt(D)/(2 p),    d/dv log(p' + sqrt(2 p'' p)) = sqrt(p''/(2 p)) = d/dv asinh(p'/sqrt D).
+    d/dv atan(p'/sqrt D) = sqrt(D)/(2 p),    d/dv log(p' + sqrt(2 p'' p)) = sqrt(p''/(2 p)).
 With D < 0 logarithms of p' -+ sqrt(-D) take the place of the first, with p'' < 0 asin(p'/sqrt(-D)) of the second.
 So 1/(x^2 + y^2) leads to atan(x/y)/y, 1/sqrt(x^2 + y^2) to log(x + sqrt(x^2 + y^2)), and the inverse cube of
 the distance to z/((x^2 + y^2) sqrt(x^2 + y^2 + z^2)).
@@ -90,10 +90,7 @@ def _of_root(letter: Sum, slope: Terms, second: Terms, D: Terms) -> list[Monomia
         return [monomial(Apply("asin", tree_of(_quotient(_magnitude(slope), _root(_magnitude(D))))))]
     doubled = {key: 2 * value for key, value in second.items()}
     radical: Terms = {frozenset([(letter, _HALF)]): Fraction(1)}
-    logarithm = _logarithm(add_terms(slope, multiply_terms(_root(doubled), radical)))
-    # The same function, whose derivative is the root as it stands.
-    plain = list(D) == [EMPTY] and D[EMPTY] > 0
-    return [*([monomial(Apply("asinh", tree_of(_quotient(slope, _root(D)))))] if plain else []), logarithm]
+    return [_logarithm(add_terms(slope, multiply_terms(_root(doubled), radical)))]
 
 
 def _is_negative(terms: Terms) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.expressions.tree import Integral, Velocity, walk
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
@@ -92,3 +93,19 @@ def test_a_constant_multiplier_has_any_numbers_and_parameters(equations: dict[st
     assert answer is not None
     assert answer.lagrangian is not None
     assert answer.checked == "valid"
+
+
+@pytest.mark.parametrize(
+    "f",
+    ["-k*x'^n - g", "-(k*x'^n + g)*cos(x)", "exp(-x'^2)*t*x", "-(1 + x'^5)*x"],
+    ids=["drag", "field", "time", "fifth"],
+)
+def test_a_function_of_the_velocity_alone_is_integrated_under_signs(f: str) -> None:
+    """x'' = F(x') G(t, x): 1/F is a multiplier (drag by a power of the speed: Timmerman and van der Weele 1999)."""
+    system = read_system(["x"], {"x": f}, ["k", "n", "g"])
+    answer = solve(system, SolveOptions()).with_time
+    assert answer is not None
+    assert answer.lagrangian is not None
+    assert answer.checked == "valid"
+    held = [node for node in walk(answer.lagrangian.expression) if isinstance(node, Integral)]
+    assert {node.arguments for node in held} == {(Velocity("x"),)}
