@@ -142,8 +142,8 @@ def _matched(
     for columns, equation in zip(pattern, equations, strict=True):
         if not columns:
             raise InputError(
-                "this equation contains no acceleration, the matrix of the accelerations is singular: "
-                "write an equation of second order, or give a constraint as a nonholonomic system.",
+                "this equation contains no acceleration, the matrix of the accelerations is singular, as is every "
+                "Lagrangian that has it: write an equation of second order, or give a constraint as a nonholonomic system.",
                 equation.pointer,
             )
     found = matching(pattern)

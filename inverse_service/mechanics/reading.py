@@ -41,8 +41,8 @@ from inverse_service.mechanics.linear_parts import has_acceleration, linear_equa
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 
 NOT_PAIRS = (
-    "these are first-order equations, and they are no pairs x' = h, p' = F with h affine in p and solvable for p: "
-    "write equations of second order such as x'' = -x."
+    "these are first-order equations, and they are no pairs x' = h, p' = F with h affine in p and solvable for p "
+    "(of such a pair x alone is a coordinate): write equations of second order such as x'' = -x."
 )
 
 
