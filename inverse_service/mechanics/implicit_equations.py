@@ -143,7 +143,8 @@ def _matched(
         if not columns:
             raise InputError(
                 "this equation contains no acceleration, the matrix of the accelerations is singular, as is every "
-                "Lagrangian that has it: write an equation of second order, or give a constraint as a nonholonomic system.",
+                "Lagrangian that has it: write an equation of second order, or give a constraint as a nonholonomic "
+                "system.",
                 equation.pointer,
             )
     found = matching(pattern)
