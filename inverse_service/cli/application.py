@@ -40,6 +40,7 @@ class Format(StrEnum):
     octave = "octave"
     mathematica = "mathematica"
     maple = "maple"
+    maxima = "maxima"
     c = "c"
     cpp = "cpp"
     fortran = "fortran"

@@ -17,7 +17,7 @@ from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import Expression
 
 _TOKEN = re.compile(
-    r"(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>.)"
+    r"(?P<rate>d/dt)\b|(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>.)"
 )
 # Signs between trees that the reader of formulas knows.
 _READS_BACK = re.compile(r" = (?:-?\d+(?:/\d+)?)?| [-+] |-?\d*\*?|\d+")
@@ -107,7 +107,10 @@ def theory(text: str) -> Formula:
     """A formula of the theory from its text."""
     latex, mathml, uses = [], [], []
     for match in _TOKEN.finditer(text):
-        if match["name"]:
+        if match["rate"]:
+            latex.append(r"\frac{d}{dt}")
+            mathml.append("<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>")
+        elif match["name"]:
             name, primes = match["name"], match["primes"]
             marks = _MARK.findall(match["marks"])
             latex.append(_with_marks_latex(name, marks, primes))

@@ -69,9 +69,20 @@ def _factor(factor: Expression) -> str:
     match factor:
         case Power(base, exponent) if exponent != HALF:
             inner = _brackets(base) if isinstance(base, Apply) and base.function == "exp" else _atom(base)
-            return f"<msup>{inner}{_row(exponent)}</msup>"
+            return f"<msup>{inner}{_exponent(exponent)}</msup>"
         case _:
             return _atom(factor)
+
+
+def _exponent(expression: Expression) -> str:
+    """t/10 stays on its line: a fraction above a letter is too small to be read."""
+    term, *further = signed_terms(expression)
+    simple = all(isinstance(part, Symbol | Velocity) for part in (*term.numerators, *term.denominators))
+    if further or not simple or (term.under != 1) + len(term.denominators) != 1:
+        return _row(expression)
+    sign = "<mo>&#x2212;</mo>" if term.negative else ""
+    over, under = _factors(term.over, term.numerators), _factors(term.under, term.denominators)
+    return f'<mrow>{sign}{over}<mo lspace="0" rspace="0">/</mo>{under}</mrow>'
 
 
 def _atom(expression: Expression) -> str:
@@ -85,7 +96,7 @@ def _atom(expression: Expression) -> str:
         case Acceleration(name):
             return _name(name, 2)
         case Apply("exp", argument):
-            return f"<msup><mi>e</mi>{_row(argument)}</msup>"
+            return f"<msup><mi>e</mi>{_exponent(argument)}</msup>"
         case Apply(function, argument):
             row = FUNCTION.get(function)
             name = escape((row.shown if row else "") or function)

@@ -50,6 +50,11 @@ def _rust(expression: Any) -> str:
     return f"{text}.0" if expression.is_Integer else text
 
 
+def _maxima(expression: Any) -> str:
+    named = {sympy.pi: sympy.Symbol("%pi"), sympy.E: sympy.Symbol("%e")}
+    return str(StrPrinter().doprint(expression.subs(named))).replace("**", "^")
+
+
 def _fortran(expression: Any) -> str:
     return str(fcode(expression, source_format="free", standard=95))
 
@@ -64,6 +69,7 @@ _C = (_C_OPENING, "    const double {} = {};", "    out[0] = {};", "    out[{pla
 _MATLAB = ("function out = {name}({arguments})", "    {} = {};", "    out = {};", "    out({place1}) = {value};", "end")
 _MATHEMATICA = ("{name}[{arguments}] := Module[{{{locals}}},", "  {} = {};", "  {}", "  {{{values}}}", "]", "{}_")
 _MAPLE = ("{name} := proc({arguments})\n  local {locals};", "  {} := {};", "  {};", "  [{values}];", "end proc:")
+_MAXIMA = ("{name}({arguments}) := block([{locals}],", "  {}: {},", "  {}", "  [{values}]", ")$")
 _JULIA = ("function {name}({arguments})", "    {} = {}", "    return {}", "    return [{values}]", "end")
 _RUST = (
     "pub fn {name}({arguments}) -> Vec<f64> {{",
@@ -84,6 +90,7 @@ LANGUAGES: dict[str, Language] = {
     "octave": Language(sympy.octave_code, "", *_MATLAB),
     "mathematica": Language(sympy.mathematica_code, "", *_MATHEMATICA),
     "maple": Language(sympy.maple_code, "", *_MAPLE),
+    "maxima": Language(_maxima, "", *_MAXIMA),
     "c": Language(ccode, "#include <math.h>\n\n", *_C),
     "cpp": Language(cxxcode, "#include <cmath>\n\n", *_C),
     "rust": Language(_rust, "", *_RUST),

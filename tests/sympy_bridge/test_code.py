@@ -119,6 +119,13 @@ def test_names_that_a_language_keeps_for_itself_are_changed() -> None:
     assert "xdot" in solve({x: -x.diff(t)}).to_code("mathematica")
 
 
+def test_maxima_reads_what_is_written_for_it() -> None:
+    """x'' = -pi e^x/3: powers with ^, constants with %, statements of a block with commas."""
+    x = sp.Function("x")(t)
+    text = solve({x: -sp.pi * sp.exp(x) * x.diff(t) ** 2 / 3}).to_code("maxima")
+    assert "accelerations(t, x, x_dot) := block([dummy],\n  -%e^x*%pi*x_dot^2/3\n)$" in text
+
+
 def test_what_has_no_code_is_refused() -> None:
     x, V = sp.Function("x")(t), sp.Function("V")
     with pytest.raises(InputError, match="arbitrary functions"):

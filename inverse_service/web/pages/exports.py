@@ -13,7 +13,7 @@ from inverse_service.service.documents.latex_page import latex_page
 # Languages of inverse_service.sympy.code, and the endings of their files.
 LANGUAGES = {
     "sympy": "py", "python": "py", "julia": "jl", "matlab": "m", "octave": "m", "mathematica": "wl", "maple": "mpl",
-    "c": "c", "cpp": "cpp", "fortran": "f90", "rust": "rs", "javascript": "js",
+    "maxima": "mac", "c": "c", "cpp": "cpp", "fortran": "f90", "rust": "rs", "javascript": "js",
 }  # fmt: skip
 
 

@@ -29,6 +29,7 @@ PAGES = (
     ("rest", "Calls for programs", "rest.md"),
     ("batch", "Many systems at once", "batch.md"),
 )
+ANSWERS = {"yes": "variational", "no": "not_variational"}
 _KNOWN = {file: f"/learn/{name}" for name, _, file in PAGES}
 _LINK = re.compile(r'href="([^":#]+)(#[^"]*)?"')
 _IMAGE = re.compile(r"<img [^>]*>")
@@ -67,6 +68,21 @@ def _body(file: str) -> Markup:
     markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
     html = markdown.render(_text(file))
     return Markup(_IMAGE.sub("", _LINK.sub(_address, html)))
+
+
+@lru_cache(maxsize=1)
+def hamiltonized() -> list[tuple[Markup, str, Markup]]:
+    """(motion, verdict, answer) of each row of the tables of answers about motions with constraints."""
+    html = MarkdownIt("commonmark", {"html": False}).enable("table").render(_text("open-questions.md"))
+    found = []
+    for table in html.split("<table>")[1:]:
+        proved = "decided as" not in table
+        for row in table.split("<tr>")[2:]:
+            motion, answer, *_ = re.findall(r"<td>(.*?)</td>", row, re.DOTALL)
+            answer = answer if proved else f"{answer}, not yet checked"
+            known = [verdict for word, verdict in ANSWERS.items() if word in answer.removeprefix("<strong>")[:3]]
+            found.append((Markup(motion), known[0] if known and proved else "undetermined", Markup(answer)))
+    return found
 
 
 def _address(link: re.Match[str]) -> str:

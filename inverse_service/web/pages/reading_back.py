@@ -21,6 +21,7 @@ FIELD_NAMES = {
     "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
     "ansatz": "Terms to try first", "options": "Time limit",
 }  # fmt: skip
+MOTION = "Motion on the constraints, the same for every associated system"
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40
 _COLUMN = re.compile(r"(; it occurs)? at column \d+")
@@ -80,7 +81,7 @@ def understood(answer: Mapping[str, Any]) -> Understood:
 def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]]]:
     order = {"Lagrangian": 0, "Constraints": 1, "": 2}
     found = sorted(groups, key=lambda group: order[group[0]])
-    return [("Equations" if not heading and len(found) > 1 else heading, lines) for heading, lines in found]
+    return [(MOTION if not heading and len(found) > 1 else heading, lines) for heading, lines in found]
 
 
 def _equations(answer: Mapping[str, Any]) -> list[Line]:

@@ -44,6 +44,7 @@ IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 # A short job's result comes with its first page; a longer one's page shows its progress.
 PATIENCE = 1.0
 LOOK_EVERY = 0.04
+ASKED = 20  # lines of a question
 OPEN = frozenset(("accepted", "running"))
 
 
@@ -262,10 +263,26 @@ def missing() -> HTMLResponse:
     return page("missing.html", 404, active="", title="Nothing here", detail="There is no result at this address.")
 
 
+def asked_of(document: Any) -> list[str]:
+    """The formulas of a document, as they were sent, for who waits for the answer."""
+    found: list[str] = []
+    inner = [document] + [document.get(key) for key in ("system", "document")] if isinstance(document, dict) else []
+    for part in (part for part in inner if isinstance(part, dict)):
+        for key in ("name", "catalogue", "equations", "lagrangian", "constraints"):
+            given = part.get(key)
+            if isinstance(given, dict):
+                found += [f"{name}'' = {text}" for name, text in given.items()]
+            else:
+                found += [str(line) for line in (given if isinstance(given, list) else [given]) if line]
+    return found[:ASKED]
+
+
 async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
     """The page of a job by its status."""
     if job["status"] in OPEN:
-        return page("working.html", 200, active="", job=job)
+        stored = await stored_job(request, job["id"])
+        asked = asked_of(json.loads(stored.document)) if stored is not None else []
+        return page("working.html", 200, active="", job=job, asked=asked, waited=int(time.time() - job["created"]))
     if job["status"] != "successful":
         return page("ended.html", 200, active="", job=job)
     engine: Engine = request.app.state.engine

@@ -34,9 +34,13 @@ from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 ASSOCIATED = (
-    ("first", "first", "force written with the velocities of the base"),
-    ("second", "second", "force written with the velocities along the constraints"),
-    ("third", "third", "the two swapped for each other like a rotation"),
+    ("first", "first", "the forces of constraint, with the constraints used to write them in r1\u2032 and r2\u2032"),
+    ("second", "second", "the same forces, written in the velocities that the constraints determine"),
+    (
+        "third",
+        "third",
+        "(r2\u2032, s\u2032) turned by a rotation with the angle of r1: systems of the paper\u2019s class only",
+    ),
     ("any", "any", "whether any has a Lagrangian at all: the motion alone"),
 )
 # Entries of the catalogue with the words of the palette.

@@ -274,7 +274,7 @@ function progressText(progress) {
 function following(place) {
   const text = place.querySelector("[data-progress]");
   const clock = place.querySelector("[data-seconds]");
-  const began = Date.now();
+  const began = Date.now() - 1000 * Number(clock.dataset.seconds);
   const ticking = setInterval(() => (clock.textContent = `${Math.round((Date.now() - began) / 1000)} s`), 1000);
   const done = () => {
     clearInterval(ticking);

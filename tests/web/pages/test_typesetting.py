@@ -78,3 +78,13 @@ def test_only_brackets_around_tall_things_stretch() -> None:
     low = low_fences("<mo>(</mo><mi>x</mi><mo>)</mo><mo>(</mo><mfrac></mfrac><mo>)</mo>")
     assert low.count('stretchy="false"') == 2
     assert low.endswith("<mo>(</mo><mfrac></mfrac><mo>)</mo>")
+
+
+def test_small_fractions_in_exponents_stay_on_their_line() -> None:
+    names = Names(("x",), ("c",))
+    assert "<mfrac>" not in str(typesetting.formula("exp(-c*t/10)", names))
+    assert "<mfrac>" in str(typesetting.formula("exp((c + t)/10)", names))
+
+
+def test_the_rate_d_dt_is_a_fraction() -> None:
+    assert str(typesetting.of_theory("d/dt(dL/dv)")).count("<mfrac>") == 1

@@ -1,0 +1,54 @@
+"""What a visitor is told who waits, and the words of the form beside it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service.service.documents import documents
+from inverse_service.web.pages.manual import hamiltonized
+from inverse_service.web.pages.reading_back import understood
+from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.results import asked_of
+
+
+@pytest.mark.parametrize(
+    ("document", "lines"),
+    [
+        ({"equations": "x'' = -x"}, ["x'' = -x"]),
+        ({"name": "two", "equations": {"x": "-y", "y": "x"}}, ["two", "x'' = -y", "y'' = x"]),
+        ({"equations": ["x'' = 0"]}, ["x'' = 0"]),
+        ({"lagrangian": "x'^2/2", "constraints": ["x'"]}, ["x'^2/2", "x'"]),
+        ({"system": {"catalogue": "knife-edge"}, "step": 1}, ["knife-edge"]),
+        ({"system": {"document": {"equations": {"x": "1"}}}}, []),
+        ([], []),
+        ("text", []),
+        ({"equations": 3}, ["3"]),
+    ],
+)
+def test_the_question_stands_on_the_page_of_its_work(document: Any, lines: list[str]) -> None:
+    assert asked_of(document) == lines
+
+
+def test_the_page_of_work_tells_since_when_it_waits() -> None:
+    job = {"id": "a", "status": "running", "progress": None, "created": 0.0}
+    text = bytes(page("working.html", 200, active="", job=job, asked=["x'' = <b>"], waited=17).body).decode()
+    assert 'data-seconds="17"' in text
+    assert "x&#39;&#39; = &lt;b&gt;" in text
+
+
+def test_the_echo_of_a_constrained_system_is_said_to_be_the_motion() -> None:
+    """The equations of d'Alembert are the same whatever associated system is asked about."""
+    document = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' - y*x'"], "associated": "third"}
+    headings = [heading for heading, _ in understood(documents.parse_document(document)).groups]
+    assert headings == ["Lagrangian", "Constraints", "Motion on the constraints, the same for every associated system"]
+
+
+def test_answers_that_are_not_checked_are_open() -> None:
+    """Each row of the tables of docs/open-questions.md, with the verdict that was proved."""
+    found = {str(motion): verdict for motion, verdict, _ in hamiltonized()}
+    assert found["knife edge on an inclined plane"] == "variational"
+    assert found["Veselova"] == "not_variational"
+    assert found["snakeboard"] == "undetermined"
+    assert len(found) > 35
