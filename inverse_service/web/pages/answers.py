@@ -188,12 +188,14 @@ def further_of(result: Mapping[str, Any]) -> list[Further]:
         found.append(Further(headline, _formulas_of(part, names), part["checked"] or ""))
     reduced = result.get("reduced") or {}
     if reduced:
-        headline = f"The reduced system in {', '.join(reduced['coordinates'])}: {SAID[reduced['verdict']]}"
-        found.append(Further(headline, _formulas_of(reduced, names), reduced["checked"] or ""))
+        over = Markup(", ").join(typesetting.formula(name, names) for name in reduced["coordinates"])
+        said = Markup("The reduced system in {}: {}").format(over, SAID[reduced["verdict"]])
+        found.append(Further(said, _formulas_of(reduced, names), reduced["checked"] or ""))
     clock = result.get("with_clock") or reduced.get("with_clock")
     if clock:
-        headline = f"With the clock d\u03c4 = {clock['factor']} dt: {SAID[clock['verdict']]}"
-        found.append(Further(headline, _formulas_of(clock, names), clock["checked"] or ""))
+        factor = typesetting.formula(clock["factor"], names)
+        said = Markup("With the clock d\u03c4 = {} dt: {}").format(factor, SAID[clock["verdict"]])
+        found.append(Further(said, _formulas_of(clock, names), clock["checked"] or ""))
     return found
 
 

@@ -86,13 +86,15 @@ def _breakable(text: str, names: Names) -> Markup | None:
     if len(text) <= UNBROKEN:
         found = _relation(text, names)
         return None if found is None else math(found)
-    parts: list[Markup] = []
+    parts: list[str] = []
     for sign, term in _terms(text):
         inner = inner_mathml(term, names) if term else ""
         if inner is None:
             return None
-        parts.append(math(f"<mrow>{_sign(sign)}{inner}</mrow>"))
-    return Markup(" ").join(parts)
+        parts.append(f"{_sign(sign)}{inner}")
+    if len(parts) > 1 and _terms(text)[1][0] in RELATIONS.values():  # no line ends behind the left side
+        parts[:2] = ["".join(parts[:2])]
+    return Markup(" ").join(math(f"<mrow>{part}</mrow>") for part in parts)
 
 
 def _sign(sign: str) -> str:

@@ -97,6 +97,7 @@ def test_a_visit_reaches_its_end(browser: Browser, patient: str, way: Callable[[
         found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
         assert [rule["id"] for rule in found] == []
     if FOLDER:
+        page.wait_for_load_state("networkidle", timeout=PATIENCE)
         name = f"{way.__name__}-{'390' if look.narrow else '1280'}-{look.scheme}{'' if look.scripts else '-plain'}.png"
         page.screenshot(path=Path(FOLDER) / name, full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth") if look.scripts else True
