@@ -21,7 +21,7 @@ FIELD_NAMES = {
     "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
     "ansatz": "Terms to try first", "options": "Time limit",
 }  # fmt: skip
-MOTION = "Motion on the constraints, the same for every associated system"
+MOTION = "Motion, the same for every associated system"
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40
 _COLUMN = re.compile(r"(; it occurs)? at column \d+")

@@ -11,9 +11,10 @@ import numpy as np
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.formulas import walls
 from inverse_service.web.pages.preview import accelerations_of
 from inverse_service.web.pages.scenes import SceneForm, scene_document
 
@@ -36,7 +37,8 @@ SHARE = 0.8
 def with_good_start(form: SceneForm, system: Mapping[str, Any], answer: Mapping[str, Any]) -> SceneForm:
     """The form with the start that lasts longest, and as many steps as it lasts.
 
-    On the way the conditions of the domain of the answer's Lagrangian hold, and its Hessian stays regular.
+    On the way the conditions of the domain of the answer's Lagrangian hold, its Hessian stays regular, and no wall of
+    the accelerations is passed.
     """
     domain = (answer.get("lagrangian") or {}).get("domain", ())
     try:
@@ -48,6 +50,8 @@ def with_good_start(form: SceneForm, system: Mapping[str, Any], answer: Mapping[
         return form
     if found is None or scene.constraints:
         return form
+    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
+    watched += tuple(dict.fromkeys(wall for tree in found for wall in walls(tree, moving)))
     q, v = (np.array([[part[min(k, len(part) - 1)] for k in range(len(scene.coordinates))] for part in parts])
             for parts in zip(*STARTS, strict=True))  # fmt: skip
     with np.errstate(all="ignore"):
