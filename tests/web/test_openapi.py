@@ -221,6 +221,8 @@ def test_every_field_of_a_result_is_on_its_page(description: dict[str, Any]) -> 
     schemas = description["components"]["schemas"]
     sections = dict(re.findall(r"^## (\w+)\n((?:(?!^#).*\n?)*)", page, re.MULTILINE))
     assert len(sections) > 40
+    types = " ".join(line.split("|")[-2] for line in page.splitlines() if line.startswith("| `"))
+    assert {name for name in re.findall(r"[A-Z]\w+", types) if name in schemas} <= {*sections}
     for model, section in sections.items():
         own = section + sections["ResultDocument"] if model in ("NonholonomicResult", "ReducedPart") else section
         missing = [name for name in schemas[model]["properties"] if f"| `{name}` |" not in own]
