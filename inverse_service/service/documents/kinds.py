@@ -16,8 +16,9 @@ from inverse_service.expressions.tree import Expression, Number, Power, Product,
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, invariant, kind_named
 from inverse_service.inverse_problem.of_kind.answering import KindAnswer, answer_kind, lagrangians_of
+from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
-from inverse_service.inverse_problem.of_kind.rayleigh import answer_general, answer_rayleigh
+from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
