@@ -38,6 +38,7 @@ from .formulas import (
     Reader,
     check_shape,
     is_irrational,
+    is_root,
     read_tokens,
     require,
 )
@@ -131,6 +132,7 @@ class Question:
         for entry in claim.get("roots") or []:
             check_shape(entry, {"root": TEXT, "is": TEXT}, "roots")
             self.roots.append((read_tokens(entry["root"], "roots.root"), read_tokens(entry["is"], "roots.is")))
+            require(is_root(self.roots[-1][0]), "A root has to be sqrt(w) or (w)^(a/k).")
 
     def texts(self) -> list[tuple[str, ...]]:
         """The formulas of the system and of the set of the claim."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from fractions import Fraction
+from itertools import accumulate
 from typing import Any
 
 FORMAT, RESULT_FORMAT = "inverse-service/certificate/2", "inverse-service/result/1"
@@ -146,6 +147,15 @@ class Reader:
         good = len(values) == len(orders) == len(self.ring.question.functions.get(name, ()))
         self.expect(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is no function of {len(values)} arguments")
         return self.ring.function(name, tuple(orders), values)
+
+
+def is_root(formula: tuple[str, ...]) -> bool:
+    """Whether it is sqrt(w) or (w)^(e) as a whole, which has a value only where w is positive."""
+    depths = [*accumulate((token == "(") - (token == ")") for token in formula)]
+    closed = [k for k, depth in enumerate(depths) if formula[k] == ")" and not depth]
+    between = ("^", "(") if formula[0] == "(" else ()
+    good = formula[0] in ("(", "sqrt") and len(closed) == 1 + bool(between) and closed[-1] == len(formula) - 2
+    return good and (not between or formula[closed[0] + 1 : closed[0] + 3] == between)
 
 
 def is_irrational(formula: tuple[str, ...]) -> bool:

@@ -130,7 +130,7 @@ class OfKind(Question):
             yield ring.value([(1, ring.one, by)], series), "It is not quadratic in the velocities."
 
     def existence(self, document: dict[str, Any]) -> str:
-        if self.moves or (self.timed and self.kind == "rayleigh"):
+        if self.moves or self.kind == "rayleigh":
             raise Ended("incomplete", "Of this kind only a Lagrangian itself proves that there is one.")
         return super().existence(document)
 

@@ -150,6 +150,10 @@ FALSE = {
     "existence of a natural one by invented numbers": claim("natural", "", "x'*y'", "y'^2", **DATA),
     "existence of one with friction": claim("rayleigh", "", "-x", "-y", **DATA),
     "existence of one with any friction": claim(GENERAL, "", "-x", "-y", **DATA),
+    "existence of one with friction that is rational and not quadratic": claim(
+        "rayleigh", "", "3*x'^2/y'", "-x'^3/y'^2", kind="existence", order=2, degree=1, dimensions=[1, 1],
+        symbol={"dimension": 0, "prolonged": 0, "characters": []},
+    ),
     "existence of one with friction and time": claim("rayleigh", "", *DRIVEN, question="time_dependent", **DATA),
     "existence of an invariant one": claim(SHIFT, "", "0", "0", **DATA),
     "a huge power": claim("natural", "x'^2/2 - (x*y + 1)^99999999", "-x", "-y"),

@@ -108,6 +108,26 @@ SQUARE = {"x": "(sqrt(x^2)-x)*y'", "y": "0"}
         ({"roots": [{"root": "sqrt(x^2)", "is": "x+1/10^300"}]}, "incomplete"),
         ({"roots": [{"root": "sqrt(x^2)", "is": "2*x"}]}, "invalid"),
         ({"roots": [{"root": "0*y", "is": "x"}]}, "invalid"),
+        # What holds is no root, so x would be positive at the point only, and U is all of the plane.
+        *(
+            ({"roots": [{"root": root, "is": "x"}]}, "invalid")
+            for root in (
+                "x",
+                "(x)",
+                "0+sqrt(x^2)",
+                "sqrt(x^2)*1",
+                "(x)*(1)",
+                "(x^2)^(1/2)+0",
+                "x+sqrt(y^2)-sqrt(y^2)",
+                "(x)^(1)",
+                "(x)+(0)^(1/2)",
+                "sqrt(x^2)^(1)",
+                "(x)^(2)^(1/2)",
+                "sqrt",
+                "exp(log(x))",
+            )
+        ),
+        ({"roots": [{"root": "(x^2)^(1/2)", "is": "x"}]}, "valid"),
         ({"near": {"x": "-2"}, "conditions": ["x > 0"]}, "incomplete"),
         ({"near": {"x": "-2"}, "roots": [{"root": "sqrt(x^2)", "is": "x"}]}, "incomplete"),
         ({"near": {"x": "-2"}, "conditions": ["x < 0"]}, "invalid"),

@@ -19,6 +19,7 @@ from inverse_service.expressions.tree import (
     Apply,
     Expression,
     Integral,
+    Number,
     Power,
     Symbol,
     Velocity,
@@ -189,7 +190,7 @@ def _head(analysis: Analysis, domain: Domain, with_time: bool, claim: str, kind:
 
 def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
     found = () if system.branch is None else system.branch.roots
-    pairs = [pair if isinstance(pair[0], Power) else _hidden_root(*pair) for pair in found]
+    pairs = [_root(*pair) for pair in found]
     return [{"root": to_text(pair[0]), "is": to_text(pair[1])} for pair in pairs if pair]
 
 
@@ -200,9 +201,13 @@ def _signs(analysis: Analysis, domain: Domain) -> list[dict[str, str]]:
     return [{"root": f"sqrt(({to_text(u)})^2)", "is": to_text(u)} for u in found]
 
 
-def _hidden_root(node: Expression, value: Expression) -> tuple[Expression, Expression] | None:
-    """sqrt(1 - sin(u)^2) = cos u or -cos u, which asin(sin u) is made with; acos(cos u) likewise."""
+def _root(node: Expression, value: Expression) -> tuple[Expression, Expression] | None:
+    """A root with a positive exponent; sqrt(1 - sin(u)^2) = cos u or -cos u of asin(sin u), of acos(cos u) likewise."""
     match node:
+        case Power(base, Number(exponent)) if exponent < 0:
+            return power(base, -exponent), power(value, -1)
+        case Power():
+            return node, value
         case Apply("asin" | "acos" as function, Apply(inner, u)):
             other = apply("cos" if function == "asin" else "sin", u)
             root = square_root(subtract(number(1), power(apply(inner, u), 2)))
