@@ -49,3 +49,17 @@ def test_a_particle_leaves_with_its_reduced_system_and_a_clock() -> None:
 def test_the_first_of_them_is_friction() -> None:
     asked = {"equations": {"x": "-2*x + y - c*x'", "y": "x - 2*y - 2*c*y'"}, "parameters": ["c"]}
     assert solve_document(asked, SolveOptions(time_limit=200))["instead"]["kind"] == "rayleigh"
+
+
+def test_a_parameter_is_not_made_a_coordinate() -> None:
+    """x'' = a y + y^2, y'' = x^2/2 + 2 x y has an L with x for a, and none for any constant a."""
+    result = solve_document(
+        {"equations": {"x": "a*y + y^2", "y": "x^2/2 + 2*x*y"}, "parameters": ["a"]}, SolveOptions(time_limit=60)
+    )
+    other = solve_document({"equations": {"x": "x*y + y^2", "y": "2*x*y + x^2/2"}}, SolveOptions(time_limit=60))
+    assert (result["verdict"], other["verdict"]) == ("not_variational", "variational")
+    shown = {key: other[key] for key in ("lagrangian", "hamiltonian", "certificate", "checked")}
+    found = shown | {"kind": "parameters", "equations": other["system"]["equations"], "clock": "", "dissipation": None}
+    for conditions in (["a = x"], ["a = t"], ["a = a"], ["a = x", "a = x"]):
+        forged = json.dumps({**result, "instead": found | {"conditions": conditions}})
+        assert check_document(forged)["verdict"] == "invalid", conditions

@@ -15,7 +15,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import Expression, Symbol, substitute
+from inverse_service.expressions.tree import Expression, Symbol, substitute, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
 from inverse_service.inverse_problem.of_kind.rayleigh import quick_rayleigh
@@ -122,11 +122,15 @@ def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -
         return None if good else _WRONG
     try:
         system = translate.to_system(translate.to_schema(prepared(document).document))
-        names = Names(system.coordinates, system.parameters, {})
+        names = Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
         pairs = [text.split(" = ") for text in part["conditions"]]
         values = {read_formula(name, names): read_formula(value, names) for name, value in pairs}
     except (InputError, KeyError, ValueError, AttributeError, TypeError):
         return _WRONG
-    if not values or not {*values} <= {Symbol(name) for name in system.parameters}:
+    known, held = (
+        {Symbol(name) for name in system.parameters},
+        {node for tree in values.values() for node in walk(tree)},
+    )
+    if not values or len(values) < len(pairs) or not {*values} <= known - held:
         return _WRONG
     return compared_answer({**part, "verdict": "variational"}, specialised(system, values), _WRONG, time_limit)
