@@ -1,7 +1,7 @@
 """What a kind of Lagrangian costs beside the plain decision: the table in docs/kinds.md.
 
 `python -m benchmarks.kind_costs [--write]`: the systems of the catalogue with at most four coordinates, processor
-time of one thread, least of three runs; no Lagrangian is handed over, so each kind is decided by itself.
+time of one thread, least of three runs if they are short; no Lagrangian is handed over, so each kind is decided alone.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds.restricted import invariant, kind_named
 from inverse_service.inverse_problem.of_kind import answering
 from inverse_service.inverse_problem.of_kind.answering import answer_kind
+from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
-from inverse_service.inverse_problem.of_kind.rayleigh import answer_general, answer_rayleigh
+from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.reading import read_system
@@ -36,7 +37,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 PAGE = Path(__file__).parents[1] / "docs" / "kinds.md"
 KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "rayleigh_general", "positive_definite")
-REPEATS, MOST = 3, 4
+REPEATS, MOST, LONG = 3, 4, 0.1
 
 
 class Checks:
@@ -86,6 +87,8 @@ def seconds(work: Callable[[int], object], checks: Checks) -> tuple[float, float
         work(seed)
         whole = time.thread_time() - began
         runs.append((whole, whole - checks.seconds))
+        if whole > LONG:
+            break
     return min(runs)
 
 

@@ -131,6 +131,6 @@ def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -
         {Symbol(name) for name in system.parameters},
         {node for tree in values.values() for node in walk(tree)},
     )
-    if not values or len(values) < len(pairs) or not {*values} <= known - held:
+    if not values or len(values) < len(pairs) or not {*values} <= {Symbol(name) for name in system.parameters} - held:
         return _WRONG
     return compared_answer({**part, "verdict": "variational"}, specialised(system, values), _WRONG, time_limit)
