@@ -127,10 +127,7 @@ def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -
         values = {read_formula(name, names): read_formula(value, names) for name, value in pairs}
     except (InputError, KeyError, ValueError, AttributeError, TypeError):
         return _WRONG
-    known, held = (
-        {Symbol(name) for name in system.parameters},
-        {node for tree in values.values() for node in walk(tree)},
-    )
+    held = {node for tree in values.values() for node in walk(tree)}
     if not values or len(values) < len(pairs) or not {*values} <= {Symbol(name) for name in system.parameters} - held:
         return _WRONG
     return compared_answer({**part, "verdict": "variational"}, specialised(system, values), _WRONG, time_limit)
