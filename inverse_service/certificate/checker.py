@@ -73,7 +73,7 @@ class Claims:
 
 def no_claims(ring: Expansion) -> Claims:
     ring.question.read(ring)
-    return Claims([(tie, "") for tie in ring.ties], [])
+    return Claims([(tie, "A root is not what it is said to be.") for tie in ring.ties], [])
 
 
 class Question:
@@ -151,9 +151,8 @@ class Question:
         self.held = True  # the conditions
         for root, said in self.roots if hinted else ():
             ring.elementary("log", value := Reader(ring, said).value)
-            ring.ties.append(
-                ring.multiply(ring.add([Reader(ring, root).value, value], [1, -1]), ring.constant(Fraction(1)), 0)
-            )
+            tie = ring.add([Reader(ring, root).value, value], [1, -1])
+            ring.ties.append(ring.multiply(tie, ring.constant(Fraction(1)), 0))
         ring.degree = degree
         found: list[Any] = [Reader(ring, force).value for force in self.force_texts]
         ring.names |= {name + "'": rate for name, rate in zip(self.bound, found[len(self.free) :], strict=True)}
@@ -175,9 +174,7 @@ class Question:
             self.modulo(0, read, 1)
         self.read(Count(self))
         if self.roots:
-            self.settle(
-                0, lambda ring: Claims([(tie, "A root is not what it is said to be.") for tie in ring.ties], [])
-            )
+            self.settle(0, no_claims)
 
     def locate(self) -> list[tuple[bool, bool, arb]]:
         """A real point where all is defined and the conditions hold: the one named, as far as it is named."""
@@ -324,9 +321,8 @@ class Question:
         def claims(ring: Expansion) -> Claims:
             lagrangian = Reader(ring, formula).value
             zeros = [(ring.settle(value), sentence) for value, sentence in self.residuals(ring, lagrangian)]
-            return Claims(
-                zeros, [(ring.hessian(lagrangian), f"The Hessian of the Lagrangian is singular{self.where}.")]
-            )
+            singular = f"The Hessian of the Lagrangian is singular{self.where}."
+            return Claims(zeros, [(ring.hessian(lagrangian), singular)])
 
         self.prepare(lambda ring: Reader(ring, formula).value, [tokens])
         self.settle(self.jet, claims, 3 if self.rational else 2)
@@ -345,9 +341,8 @@ class Question:
         check_shape(listed, {}, "integrals")
         check_shape(listed, {key: {"arguments": [NAME + "'?", 6], "derivatives": {}} for key in listed}, "integrals")
         check_shape(list(listed), [NAME, MAX_NAMES], "integrals")
-        require(
-            not {*listed} & ({*self.names, *self.functions} | RESERVED), "An integral has the name of another thing."
-        )
+        taken = {*self.names, *self.functions} | RESERVED
+        require(taken.isdisjoint(listed), "An integral has the name of another thing.")
         require(all(map({*listed}.isdisjoint, self.texts())), "Only the Lagrangian may hold integrals.")
         tokens: tuple[str, ...] = ()
         for name, one in listed.items():

@@ -160,7 +160,5 @@ def is_root(formula: tuple[str, ...]) -> bool:
 
 def is_irrational(formula: tuple[str, ...]) -> bool:
     """Whether there is more in it than rational operations and moderate integral powers."""
-    large = any(
-        token[:1] == "^" and token[1:] and abs(int(token[1:].strip("( \t\r\n)"))) > MAX_POWER for token in formula
-    )
-    return large or not IRRATIONAL.isdisjoint(formula)
+    exponents = (int(token[1:].strip("( \t\r\n)")) for token in formula if token[:1] == "^" and token[1:])
+    return not IRRATIONAL.isdisjoint(formula) or any(abs(exponent) > MAX_POWER for exponent in exponents)

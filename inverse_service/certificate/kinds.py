@@ -124,9 +124,8 @@ class OfKind(Question):
         exact = [(parts, weight, lagrangian) for parts, weight, holds in ring.derivations if holds]
         for parts, weight, series in [*exact, *[(ring.speeds, 2, drag)] * (self.kind == "rayleigh")]:
             yield ring.value(ring.multiplied(parts, weight), series), "It is not homogeneous, or not invariant."
-        for series, by in product(
-            [lagrangian, drag] * (self.kind in NATURAL), combinations_with_replacement(ring.v, 3)
-        ):
+        thirds = combinations_with_replacement(ring.v, 3) if self.kind in NATURAL else ()
+        for series, by in product([lagrangian, drag], thirds):
             yield ring.value([(1, ring.one, by)], series), "It is not quadratic in the velocities."
 
     def existence(self, document: dict[str, Any]) -> str:

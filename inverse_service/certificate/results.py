@@ -56,9 +56,8 @@ def of_kinds(result: Any, system: Question) -> Iterator[Shown]:
     check_shape(kinds, {kind: {"verdict": VERDICTS} for kind in kinds}, "kinds")
     listed = [*kinds.items()]
     if instead is not None:
-        check_shape(
-            instead, {"kind": "time|rayleigh|parameters|reduced", "lagrangian": {}, "certificate": {}}, "instead"
-        )
+        shape = {"kind": "time|rayleigh|parameters|reduced", "lagrangian": {}, "certificate": {}}
+        check_shape(instead, shape, "instead")
         if instead["kind"] in ("time", "rayleigh"):  # others are about another system
             listed.append((instead["kind"], instead | {"verdict": "variational"}))
     for kind, answer in listed:
@@ -119,9 +118,8 @@ def agreed(shown: Shown, system: Question, tools: Tools) -> Any:
         check_shape(listed or [], [TEXT, MAX_LISTED], "domain")
         same = listed is None or {read_condition(text) for text in listed if "!=" not in text} == {*held}
         require(same, "The domain of an answer is not that of its certificate.")
-    good = answer.get("checked") in (None, "valid") and (
-        answer.get("near") or certificate.get("near")
-    ) == certificate.get("near")
+    near = certificate.get("near")
+    good = answer.get("checked") in (None, "valid") and (answer.get("near") or near) == near
     require(good, "An answer does not show what its certificate says.")
     same = not answer.get("integrals") or answer["integrals"] == certificate.get("integrals")
     require(same, DIFFERENT.format("integrals"))

@@ -282,11 +282,8 @@ class Expansion:
 
     def row(self, kind: str, place: tuple[int, ...], alpha: int) -> Series:
         """The coefficient alpha of a condition, in the coefficients of L."""
-        table, row, exponents = (
-            self.table(kind, *place),
-            Series(),
-            [self.exponent(alpha, a) for a in range(len(self.units))],
-        )
+        exponents = [self.exponent(alpha, a) for a in range(len(self.units))]
+        table, row = self.table(kind, *place), Series()
         powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
         for rest in (alpha - sum(choice) for choice in product(*powers)):
             for value, raised, falls in table.get(alpha - rest, ()):
