@@ -7,7 +7,6 @@ time of one thread, least of three runs if they are short; no Lagrangian is hand
 from __future__ import annotations
 
 import argparse
-import math
 import statistics
 import time
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from benchmarks.measured import conditions, put
 from benchmarks.tables import table
 from inverse_service import catalogue
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import number
 from inverse_service.inverse_problem.decision import certify
@@ -37,7 +37,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 PAGE = Path(__file__).parents[1] / "docs" / "kinds.md"
 KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "rayleigh_general", "positive_definite")
-REPEATS, MOST, LONG = 3, 4, 0.1
+REPEATS, MOST, LONG, MOST_SECONDS = 3, 4, 0.1, 5.0
 
 
 class Checks:
@@ -63,7 +63,7 @@ def plain(system: SecondOrderSystem, seed: int) -> None:
 
 def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
     """Answer about a kind, as if nothing else were known of the system; whether the answer is definite."""
-    names, end = system.coordinates, math.inf
+    names, end = system.coordinates, now() + MOST_SECONDS
     if name.startswith("rayleigh"):
         analysis = analyse(system)
         found = (
