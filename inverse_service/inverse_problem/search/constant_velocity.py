@@ -202,7 +202,7 @@ def _choices(block: Block, carrier: Velocity, table: RealTable) -> list[Expressi
     """x'^T S x'/(2 w') for one block."""
     space = _multipliers(_linear_system(block))
     found = choose(space.system, all_branches(space, table), table)
-    return [_kinetic(space.system, block, carrier, choice.branch) for choice in found]
+    return [_kinetic(space.system, block, carrier, branch) for branch in found]
 
 
 def _linear_system(block: Block) -> LinearSystem:

@@ -42,7 +42,6 @@ DAMPED = {
     "symbolic symmetric": ({"x": "-(a+b)*x'+b*y'-(k+h)*x+h*y", "y": "-(a+b)*y'+b*x'-(k+h)*y+h*x"}, "abkh"),
     "symbolic rotation": ({"x": "a*x'+b*y'-x", "y": "-b*x'+a*y'-y"}, "ab"),
     "symbolic golden": ({"x": "-2*c*x+c*y-2*d*x'+d*y'", "y": "c*x-c*y+d*x'-d*y'"}, "cd"),
-    "irrational coefficient": ({"x": "-sqrt(2)*x'-x", "y": "-sqrt(2)*y'-3*y"}, ""),
     "forced": ({"x": "-(k*x+h*(x-y))/m-c*x'", "y": "-h*(y-x)/n-c*y'+cos(w*t)/n"}, "khmncw"),
     "parametric": ({"x": "-x'-t*x+y", "y": "-y'-t*y+x"}, ""),
     "one coordinate": ({"x": "-c*x'-k*x/m+F*cos(w*t)"}, "ckmFw"),

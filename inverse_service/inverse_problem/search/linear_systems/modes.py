@@ -174,13 +174,7 @@ def asymmetry(tensor: Matrix) -> Iterator[Vector]:
 
 def constant_branches(space: Multipliers) -> list[Branch]:
     """g' = 0."""
-    return _pure(space, space.system.ring.constant(0))
-
-
-def uniform_branches(space: Multipliers) -> list[Branch]:
-    """g = e^(ct) G, c = tr C / n: the only exponential that a regular g can have alone, as g'/g has trace tr C."""
-    rate = matrices.trace(space.system.damping).scaled(Fraction(1, space.system.size))
-    return _pure(space, rate)
+    return _pure(space, space.system.ring.constant(0)) if space.basis else []
 
 
 def _pure(space: Multipliers, rate: Quotient) -> list[Branch]:
@@ -213,7 +207,7 @@ def all_branches(space: Multipliers, table: RealTable) -> list[Branch]:
     """e^(tT) on the parts of V that belong to factors of degree 1 and 2, simple ones first."""
     simple: list[Branch] = []
     nested: list[Branch] = []
-    for coefficients, multiplicity in factors_of(space.system.ring, space.operator):
+    for coefficients, multiplicity in factors_of(space.system.ring, space.operator) if space.basis else ():
         if len(coefficients) == 2:
             rate = -(coefficients[0] / coefficients[1])
             simple += _pure(space, rate)
