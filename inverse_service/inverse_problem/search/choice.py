@@ -15,7 +15,7 @@ from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, letters_of
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.sampling import LetterTable, letter_table, monomial_values
-from inverse_service.inverse_problem.search.terms import Monomial, add_terms, rank, tree_of
+from inverse_service.inverse_problem.search.terms import Monomial, add_terms, rank
 
 Matrix = list[list[int]]
 # Eigenvalues below this part of the largest are zero.
@@ -170,8 +170,3 @@ def inertia(table: RealTable | None, hessian: Sequence[Sequence[Expression]]) ->
             return None
         size = max(abs(value) for value in values)
         return sum(1 for x in values if x > size * _TINY), sum(1 for x in values if x < -size * _TINY)
-
-
-def as_tree(combination: Combination) -> Expression:
-    """The Lagrangian as a sum of its terms."""
-    return tree_of(combination)

@@ -14,7 +14,6 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Apply, Expression
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.search import rungs
-from inverse_service.inverse_problem.search.choice import as_tree
 from inverse_service.inverse_problem.search.closure import answers
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import (
@@ -33,7 +32,7 @@ from inverse_service.inverse_problem.search.numerical_verification import holds_
 from inverse_service.inverse_problem.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
 from inverse_service.inverse_problem.search.reductions import Lettered, views
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
-from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms
+from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, tree_of
 from inverse_service.inverse_problem.search.tidy import tidied
 
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
@@ -212,8 +211,8 @@ def _with_potentials(
     members = best_members(space, seed)
     if not members:
         return None
-    trees = dict.fromkeys(as_tree(member.terms) for member in members)
-    return Found(tuple(trees), label(family, chosen), tuple(map(as_tree, members[0].parts)))
+    trees = dict.fromkeys(tree_of(member.terms) for member in members)
+    return Found(tuple(trees), label(family, chosen), tuple(map(tree_of, members[0].parts)))
 
 
 def _in_known_letters(material: Material, terms: Sequence[Monomial], chosen: Sequence[Monomial]) -> list[Monomial]:

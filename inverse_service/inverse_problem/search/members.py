@@ -20,7 +20,6 @@ from inverse_service.deadline import check
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.choice import (
-    as_tree,
     complexity,
     gauge_of,
     hessians,
@@ -32,7 +31,7 @@ from inverse_service.inverse_problem.search.choice import (
 )
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace
 from inverse_service.inverse_problem.search.motion import has_velocity
-from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial_tree, times
+from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial_tree, times, tree_of
 from inverse_service.mechanics.euler_lagrange import hessian
 
 Matrix = NDArray[np.float64]
@@ -205,7 +204,7 @@ def _sum_of(space: LagrangianSpace, gauge: Sequence[Combination], chosen: Sequen
     """
     names = space.sampler.analysis.system.coordinates
     parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
-    found = [signature(space, hessian(as_tree(part), names)) for part in parts]
+    found = [signature(space, hessian(tree_of(part), names)) for part in parts]
     signs = [-1 if one is not None and one[1] > one[0] else 1 for one in found]
     total: Combination = {}
     inertia = None
@@ -214,7 +213,7 @@ def _sum_of(space: LagrangianSpace, gauge: Sequence[Combination], chosen: Sequen
         for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
             total = add_terms(total, part, sign * (1 + spread * k))
         total = reduced(total, gauge)
-        inertia = signature(space, hessian(as_tree(total), names))
+        inertia = signature(space, hessian(tree_of(total), names))
         if inertia is None or sum(inertia) == len(names):
             break
     given = tuple(space.combinations[k] for k in chosen)
@@ -265,7 +264,7 @@ def _real_hessian(space: LagrangianSpace, combination: Combination) -> Matrix | 
     names = space.sampler.analysis.system.coordinates
     with mpmath.workdps(20):
         try:
-            entries = [[float(evaluate(e, table)) for e in row] for row in hessian(as_tree(combination), names)]
+            entries = [[float(evaluate(e, table)) for e in row] for row in hessian(tree_of(combination), names)]
         except (NoRealValue, ArithmeticError, TypeError):
             return None
     matrix = np.array(entries)

@@ -44,21 +44,16 @@ _LONGEST = 60
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
 
 
-def quadratic(material: Material) -> list[Monomial]:
-    """v_i v_j."""
-    return pairs(material)
-
-
 def with_roots(material: Material) -> list[Monomial]:
     """v_i v_j and v_i sqrt(p) for what holds velocities in f, as in the square F^2 of a Finsler function."""
     letters = [letter for letter in moving_letters(material) if isinstance(letter, Sum)]
     rooted = [times(monomial(v), frozenset([(p, HALF)])) for p in letters for v in material.motion.velocities]
-    return [*pairs(material), *rooted] if rooted else []
+    return [*quadratic(material), *rooted] if rooted else []
 
 
 def ratios(material: Material) -> list[Monomial]:
     """v_i v_j and v_i v_j / v_k."""
-    return distinct([*pairs(material), *quotients(material, 2)])
+    return distinct([*quadratic(material), *quotients(material, 2)])
 
 
 def ratios_to_constants(material: Material) -> list[Monomial]:
@@ -94,10 +89,10 @@ def complex_logarithms(material: Material) -> list[Monomial]:
         modulus = Apply("log", add(power(v, 2), power(w, 2)))
         angle = Apply("atan", divide(w, v))
         found += [monomial(letter, part) for letter in (v, w) for part in (modulus, angle)]
-    return [*found, *pairs(material)] if found else []
+    return [*found, *quadratic(material)] if found else []
 
 
-def pairs(material: Material) -> list[Monomial]:
+def quadratic(material: Material) -> list[Monomial]:
     """v_i v_j."""
     return powers(material, 2)
 
@@ -134,7 +129,7 @@ def roots(material: Material) -> list[Monomial]:
     """w^(+-1/2) v_i v_j and v_i^a v_j^b with halves a + b = 1 or 2; w is constant along the motion."""
     motion = material.motion
     constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
-    found = [times(pair, frozenset([(w, e)])) for w in constant for e in (HALF, -HALF) for pair in pairs(material)]
+    found = [times(pair, frozenset([(w, e)])) for w in constant for e in (HALF, -HALF) for pair in quadratic(material)]
     for a, b in itertools.permutations(motion.velocities, 2):
         found += [frozenset([(a, HALF), (b, 3 * HALF)]), frozenset([(a, HALF), (b, HALF)])]
     return found

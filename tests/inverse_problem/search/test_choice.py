@@ -7,7 +7,6 @@ from fractions import Fraction
 import pytest
 
 from inverse_service.inverse_problem.search.choice import (
-    as_tree,
     complexity,
     gauge_of,
     hessians,
@@ -17,7 +16,7 @@ from inverse_service.inverse_problem.search.choice import (
     signature,
 )
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace
-from inverse_service.inverse_problem.search.terms import terms_of
+from inverse_service.inverse_problem.search.terms import terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import hessian
 from tests.inverse_problem.search.given import lagrangians, monomial_of, tree
 
@@ -48,7 +47,7 @@ def test_every_choice_is_regular() -> None:
     found = regular_members(space, 3)
     assert found
     for members in found:
-        entries = hessian(as_tree(shown(space, members)), ("x", "y"))
+        entries = hessian(tree_of(shown(space, members)), ("x", "y"))
         assert entries[0][0] != entries[0][1] or entries[1][1] != entries[1][0]
 
 

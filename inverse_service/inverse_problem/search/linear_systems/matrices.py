@@ -14,6 +14,7 @@ from flint import fmpq, fmpq_mat
 
 from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient, QuotientField, as_fraction
+from inverse_service.mechanics.quotient_matrices import dot, reduced_rows
 
 Vector = tuple[Quotient, ...]
 Matrix = tuple[Vector, ...]
@@ -31,8 +32,7 @@ def apply(matrix: Matrix, vector: Vector) -> Vector:
 
 
 def _dot(left: Vector, right: Vector) -> Quotient:
-    terms = [a * b for a, b in zip(left, right, strict=True) if not (a.is_zero or b.is_zero)]
-    return sum_of(left[0].field.constant(0), terms)
+    return dot(left[0].field.constant(0), left, right)
 
 
 def transpose(matrix: Matrix) -> Matrix:
@@ -79,27 +79,8 @@ def entries(matrix: Matrix) -> Vector:
 
 def echelon(rows: Sequence[Vector]) -> tuple[list[Vector], list[int]]:
     """(nonzero rows of the reduced echelon form, their pivots)."""
-    left = [row for row in rows if any(not entry.is_zero for entry in row)]
-    done: list[Vector] = []
-    pivots: list[int] = []
-    for column in range(len(rows[0]) if rows else 0):
-        found = next((k for k, row in enumerate(left) if not row[column].is_zero), None)
-        if found is None:
-            continue
-        inverse = left[found][column].inverse()
-        pivot = tuple(entry * inverse for entry in left.pop(found))
-        left = [_cleared(row, pivot, column) for row in left]
-        done = [*(_cleared(row, pivot, column) for row in done), pivot]
-        pivots.append(column)
-    return done, pivots
-
-
-def _cleared(row: Vector, pivot: Vector, column: int) -> Vector:
-    """row - row[column] pivot."""
-    factor = row[column]
-    if factor.is_zero:
-        return row
-    return tuple(a if b.is_zero else a - factor * b for a, b in zip(row, pivot, strict=True))
+    found = reduced_rows(rows, range(len(rows[0]) if rows else 0))
+    return list(found.rows), list(found.pivots)
 
 
 def kernel(rows: Sequence[Vector], width: int, owner: QuotientField) -> tuple[list[Vector], list[int]]:
