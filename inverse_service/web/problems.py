@@ -51,13 +51,10 @@ def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response
     """Make every error of the application a problem document, or a page where `page_of_refusal` makes one."""
     app.state.page_of_refusal = page_of_refusal
     app.add_exception_handler(Refusal, _on_refusal)
-    app.add_exception_handler(InputError, _on_input_error)
-    app.add_exception_handler(WorkerFailed, _on_worker_failed)
-    app.add_exception_handler(TooManyJobs, _on_too_many_jobs)
-    app.add_exception_handler(StoreUnavailable, _on_store_unavailable)
-    # A full disk, for one: nothing was stored, and asking again is right.
-    app.add_exception_handler(sqlite3.OperationalError, _on_store_unavailable)
-    app.add_exception_handler(RequestValidationError, _on_bad_request)
+    # A full disk, for one (OperationalError): nothing was stored, and asking again is right.
+    for error in (InputError, WorkerFailed, TooManyJobs, StoreUnavailable, sqlite3.OperationalError):
+        app.add_exception_handler(error, _on_error)
+    app.add_exception_handler(RequestValidationError, _on_error)
     app.add_exception_handler(HTTPException, _on_http_exception)
     app.add_exception_handler(Exception, _on_fault)
 
@@ -67,35 +64,29 @@ async def _on_refusal(request: Request, error: Exception) -> Response:
     return answer_to(request, error)
 
 
-async def _on_input_error(request: Request, error: Exception) -> Response:
-    assert isinstance(error, InputError)
-    status = 400 if error.code == UNREADABLE else 422
-    return problem(Refusal(status, error.code, error.detail, faults_of(error)))
+async def _on_error(request: Request, error: Exception) -> Response:
+    if isinstance(error, StoreUnavailable | sqlite3.OperationalError):
+        log.warning("the store does not answer at %s", request.url.path, exc_info=error)
+    return problem(_refusal_of(error))
 
 
-async def _on_worker_failed(request: Request, error: Exception) -> Response:
-    assert isinstance(error, WorkerFailed)
-    if isinstance(error, NoWorker):
-        return problem(Refusal(503, "not-ready", error.detail, headers={"Retry-After": "5"}))
-    return problem(Refusal(500, "fault", error.detail))
-
-
-async def _on_too_many_jobs(request: Request, error: Exception) -> Response:
-    assert isinstance(error, TooManyJobs)
-    return problem(Refusal(429, error.code, error.detail, headers={"Retry-After": "5"}))
-
-
-async def _on_store_unavailable(request: Request, error: Exception) -> Response:
-    log.warning("the store does not answer at %s", request.url.path, exc_info=error)
+def _refusal_of(error: Exception) -> Refusal:
+    match error:
+        case InputError():
+            status = 400 if error.code == UNREADABLE else 422
+            return Refusal(status, error.code, error.detail, faults_of(error))
+        case NoWorker():
+            return Refusal(503, "not-ready", error.detail, headers={"Retry-After": "5"})
+        case WorkerFailed():
+            return Refusal(500, "fault", error.detail)
+        case TooManyJobs():
+            return Refusal(429, error.code, error.detail, headers={"Retry-After": "5"})
+        case RequestValidationError():
+            names = sorted({str(fault["loc"][-1])[:40] for fault in error.errors() if fault.get("loc")})
+            shown = ", ".join("".join(c if c.isalnum() or c in "-_" else "?" for c in name) for name in names)
+            return Refusal(422, "bad-input", f"The address or its query is not as described in /docs: {shown}.")
     detail = "The store of jobs does not answer; try again in some seconds."
-    return problem(Refusal(503, StoreUnavailable.code, detail, headers={"Retry-After": "5"}))
-
-
-async def _on_bad_request(request: Request, error: Exception) -> Response:
-    assert isinstance(error, RequestValidationError)
-    names = sorted({str(fault["loc"][-1])[:40] for fault in error.errors() if fault.get("loc")})
-    shown = ", ".join("".join(c if c.isalnum() or c in "-_" else "?" for c in name) for name in names)
-    return problem(Refusal(422, "bad-input", f"The address or its query is not as described in /docs: {shown}."))
+    return Refusal(503, StoreUnavailable.code, detail, headers={"Retry-After": "5"})
 
 
 async def _on_http_exception(request: Request, error: Exception) -> Response:
