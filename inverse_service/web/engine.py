@@ -16,7 +16,6 @@ from inverse_service.service.documents.answers import value_of
 from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch_files import BatchTerms
-from inverse_service.service.jobs.cleaning import Cleaner
 from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.identity import Viewer, batch_id
 from inverse_service.service.jobs.metrics import Counters
@@ -26,10 +25,11 @@ from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
+from inverse_service.service.jobs.upkeep import Cleaner
 from inverse_service.service.jobs.worker_process import preload
 from inverse_service.service.jobs.workers import Executor, Workers
 from inverse_service.settings import Settings
-from inverse_service.web.bodies import LARGEST_FACTOR
+from inverse_service.web.asking import LARGEST_FACTOR
 from inverse_service.web.clients import Keys
 from inverse_service.web.hub import Hub, until_set
 from inverse_service.web.problems import Refusal

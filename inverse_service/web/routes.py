@@ -14,10 +14,9 @@ from inverse_service import catalogue
 from inverse_service.expressions.tokens import LIMITS
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
 from inverse_service.service.jobs.tasks import parse_task
-from inverse_service.web.bodies import FACTORS, json_body_of
+from inverse_service.web.asking import DEFAULT_WAIT, FACTORS, MAX_WAIT, json_body_of
 from inverse_service.web.clients import client_of, require_client
 from inverse_service.web.openapi import BAD_BODY, PARSED, SYSTEM_BODY, refusals
-from inverse_service.web.preferences import DEFAULT_WAIT, MAX_WAIT
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
 

@@ -17,7 +17,7 @@ from inverse_service.service.jobs.event_log import last_event
 from inverse_service.service.jobs.identity import Viewer
 from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
 from inverse_service.service.jobs.tasks import AskingTerms, ask_task
-from inverse_service.web.bodies import FACTORS, json_body_of
+from inverse_service.web.asking import FACTORS, json_body_of, preference_of, time_limit_of, wants_fresh
 from inverse_service.web.clients import client_of, require_client, viewer_of
 from inverse_service.web.engine import LOOK_AGAIN, Engine
 from inverse_service.web.hub import until_set
@@ -34,7 +34,6 @@ from inverse_service.web.openapi import (
     body_of,
     refusals,
 )
-from inverse_service.web.preferences import preference_of, time_limit_of, wants_fresh
 from inverse_service.web.problems import Refusal
 
 router = APIRouter(dependencies=[Depends(require_client)])

@@ -9,7 +9,7 @@ import httpx
 import pytest
 from starlette.requests import Request
 
-from inverse_service.web.writing import media_type_of
+from inverse_service.web.job_answers import media_type_of
 
 OSCILLATOR = {"equations": "x'' = -k*x - c*x'", "parameters": ["k", "c"]}
 SEEN = {

@@ -23,6 +23,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.documents.problem_documents import as_bytes, problem_document
 from inverse_service.service.jobs.batch_files import STANDARD, Line
 from inverse_service.service.jobs.kinds import label_of
+from inverse_service.service.jobs.locks import lock
 from inverse_service.service.jobs.model import BatchAnswer
 
 
@@ -235,16 +236,9 @@ def _locked(path: Path) -> Iterator[IO[bytes]]:
         reason = (getattr(error, "strerror", None) or "the name is not a file name").lower()
         raise InputError(f"The output file cannot be written: {reason}.") from None
     with stream:
-        _lock(stream)
+        try:
+            lock(stream.fileno())
+        except OSError:
+            detail = "Another batch is writing to the output file; wait for it or choose another file."
+            raise InputError(detail) from None
         yield stream
-
-
-def _lock(stream: IO[bytes]) -> None:
-    try:
-        import fcntl
-    except ImportError:
-        return
-    try:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        raise InputError("Another batch is writing to the output file; wait for it or choose another file.") from None

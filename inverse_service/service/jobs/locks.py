@@ -34,7 +34,7 @@ class SupervisorLock:
     def __init__(self, path: Path) -> None:
         self._descriptor: int | None = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
-            _lock(self._descriptor)
+            lock(self._descriptor)
         except OSError:
             self.release()
             raise DatabaseTaken(
@@ -48,7 +48,8 @@ class SupervisorLock:
             self._descriptor = None
 
 
-def _lock(descriptor: int) -> None:
+def lock(descriptor: int) -> None:
+    """Have an open file for this process alone; raises OSError where another one has it."""
     try:
         import fcntl
     except ImportError:  # no flock on this system: the address of the service is the only guard

@@ -8,7 +8,7 @@ from typing import Any
 from starlette.requests import Request
 
 from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.web.bodies import body_of
+from inverse_service.web.asking import body_of
 from inverse_service.web.clients import client_of, is_of_own_page
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages.form_tasks import form_task
