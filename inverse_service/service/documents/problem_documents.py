@@ -68,7 +68,7 @@ def of_outcome(outcome: Outcome, time_limit: float, memory_limit: int) -> dict[s
         "deadline": f"The work was stopped at its time limit of {time_limit:g} s; ask for less or for more time.",
         "memory": f"The work was stopped at its memory limit of {memory_limit} MiB; ask for less.",
         "killed": "The worker process was killed repeatedly, most likely because it ran out of memory; ask for less.",
-        "crash": "The worker process died on this document again and again; that is a fault of the program.",
+        "crash": "The worker process died repeatedly on this document; that is a fault of the program.",
         "cancelled": "The job was dismissed.",
         "unstarted": "No worker process could be started for a long time; submit the request again.",
     }

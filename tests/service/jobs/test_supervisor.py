@@ -123,7 +123,7 @@ def test_a_worker_that_dies_is_tried_again_until_it_died_three_times(store: Sqli
 def test_three_deaths_fail_a_job_with_the_reason(store: SqliteStore, status: Any, code: int) -> None:
     job, body = run(store, *[Outcome(status, detail="a secret of the inside")] * MAX_CRASHES)
     assert (job.status, body["status"]) == ("failed", code)
-    assert "again and again" in body["detail"]
+    assert "repeatedly" in body["detail"]
     assert "secret" not in str(body)
 
 
