@@ -8,16 +8,13 @@ excluded at every generic point.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 
-from flint import fmpq, fmpq_mat
-
-from inverse_service.algebra.modular import safe_prime
-from inverse_service.algebra.point import Point, Variable, number_value
+from inverse_service.algebra.point import Point, Variable
+from inverse_service.algebra.semidefinite import kernel as rational_kernel
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.deadline import now
@@ -43,7 +40,10 @@ from inverse_service.inverse_problem.explanation.numbers_at_a_point import (
     fractions_of_one_prime,
     has_points,
     is_real,
+    leave_singular_only,
+    matrices_left,
     residues_at,
+    whole_multiple,
 )
 
 # The sums are searched for among the equations of the lowest order that suffices, if they are not more than this.
@@ -182,7 +182,7 @@ def _at_point(
     for key, value in values.items():
         if isinstance(key, tuple):
             entries[key[0]][key[1]] = value
-    rows = {name: _primitive(row) for name, row in entries.items() if row}
+    rows = {name: whole_multiple(row) for name, row in entries.items() if row}
     n = len(analysis.system.coordinates)
     sums, rank = _sums(rows, n)
     if rank != chosen.rank or not _excludes(sums, n):
@@ -218,27 +218,19 @@ def _residues(analysis: Analysis, chosen: SufficientRows, attempt: int, prime: i
 def _sums(rows: Mapping[RowName, FractionRow], n: int) -> tuple[tuple[Sum, ...], int]:
     """Sums in which the derivatives cancel, as many as are needed, and the rank of the derivatives' coefficients."""
     columns = sorted({unknown for row in rows.values() for unknown in row if unknown.degree})
-    matrix = fmpq_mat(len(columns), len(rows), [_flint(row.get(c)) for c in columns for row in rows.values()])
-    reduced, rank = matrix.rref()
-    names = list(rows)
-    pivots = [next(k for k in range(len(names)) if reduced[line, k]) for line in range(rank)]
+    basis = rational_kernel([[row.get(c, Fraction(0)) for row in rows.values()] for c in columns], len(rows))
     sums: list[Sum] = []
-    for free in (k for k in range(len(names)) if k not in pivots):
-        factors = {names[free]: Fraction(1)}
-        for line, pivot in enumerate(pivots):
-            if reduced[line, free]:
-                factors[names[pivot]] = -_fraction(reduced[line, free])
-        more = [*sums, _whole(rows, {name: factors[name] for name in names if name in factors}, n)]
+    for vector in basis:
+        factors = {name: factor for name, factor in zip(rows, vector, strict=True) if factor}
+        more = [*sums, _whole(rows, factors, n)]
         if not _excludes(sums, n) and len(_left(more, n)) < len(_left(sums, n)):
             sums = more
-    return tuple(sums), rank
+    return tuple(sums), len(rows) - len(basis)
 
 
 def _whole(rows: Mapping[RowName, FractionRow], factors: Mapping[RowName, Fraction], n: int) -> Sum:
     """The sum with whole factors without a common divisor, and what it says of g."""
-    scale = math.lcm(*(factor.denominator for factor in factors.values()))
-    divisor = math.gcd(*(int(factor * scale) for factor in factors.values()))
-    whole = {name: factor * scale / divisor for name, factor in factors.items()}
+    whole = whole_multiple(factors)
     total: dict[DerivativeOfEntry, Fraction] = {}
     for name, factor in whole.items():
         for unknown, value in rows[name].items():
@@ -249,26 +241,8 @@ def _whole(rows: Mapping[RowName, FractionRow], factors: Mapping[RowName, Fracti
 
 def _excludes(sums: Sequence[Sum], n: int) -> bool:
     """Whether every symmetric matrix that satisfies the sums is singular."""
-    return all_singular(_left(sums, n), n, safe_prime(7_003))
+    return leave_singular_only([each.result for each in sums], n)
 
 
 def _left(sums: Sequence[Sum], n: int) -> list[tuple[int, ...]]:
-    """A basis of the symmetric matrices that satisfy the sums, modulo a prime."""
-    prime = safe_prime(7_003)
-    rows = [tuple(number_value(entry, prime) for entry in each.result) for each in sums]
-    return kernel(rows, len(unknowns(n)), prime)
-
-
-def _primitive(row: FractionRow) -> FractionRow:
-    """The row times a number, its coefficients whole without a common divisor."""
-    scale = math.lcm(*(value.denominator for value in row.values()))
-    divisor = math.gcd(*(int(value * scale) for value in row.values())) or 1
-    return {unknown: value * scale / divisor for unknown, value in row.items()}
-
-
-def _flint(value: Fraction | None) -> fmpq:
-    return fmpq(0) if value is None else fmpq(value.numerator, value.denominator)
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))
+    return matrices_left([each.result for each in sums], n)

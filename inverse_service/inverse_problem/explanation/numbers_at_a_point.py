@@ -11,6 +11,7 @@ rational, or the next point is tried. Values are found modulo a prime and recons
 from __future__ import annotations
 
 import itertools
+import math
 import random
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -62,6 +63,7 @@ _PLAIN = tuple(tuple(map(Fraction, values.split())) for values in ("0 0 1 2", "0
 _SPEEDS = tuple(map(Fraction, ("0", "3/5", "4/5", "-3/5")))
 # Numerators and denominators beyond this are no longer numbers for a person.
 _BOUND = 10**8
+CHOSEN = safe_prime(7_003)
 
 Key = TypeVar("Key")
 
@@ -267,16 +269,27 @@ def numbers_at_a_point(
         if values is None:
             continue
         rows = {name: tuple(values[name, k] for k in range(len(unknowns(size)))) for name in chosen.equations}
-        if _leaves_singular_only(rows, size):
+        if leave_singular_only(rows.values(), size):
             return _collected(analysis, chosen, values, rows)
     return None
 
 
-def _leaves_singular_only(rows: Mapping[EquationName, tuple[Fraction, ...]], size: int) -> bool:
+def matrices_left(rows: Iterable[Sequence[Fraction]], size: int) -> list[tuple[int, ...]]:
+    """A basis of the symmetric matrices that satisfy the rows, modulo a prime."""
+    residues = [tuple(number_value(entry, CHOSEN) for entry in row) for row in rows]
+    return kernel(residues, len(unknowns(size)), CHOSEN)
+
+
+def leave_singular_only(rows: Iterable[Sequence[Fraction]], size: int) -> bool:
     """Whether every symmetric matrix that satisfies the rows is singular."""
-    prime = safe_prime(7_003)
-    residues = [tuple(number_value(entry, prime) for entry in row) for row in rows.values()]
-    return all_singular(kernel(residues, len(unknowns(size)), prime), size, prime)
+    return all_singular(matrices_left(rows, size), size, CHOSEN)
+
+
+def whole_multiple(row: Mapping[Key, Fraction]) -> dict[Key, Fraction]:
+    """The row times a number, its entries whole without a common divisor."""
+    scale = math.lcm(*(value.denominator for value in row.values()))
+    divisor = math.gcd(*(int(value * scale) for value in row.values())) or 1
+    return {key: value * scale / divisor for key, value in row.items()}
 
 
 def _collected(

@@ -10,9 +10,10 @@ Why every multiplier is singular where no algebraic condition says so: different
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+
+from flint import fmpq, fmpq_mat
 
 from inverse_service.algebra.point import Variable
 from inverse_service.expressions.notation import Formula, matrix, of_tree, row, theory
@@ -27,7 +28,7 @@ from inverse_service.inverse_problem.explanation.differentiated_equations import
 )
 from inverse_service.inverse_problem.explanation.elimination import Unknown
 from inverse_service.inverse_problem.explanation.hierarchy import ConditionName, EquationName, SufficientSet, unknowns
-from inverse_service.inverse_problem.explanation.numbers_at_a_point import NumbersAtAPoint
+from inverse_service.inverse_problem.explanation.numbers_at_a_point import NumbersAtAPoint, whole_multiple
 from inverse_service.inverse_problem.explanation.steps import Piece, enumerated, said, separated
 from inverse_service.inverse_problem.explanation.wording import SINGULAR, equation_name, indices, opening
 from inverse_service.inverse_problem.outcome import Step
@@ -42,7 +43,7 @@ def steps_in_numbers(
     """The point, the tensors there, the equations, their solution, and why it is singular."""
     size = len(system.coordinates)
     names = [symbols[pair] for pair in unknowns(size)]
-    rows = {name: _whole(row) for name, row in numbers.rows.items()}
+    rows = {name: (*whole_multiple(dict(enumerate(row))).values(),) for name, row in numbers.rows.items()}
     solution = echelon(list(rows.values()))
     return (
         opening(system, chosen),
@@ -54,26 +55,13 @@ def steps_in_numbers(
     )
 
 
-def _whole(row: Row) -> Row:
-    """The row times a number, its entries whole without a common divisor."""
-    denominator = math.lcm(*(entry.denominator for entry in row))
-    divisor = math.gcd(*(int(entry * denominator) for entry in row)) or 1
-    return tuple(entry * denominator / divisor for entry in row)
-
-
 def echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
-    """The reduced echelon form: (pivot column, row with 1 in the pivot)."""
-    found: list[tuple[int, Row]] = []
-    for line in rows:
-        for pivot, known in found:
-            line = tuple(a - line[pivot] * b for a, b in zip(line, known, strict=True))
-        column = next((k for k in reversed(range(len(line))) if line[k]), None)
-        if column is None:
-            continue
-        fresh = tuple(entry / line[column] for entry in line)
-        found = [(p, tuple(a - old[column] * b for a, b in zip(old, fresh, strict=True))) for p, old in found]
-        found.append((column, fresh))
-    return sorted(found)
+    """The reduced echelon form, its pivots the last entries of the rows: (pivot column, row with 1 in the pivot)."""
+    width = len(rows[0]) if rows else 0
+    entries = [fmpq(*entry.as_integer_ratio()) for line in rows for entry in reversed(line)]
+    reduced, rank = fmpq_mat(len(rows), width, entries).rref()
+    lines = [tuple(Fraction(int(x.p), int(x.q)) for x in reversed(line)) for line in reduced.tolist()[:rank]]
+    return sorted((max(k for k, entry in enumerate(line) if entry), line) for line in lines)
 
 
 def point_step(

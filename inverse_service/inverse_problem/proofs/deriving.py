@@ -26,10 +26,9 @@ from inverse_service.inverse_problem.proofs.identities import (
     identity,
     primitive,
 )
-from inverse_service.inverse_problem.proofs.kernels import null_vector
 from inverse_service.inverse_problem.proofs.lettering import lettered
 from inverse_service.mechanics.conditions import MotionInRing, motion_in_ring
-from inverse_service.mechanics.quotient_matrices import determinant
+from inverse_service.mechanics.quotient_matrices import determinant, null_space
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Combination = tuple[fmpq_mpoly, Sequence[tuple[fmpq_mpoly, Fact]]]
@@ -128,13 +127,21 @@ class _Elimination:
         return Divisor(given, row.index)
 
     def _close(self, values: Sequence[Divisor]) -> None:
-        vector = null_vector(self.result, self.size, self.ring.constant(1))
+        vector = self._null_vector()
         terms = None if vector is None else self._by_kernel(vector, values)
         goal = self._minor(range(self.size), range(self.size))
         if terms is None:
             found = self._emptied(goal, values)
             terms = found.multiplier, found.terms
         self.steps.append(identity(Fact("det_g", goal), *terms))
+
+    def _null_vector(self) -> list[Quotient] | None:
+        """k, free of entries of g, with g k = 0 for every g that is left: it makes det g = 0 a short identity."""
+        span, one = range(self.size), self.ring.constant(1)
+        entries = [[self.result.entry((min(i, j), max(i, j)), one) for j in span] for i in span]
+        free = sorted({unknown for line in entries for row in line for unknown in row})
+        rows = [[row.get(unknown, one - one) for row in line] for unknown in free for line in entries]
+        return next(reversed(null_space(rows, self.size, one)), None)
 
     def _by_kernel(self, vector: Sequence[Quotient], values: Sequence[Divisor]) -> Combination:
         """g k = 0, and k_m det g = sum over j of the cofactor (j, m) times (g k)_j."""
