@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import mpmath
 
 from inverse_service.algebra.components import component
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined, requirements
+from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined, requirements, varies
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -23,7 +25,10 @@ from inverse_service.expressions.tree import (
     Power,
     Symbol,
     Velocity,
+    add,
     apply,
+    distinct_nodes,
+    multiply,
     negate,
     number,
     power,
@@ -33,7 +38,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.deciding import Decision
-from inverse_service.inverse_problem.decision.power_series import count, is_rational, regular_series
+from inverse_service.inverse_problem.decision.power_series import count, is_irrational, is_rational, regular_series
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -43,6 +48,8 @@ _SEED = 3
 # Series are written for so many coordinates, with so many coefficients.
 _MOST_COORDINATES = 4
 _MOST_COEFFICIENTS = 5_000
+# Of a relation between a root of a number and those in it: digits compared, coefficients, steps of the search.
+_MANY_DIGITS, _LARGEST, _MOST_STEPS = 60, 1_000, 1_000
 _MOST_CONDITIONS = 100  # that a certificate may have
 
 
@@ -183,7 +190,7 @@ def _head(analysis: Analysis, domain: Domain, with_time: bool, claim: str, kind:
     parts = {
         "near": _near(system, domain.point),
         "conditions": [*dict.fromkeys(map(inequality_text, domain.positive))][:_MOST_CONDITIONS],
-        "roots": [*_roots(system), *_signs(analysis, domain)],
+        "roots": [*_roots(system), *_signs(analysis, domain), *_nested(analysis)],
     }
     return head | {key: part for key, part in parts.items() if part}
 
@@ -199,6 +206,24 @@ def _signs(analysis: Analysis, domain: Domain) -> list[dict[str, str]]:
     signed = (factor if sign > 0 else negate(factor) for factor, sign in analysis.tower.signs)
     found = (u for u in signed if u not in domain.positive and any(isinstance(node, Apply) for node in walk(u)))
     return [{"root": f"sqrt(({to_text(u)})^2)", "is": to_text(u)} for u in found]
+
+
+def _nested(analysis: Analysis) -> Iterator[dict[str, str]]:
+    """Roots of numbers that hold roots, where those of f give them: (2 + sqrt(5))^(1/3) = (1 + sqrt(5))/2 (by PSLQ)."""
+    nodes = (node for node in distinct_nodes(analysis.accelerations) if isinstance(node, Power) and not varies(node))
+    roots = [node for node in nodes if isinstance(node.exponent, Number) and is_irrational(node)]
+    for node in roots:
+        others = [one for one in roots if node not in walk(one)]
+        if {*others}.isdisjoint(walk(node.base)) or not isinstance(node.exponent, Number):
+            continue
+        whole = power(node.base, Fraction(1, node.exponent.value.denominator))
+        with mpmath.workdps(_MANY_DIGITS):
+            values = [evaluate(one, {}) for one in (whole, number(1), *others)]
+            found = mpmath.pslq(values, maxcoeff=_LARGEST, maxsteps=_MOST_STEPS)
+        if found and found[0]:
+            shares = (number(Fraction(-a, found[0])) for a in found[1:])
+            terms = (multiply(a, one) for a, one in zip(shares, (number(1), *others), strict=True))
+            yield {"root": to_text(whole), "is": to_text(add(*terms))}
 
 
 def _root(node: Expression, value: Expression) -> tuple[Expression, Expression] | None:
