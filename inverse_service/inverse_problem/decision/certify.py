@@ -13,7 +13,7 @@ from inverse_service.algebra.components import component
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined, requirements, varies
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -217,12 +217,15 @@ def _nested(analysis: Analysis) -> Iterator[dict[str, str]]:
         if {*others}.isdisjoint(walk(node.base)) or not isinstance(node.exponent, Number):
             continue
         whole = power(node.base, Fraction(1, node.exponent.value.denominator))
-        with mpmath.workdps(_MANY_DIGITS):
-            values = [evaluate(one, {}) for one in (whole, number(1), *others)]
-            found = mpmath.pslq(values, maxcoeff=_LARGEST, maxsteps=_MOST_STEPS)
+        known: list[Expression] = [number(1), *others]
+        try:
+            with mpmath.workdps(_MANY_DIGITS):
+                values = [evaluate(one, {}) for one in (whole, *known)]
+                found = mpmath.pslq(values, maxcoeff=_LARGEST, maxsteps=_MOST_STEPS)
+        except NoRealValue:
+            continue
         if found and found[0]:
-            shares = (number(Fraction(-a, found[0])) for a in found[1:])
-            terms = (multiply(a, one) for a, one in zip(shares, (number(1), *others), strict=True))
+            terms = (multiply(number(Fraction(-a, found[0])), b) for a, b in zip(found[1:], known, strict=True))
             yield {"root": to_text(whole), "is": to_text(add(*terms))}
 
 
