@@ -125,3 +125,9 @@ def test_a_damaged_compressed_input_is_one_sentence(tmp_path: Path, damage: str)
     path.write_bytes({"plain": b"{}\n", "cut": good[:-9], "foreign": good[:20] + b"abc" * 9}[damage])
     with pytest.raises(InputError, match="damaged or end too early"), open_source(path) as stream:
         list(read_lines(stream))
+
+
+def test_a_fault_at_the_end_of_a_line_is_told_on_that_line() -> None:
+    [line] = read_lines(io.BytesIO(b'{"broken"\n'))
+    assert line.fault is not None
+    assert "line 1, column 10" in line.fault.detail
