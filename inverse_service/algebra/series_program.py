@@ -50,12 +50,13 @@ class TooLarge(Exception):
 class SeriesProgram:
     """Instructions and constants, for orders up to `order`; registers are numbered as they come, constant 0 is 1.
 
-    TooLarge where the tables would hold more than `most_products` numbers, or the registers too many words.
+    TooLarge where the tables would hold more than `most_products` numbers, or the registers more than `most_words`.
     """
 
     variables: Sequence[Variable]
     order: int
     most_products: int = _MOST_PRODUCTS
+    most_words: int = _MOST_WORDS
     registers: int = 0
     instructions: list[tuple[int, int, int, int, int, int]] = field(default_factory=list)
     recipes: list[Recipe] = field(default_factory=lambda: [lambda point, known: 1])
@@ -71,7 +72,7 @@ class SeriesProgram:
     def register(self, count: int = 1) -> int:
         """The first of so many new registers, whose series are 0."""
         self.registers += count
-        if self.registers * coefficients(len(self.variables), self.order) > _MOST_WORDS:
+        if self.registers * coefficients(len(self.variables), self.order) > self.most_words:
             raise TooLarge
         return self.registers - count
 
@@ -268,10 +269,28 @@ def constants_at(program: SeriesProgram, point: Point) -> Words:
 
 def run(program: SeriesProgram, instructions: Integers, constants: Words, prime: int, order: int) -> Registers:
     """All registers, their series to this order; SingularPoint where a denominator vanishes."""
-    size = len(program.variables)
-    t, stride = series_tables(size, order), coefficients(size, order)
-    values = np.empty(program.registers * stride, np.uint64)
-    tops = np.full(program.registers, -1, np.int64)
+    tables = series_tables(len(program.variables), order)
+    values = np.empty(program.registers * coefficients(tables.size, order), np.uint64)
+    registers = Registers(prime, tables, values, np.full(program.registers, -1, np.int64))
+    return _run(registers, instructions, constants)
+
+
+def run_again(
+    before: Registers, kept: int, count: int, instructions: Integers, numbers: Sequence[int], order: int
+) -> Registers:
+    """Further instructions, with integers for constants, on the first `kept` registers of a run, to a lower order."""
+    tables, stride = series_tables(before.tables.size, order), coefficients(before.tables.size, order)
+    values, tops = np.empty(count * stride, np.uint64), np.full(count, -1, np.int64)
+    given = before.values.reshape(len(before.tops), -1)
+    values[: kept * stride].reshape(kept, stride)[:] = given[:kept, :stride]
+    tops[:kept] = np.minimum(before.tops[:kept], order)
+    constants = np.array([_montgomery(number % before.prime, before.prime) for number in numbers], np.uint64)
+    return _run(Registers(before.prime, tables, values, tops), instructions, constants)
+
+
+def _run(registers: Registers, instructions: Integers, constants: Words) -> Registers:
+    t, prime, values, tops = registers.tables, registers.prime, registers.values, registers.tops
+    size, order, stride = t.size, t.order, len(values) // len(tops)
     modulus, negative_inverse, one, _ = modular.constants(prime)
     stopped = machine.run(
         instructions, constants, values, tops, size, stride, order, t.counts, t.starts, t.product_starts, t.products,
@@ -280,7 +299,7 @@ def run(program: SeriesProgram, instructions: Integers, constants: Words, prime:
     )  # fmt: skip
     if stopped >= 0:
         raise SingularPoint("division by a series that vanishes at the point")
-    return Registers(prime, t, values, tops)
+    return registers
 
 
 def _montgomery(value: int, prime: int) -> int:

@@ -421,7 +421,7 @@ class Question:
         order, degree, dimensions = document["order"], document["degree"], list(document["dimensions"])
         require(degree <= order, "degree has to be at most order.")
         idle, degrees = set[Row](), range(degree + 1)
-        most = order + 1 + max(2, *(depth for _, depth, _ in self.kinds_of_rows.values()))
+        most = order + 1 + max(depth - own for own, depth, _ in self.kinds_of_rows.values())
         directions: list[list[int]] = []
         while not directions or fmpz_mat(directions).det() == 0:
             directions = [[self.generator.randrange(1, 1 << 20) for _ in self.variables] for _ in self.variables]

@@ -10,6 +10,8 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion
 from inverse_service.inverse_problem.decision.certify import FORMAT
+from inverse_service.inverse_problem.kinds.bivectors import last_of
+from inverse_service.inverse_problem.kinds.constrained import Shape
 from inverse_service.linear_pde.deciding import Finding
 
 _DIGITS = 20
@@ -26,20 +28,29 @@ def of_finding(analysed: AnalysedMotion, found: Finding, with_time: bool) -> dic
         raise ValueError("only what was settled has a certificate")
     if found.symbol is None:
         rows = [[*row[:-1], list(row[-1])] for row in found.rows if isinstance(row[-1], tuple)]
-        head = _head(analysed, with_time, "not_variational", "nonexistence")
+        head = _head(analysed, with_time, "not_variational", "nonexistence") | _bivectors(analysed, with_time)
         return head | {"order": found.order, "rows": rows}
     # The dimension stopped falling between order - 1 and order.
     order, symbol = found.order - 1, found.symbol
-    return _head(analysed, with_time, "variational", "existence") | {
-        "order": order,
-        "degree": found.degree,
-        "dimensions": list(found.history[order][: found.degree + 1]),
-        "symbol": {
-            "dimension": symbol.dimension,
-            "prolonged": symbol.prolonged,
-            "characters": list(symbol.characters),
-        },
-    }
+    return (
+        _head(analysed, with_time, "variational", "existence")
+        | _bivectors(analysed, with_time)
+        | {
+            "order": order,
+            "degree": found.degree,
+            "dimensions": list(found.history[order][: found.degree + 1]),
+            "symbol": {
+                "dimension": symbol.dimension,
+                "prolonged": symbol.prolonged,
+                "characters": list(symbol.characters),
+            },
+        }
+    )
+
+
+def _bivectors(analysed: AnalysedMotion, with_time: bool) -> dict[str, int]:
+    last = last_of(Shape(len(analysed.motion.free), len(analysed.motion.dependent), with_time))
+    return {"bivectors": last} if last else {}
 
 
 def _head(analysed: AnalysedMotion, with_time: bool, claim: str, kind: str) -> dict[str, Any]:

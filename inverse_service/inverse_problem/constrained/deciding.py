@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
 
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Point, Variable
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
-from inverse_service.algebra.series_program import TooLarge
+from inverse_service.algebra.series_program import SeriesProgram, TooLarge
 from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
-from inverse_service.inverse_problem.kinds import constrained
+from inverse_service.inverse_problem.kinds import bivectors, constrained
 from inverse_service.inverse_problem.kinds.constrained import Shape
 from inverse_service.linear_pde.coefficients import Coefficients
 from inverse_service.linear_pde.deciding import Finding, Limits, settle
@@ -22,6 +25,7 @@ from inverse_service.linear_pde.prolongation import LocalEquations
 from inverse_service.linear_pde.unknowns import Unknowns
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 
+Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
 
 
@@ -56,7 +60,7 @@ def analyse_motion(motion: ConstrainedMotion) -> AnalysedMotion:
 class ConstrainedAt:
     """The card for one motion, at random points or those that `draw` gives."""
 
-    __slots__ = ("_series", "_shape", "matrix", "others", "unknowns")
+    __slots__ = ("_first", "_series", "_shape", "matrix", "others", "unknowns")
 
     def __init__(self, analysed: AnalysedMotion, with_time: bool, draw: Callable[[int], Point] | None = None) -> None:
         motion = analysed.motion
@@ -67,16 +71,25 @@ class ConstrainedAt:
         free: list[Expression] = [Velocity(name) for name in motion.free]
         variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analysed.names), *map(Velocity, motion.free)]
         field = [*free, *analysed.velocities, *analysed.forces]
+        self._first = 0
+
+        def write(order: int) -> tuple[SeriesProgram, Integers]:
+            series = constrained.written(shape, variables, field, order)
+            self._first = bivectors.write_brackets(shape, series)
+            return series, np.array(series.instructions, np.int64).ravel()
+
         self._series = Coefficients(
-            lambda order: constrained.written(shape, variables, field, order),
+            write,
             draw or (lambda seed: draw_point(analysed.tower, seed)),
-            spare=1,
+            lambda order: bivectors.degree_for(shape, order),
         )
 
     def at(self, seed: int, order: int) -> LocalEquations:
         """Raises TooLarge where the series would take too many words."""
         prime, registers = self._series.at(seed, order)
-        return constrained.compiled_equations(self._shape, prime, order, registers)
+        own = constrained.compiled_equations(self._shape, prime, order, registers)
+        given = (registers, self._first, self._shape.slope(0, 0))
+        return replace(own, equations=(*bivectors.equations(self._shape, self.unknowns, order, *given), *own.equations))
 
 
 def decide_motion(

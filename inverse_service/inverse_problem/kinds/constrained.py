@@ -34,7 +34,7 @@ from inverse_service.linear_pde.unknowns import Function, Unknowns
 
 Integers = npt.NDArray[np.int64]
 # Of the tables of series: there are no sparse ones to fall back on, and positive answers take orders up to 12.
-_MOST_PRODUCTS = 12_000_000
+_MOST_PRODUCTS, _MOST_WORDS = 16_000_000, 40_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +96,9 @@ def regular_on_constraints(shape: Shape) -> Matrix:
     return Matrix(matrix_of(shape).entries[: shape.free], shape.free)
 
 
-def written(
-    shape: Shape, variables: Sequence[Variable], field: Sequence[Expression], order: int
-) -> tuple[SeriesProgram, Integers]:
+def written(shape: Shape, variables: Sequence[Variable], field: Sequence[Expression], order: int) -> SeriesProgram:
     """X, less its component along t, and the coefficients for series to this order in the displacements of x."""
-    series = SeriesProgram(variables, order, _MOST_PRODUCTS)
+    series = SeriesProgram(variables, order, _MOST_PRODUCTS, _MOST_WORDS)
     series.register(shape.one + 2)
     series.write(machine.CONSTANT, shape.one)
     if shape.with_time:
@@ -108,7 +106,7 @@ def written(
     for register, tree in enumerate(field, start=int(shape.with_time)):
         series.write(machine.ADD, register, series.expand(tree))
     _write_coefficients(shape, series, series.number(Fraction(-1)))
-    return series, np.array(series.instructions, np.int64).ravel()
+    return series
 
 
 def _write_coefficients(shape: Shape, series: SeriesProgram, minus: int) -> None:

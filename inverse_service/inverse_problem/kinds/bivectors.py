@@ -1,0 +1,166 @@
+"""Equations of the constrained card that follow from its own: they settle it at a third of the order.
+
+theta = sum (dl/du^alpha) dr^alpha + lambda_a (ds^a - w^a_alpha dr^alpha) has a differential that Gamma keeps and that
+vanishes on pairs of vertical vectors, so on all (L_Gamma)^j (d/du^alpha ^ d/du^beta): with V_i = (ad Gamma)^i applied
+to d/du^alpha and V'_i that of beta, sum_i C(j, i) dtheta(V_i, V'_(j - i)) = 0, an equation of order 1 in (l, lambda).
+For j = 0 and 1 it is an identity. As it holds j derivatives of Gamma, it is counted as of order j/PACE, rounded up.
+(Prince, Mestdag, Martin de Diego, arXiv:2606.05550.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from inverse_service.algebra import series_kernels as machine
+from inverse_service.algebra.monomials import products
+from inverse_service.algebra.series_program import Registers, SeriesProgram, run_again
+from inverse_service.inverse_problem.kinds.constrained import Shape
+from inverse_service.linear_pde.emission import NO_DERIVATIVE, TermTable
+from inverse_service.linear_pde.prolongation import Equations
+from inverse_service.linear_pde.unknowns import Unknowns
+
+Integers = npt.NDArray[np.int64]
+PACE, FIRST = 4, 2
+# Of the tables for series to as many degrees as there are brackets.
+_MOST_PRODUCTS = 1_000_000
+
+
+def order_of(j: int) -> int:
+    """The order at which the equations of j come in."""
+    return -(-j // PACE)
+
+
+@lru_cache(maxsize=64)
+def last_of(shape: Shape) -> int:
+    """The last j: no more than there are bivectors, nor than series can be made for; 0 for none."""
+    if shape.free < 2:
+        return 0
+    size = shape.size - shape.with_time
+    fitting = [j for j in range(FIRST, math.comb(size, 2) + 1) if products(shape.size, j) <= _MOST_PRODUCTS]
+    return max(fitting, default=0)
+
+
+def degree_for(shape: Shape, order: int) -> int:
+    """The degree of the series that it takes to prolong to this order."""
+    coming = range(FIRST, min(last_of(shape), PACE * order) + 1)
+    return max([order + 1, *(order - order_of(j) + j for j in coming)])
+
+
+def write_brackets(shape: Shape, series: SeriesProgram) -> int:
+    """V_j of each u^alpha, j = 0, 1, …, `last_of`, one after the other; the first register."""
+    size, own, minus = shape.size, range(int(shape.with_time), shape.size), series.number(Fraction(-1))
+    count = size * shape.free * (last_of(shape) + 1)
+    first = series.register(count + 1)
+    spare = first + count
+    for alpha in range(shape.free):
+        series.write(machine.CONSTANT, first + size * alpha + shape.u(alpha))
+    for before in range(first, spare - size * shape.free, size):
+        j = 1 + (before - first) // (size * shape.free)
+        for x in own:
+            out = before + size * shape.free + x
+            for y in range(size):
+                series.write(machine.DERIVATIVE, spare, before + x, y)
+                series.instructions.append((machine.PRODUCT, out, y, spare, 0, j))
+            for y in own:
+                series.write(machine.DERIVATIVE, spare, x, y)
+                series.instructions.append((machine.PRODUCT, out, before + y, spare, minus, j))
+    return first
+
+
+@dataclass(frozen=True, slots=True)
+class _Program:
+    """What is made of the first `kept` registers, `count` in all: instructions, the numbers in them, terms.
+
+    There is a table of terms for each (j, alpha), as for a `TermTable`, its series given by registers.
+    """
+
+    kept: int
+    count: int
+    numbers: tuple[int, ...]
+    instructions: Integers
+    terms: tuple[tuple[int, int, Integers], ...]
+
+
+@lru_cache(maxsize=64)
+def _program(shape: Shape, first: int, slopes: int, last: int) -> _Program:
+    size, n, k = shape.size, shape.free + shape.dependent, shape.free
+    kept = first + size * k * (last + 1)
+    written: list[tuple[int, int, int, int, int, int]] = []
+    numbers, free = [0, -1], kept
+
+    def weight(value: int) -> int:
+        numbers.append(value)
+        return len(numbers) - 1
+
+    def vector(j: int, alpha: int) -> int:
+        return first + size * (k * j + alpha)
+
+    def along(j: int, alpha: int, y: int) -> int:
+        """The component by dr^y, or by ds^a - w^a_alpha dr^alpha."""
+        place = shape.r(y) if y < k else shape.s(y - k)
+        return vector(j, alpha) + place if y < k else kept + (k * j + alpha) * shape.dependent + y - k
+
+    free += k * (last + 1) * shape.dependent
+    for j in range(last + 1):
+        for alpha in range(k):
+            for a in range(shape.dependent):
+                out = along(j, alpha, k + a)
+                written.append((machine.ADD, out, vector(j, alpha) + shape.s(a), 0, weight(1), 0))
+                for r in range(k):
+                    factors = slopes + a * k + r, vector(j, alpha) + shape.r(r)
+                    written.append((machine.PRODUCT, out, *factors, 1, 0))
+    bends = free
+    for x in range(size):
+        for each in range(shape.dependent * k):
+            written.append((machine.DERIVATIVE, bends + x * shape.dependent * k + each, slopes + each, x, 0, 0))
+    free += size * shape.dependent * k
+
+    def terms(j: int, alpha: int) -> Iterator[tuple[int, int, int, int, int]]:
+        nonlocal free
+        for equation, beta in enumerate(range(alpha + 1, k)):
+            lower = free
+            free += shape.dependent
+            for x in range(int(shape.with_time), size):
+                for y in range(n):
+                    out, free = free, free + 1
+                    for i in range(j + 1):
+                        c, left, right = math.comb(j, i), vector(i, alpha), vector(j - i, beta)
+                        written.append((machine.PRODUCT, out, left + x, along(j - i, beta, y), weight(c), 1))
+                        written.append((machine.PRODUCT, out, right + x, along(i, alpha, y), weight(-c), 1))
+                    entry = shape.u(y) if y < k else size + y - k
+                    yield equation, out, 0, entry, x
+                    for a in range(shape.dependent if y < k else 0):
+                        bend = bends + (x * shape.dependent + a) * k + y
+                        written.append((machine.PRODUCT, lower + a, out, bend, 1, 1))
+            yield from ((equation, lower + a, 0, size + a, NO_DERIVATIVE) for a in range(shape.dependent))
+
+    listed = tuple(
+        (j, alpha, np.array(list(terms(j, alpha)), np.int64)) for j in range(FIRST, last + 1) for alpha in range(k - 1)
+    )
+    return _Program(kept, free, tuple(numbers), np.array(written, np.int64).ravel(), listed)
+
+
+def equations(
+    shape: Shape, unknowns: Unknowns, order: int, registers: Registers, first: int, slopes: int
+) -> Iterator[Equations]:
+    """Those that come in up to this order, from the registers of `write_brackets` and of the w^a_alpha."""
+    last = min(last_of(shape), PACE * order)
+    if last < FIRST:
+        return
+    program = _program(shape, first, slopes, last)
+    again = run_again(registers, program.kept, program.count, program.instructions, program.numbers, order)
+    for j, alpha, terms in reversed(program.terms):  # which makes the shortest proofs
+        used, places = np.unique(terms[:, 1], return_inverse=True)
+        own = terms.copy()
+        own[:, 1] = places
+        count = shape.free - 1 - alpha
+        table = TermTable(unknowns, count, *again.coefficients(used, order - order_of(j)), own)
+        indices = tuple((beta,) for beta in range(alpha + 1, shape.free))
+        yield Equations(f"B{j}_{alpha}", indices, order_of(j), table)
