@@ -9,7 +9,6 @@ import pytest
 
 from inverse_service.algebra import modular, series_kernels
 from inverse_service.algebra import series as ps
-from inverse_service.algebra import series_program as room
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.monomials import coefficients, exponents_of_degree, products, series_tables
 from inverse_service.algebra.point import Expansion, Point, Variable
@@ -144,11 +143,10 @@ def test_the_tables_multiply_and_raise_monomials(size: int, order: int) -> None:
             assert tables.exponents[at] == low[i][a] + 1
 
 
-def test_a_program_too_large_for_arrays_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program_too_large_for_arrays_says_so() -> None:
     with pytest.raises(TooLarge):
         SeriesProgram([Symbol(f"x{k}") for k in range(16)], 9)
-    monkeypatch.setattr(room, "_MOST_WORDS", 100)
-    program = SeriesProgram([X, Y], 5)
+    program = SeriesProgram([X, Y], 5, most_words=100)
     with pytest.raises(TooLarge):
         program.register(5)
 
