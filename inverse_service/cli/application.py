@@ -27,28 +27,12 @@ application = typer.Typer(
 application.add_typer(admin, name="admin")
 
 
-class Format(StrEnum):
-    """How `solve` writes its result."""
-
-    json = "json"
-    text = "text"
-    latex = "latex"
-    sympy = "sympy"
-    python = "python"
-    julia = "julia"
-    matlab = "matlab"
-    octave = "octave"
-    mathematica = "mathematica"
-    maple = "maple"
-    maxima = "maxima"
-    c = "c"
-    cpp = "cpp"
-    fortran = "fortran"
-    rust = "rust"
-    javascript = "javascript"
-    coq = "coq"
-    lean = "lean"
-    identities = "identities"
+# How `solve` writes its result.
+Format = StrEnum(
+    "Format",
+    "json text latex sympy python julia matlab octave mathematica maple maxima c cpp fortran rust javascript coq "
+    "lean identities",
+)
 
 
 class CatalogueFormat(StrEnum):

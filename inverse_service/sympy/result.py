@@ -239,9 +239,11 @@ class Result(Answer):
 
     def to_latex(self) -> str:
         """Equations, L and H as aligned formulas."""
+        return "\\begin{align*}\n" + " \\\\\n".join(self._rows()) + "\n\\end{align*}\n"
+
+    def _rows(self) -> list[str]:
         rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
-        rows += [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self.get(key)]
-        return "\\begin{align*}\n" + " \\\\\n".join(rows) + "\n\\end{align*}\n"
+        return rows + [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self.get(key)]
 
     def to_code(self, language: str = "python") -> str:
         """The accelerations, L, H, momenta and multiplier as a program: "julia", "c", …, or "sympy"."""
@@ -254,9 +256,7 @@ class Result(Answer):
         return self.to_code("python")
 
     def _repr_latex_(self) -> str:
-        rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
-        rows += [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self.get(key)]
-        return "$\\displaystyle\\begin{aligned}" + " \\\\ ".join(rows) + "\\end{aligned}$"
+        return "$\\displaystyle\\begin{aligned}" + " \\\\ ".join(self._rows()) + "\\end{aligned}$"
 
     def _repr_html_(self) -> str:
         parts = [f"<p><b>{html.escape(self.verdict.replace('_', ' ') or 'equations of motion')}</b></p>"]
