@@ -29,7 +29,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     walk,
 )
-from inverse_service.integrators.trajectory import Outcome, Trajectory
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.formulas import MOMENT, Formulas, kinks
 from inverse_service.simulation.scene import SCIPY, Grid, MethodChoice, Observation, Problem, Start
@@ -63,47 +63,44 @@ def run_heyoka(
         raise InputError("heyoka starts from velocities: give velocities instead of momenta.")
     steps = np.unique([*range(0, grid.steps + 1, grid.record_every), grid.steps])
     times = grid.begin + steps * grid.step
+    state = np.array([*start.positions, *start.velocities], dtype=float)
+    code, rows, seconds = _propagated(problem, state, times, values, tolerance, stop)
+    good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
+    kinked = _first_kink(problem, _table(problem, rows[:good], values, times[:good]), good) if good else None
+    if kinked:
+        good, code = kinked[0], f"kink {kinked[1]}"
+    outcome, shown = _outcome(code, good, steps, times), rows[:good] if good else state[None]
+    table = _table(problem, shown, values, times[: len(shown)])
+    series = {item.name: array_value(item.expression, table) for item in observation.observables} if good else {}
+    positions, velocities = np.split(shown, 2, axis=1)
+    maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
+    return Trajectory(times[: len(shown)], positions, None, velocities, outcome, 0, 0, *seconds, series, maxima)
+
+
+def _propagated(
+    problem: Problem, state: Array, times: Array, values: Mapping[str, float], tolerance: float,
+    stop: Callable[[], bool] | None,
+) -> tuple[str, Array, tuple[float, float]]:  # fmt: skip
+    """(how it ended, states at the times, seconds to compile and to run)."""
     with _ONE_AT_A_TIME:
         begin = time.perf_counter()
-        state = np.array([*start.positions, *start.velocities], dtype=float)
         # Its tolerance is absolute below 1: small motions are measured in a unit of their own, a power of 2.
         unit = 2.0 ** np.floor(np.log2(np.abs(state).max(initial=0.0) or 1.0)) if np.abs(state).max() < SMALL else 1.0
         integrator = taylor_integrator(problem, tolerance, float(unit))
         integrator.state[:] = state / unit
         integrator.pars[:] = [float(values[name]) for name in used_parameters(problem)]
-        integrator.time = grid.begin
+        integrator.time = times[0]
         compiled = time.perf_counter()
         limits: dict[str, Any] = {"max_steps": MOST_STEPS}
         if stop is not None:
             limits["callback"] = lambda _: not stop()
         code, *_, rows = integrator.propagate_grid(times, **limits)
-        passed = time.perf_counter() - compiled
-    size = len(problem.coordinates)
-    rows = np.asarray(rows) * unit
-    good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
-    if not good:
-        return _not_begun(start, _outcome(str(code), 0, steps, times), compiled - begin)
-    table = table_of(problem.coordinates, rows[:good, :size], rows[:good, size:], dict(values), times[:good])
-    kinked = _first_kink(problem, table, good)
-    if kinked:
-        good, text = kinked
-        code = f"kink {text}"
-        table = table_of(problem.coordinates, rows[:good, :size], rows[:good, size:], dict(values), times[:good])
-    positions, velocities = rows[:good, :size], rows[:good, size:]
-    series = {item.name: array_value(item.expression, table) for item in observation.observables}
-    return Trajectory(
-        times=times[:good],
-        positions=positions,
-        momenta=None,
-        velocities=velocities,
-        outcome=_outcome(str(code), good, steps, times),
-        force_evaluations=0,
-        newton_iterations=0,
-        compile_seconds=compiled - begin,
-        run_seconds=passed,
-        series=series,
-        maxima={name: float(np.abs(column).max()) for name, column in series.items()},
-    )
+        return str(code), np.asarray(rows) * unit, (compiled - begin, time.perf_counter() - compiled)
+
+
+def _table(problem: Problem, rows: Array, values: Mapping[str, float], times: Array) -> dict[Expression, Any]:
+    positions, velocities = np.split(rows, 2, axis=1)
+    return table_of(problem.coordinates, positions, velocities, dict(values), times)
 
 
 def _first_kink(problem: Problem, table: dict[Expression, Any], rows: int) -> tuple[int, str] | None:
@@ -115,11 +112,6 @@ def _first_kink(problem: Problem, table: dict[Expression, Any], rows: int) -> tu
         if len(turned) and np.ndim(signs):
             found.append((int(turned[0]) + 1, to_text(kink)))
     return min(found) if found else None
-
-
-def _not_begun(start: Start, outcome: Outcome, seconds: float) -> Trajectory:
-    place, speed = np.array([list(start.positions)]), np.array([list(start.velocities or ())])
-    return Trajectory(np.zeros(1), place, None, speed, outcome, 0, 0, seconds, 0.0)
 
 
 def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
