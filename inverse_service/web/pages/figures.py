@@ -22,7 +22,8 @@ SERIES = {
     "constraints": ("Constraint defect", "greatest |\u03c9(q) q\u2032|"),
     "error": ("Trajectory error", "greatest distance from the true motion"),
 }
-NAMES = ("path", "coordinates", "work-precision", *SERIES)
+NAMES = ("path", "coordinates", "section", "work-precision", *SERIES)
+MOST_PANELS = 6
 
 
 def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -36,6 +37,8 @@ def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         if result["circle_coordinates"]:
             found.append(("path", "Path in the plane"))
         found.append(("coordinates", "Coordinates in time"))
+    if any(event["count"] for method in result["methods"] for event in method.get("events", ())):
+        found.append(("section", "Points at events"))
     return found + [(name, SERIES[name][0]) for name in SERIES if name in observed and _has(result, name)]
 
 
@@ -94,6 +97,8 @@ def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, A
         return [_view(title, greek_letter(a) or a, greek_letter(b) or b, lines, equal=True)]
     if name == "coordinates":
         return [view for c in result["system"]["coordinates"] for view in _views_of(c, methods)]
+    if name == "section":
+        return _sections(result)
     others = [method for method in methods if method["method"] != "exact"]
     views = [
         _view(
@@ -105,6 +110,34 @@ def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, A
         )
     ]
     return [*views, *_signed_views(name, result, others)]
+
+
+def _sections(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The points of each event, each coordinate with its velocity: Poincare sections."""
+    methods = [method for method in result["methods"] if method.get("events")]
+    views = []
+    for k, event in enumerate(methods[0]["events"]):
+        for name in result["system"]["coordinates"]:
+            q, columns = greek_letter(name) or name, [method["events"][k]["columns"] for method in methods]
+            lines = [
+                {**_line(place, method, [], []), "x": found[name], "y": found[f"v_{name}"]}
+                for place, (method, found) in enumerate(zip(methods, columns, strict=True))
+            ]
+            views.append(_view(f"{event['when']} = 0: {q}, {q}\u2032", q, f"{q}\u2032", lines, dots=True))
+    return views
+
+
+def _section_picture(result: Mapping[str, Any]) -> Any:
+    from inverse_service.service.figures.style import new_figure
+
+    views = _sections(result)[:MOST_PANELS]
+    figure = new_figure(4.0 * len(views), 3.6)
+    for axes, view in zip(figure.subplots(1, len(views), squeeze=False)[0], views, strict=True):
+        for line in view["lines"]:
+            axes.plot(line["x"], line["y"], ".", markersize=3, label=line["label"])
+        axes.set(title=view["label"], xlabel=view["x"], ylabel=view["y"])
+        axes.legend()
+    return figure
 
 
 def _signed_views(name: str, result: Mapping[str, Any], methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -255,6 +288,8 @@ def _figure_of(result: Mapping[str, Any], name: str) -> Any:
 
     if name == "work-precision":
         return precision_figure(result)[0]
+    if name == "section":
+        return _section_picture(result)
     tables = {
         method["label"]: {column: np.asarray(values, dtype=float) for column, values in columns_of(method).items()}
         for method in result["methods"]
