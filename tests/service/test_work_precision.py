@@ -10,8 +10,8 @@ import pytest
 
 from inverse_service.service.documents.reading import read_json
 from inverse_service.service.figures.series import precision_figure
-from inverse_service.service.scenes.work_precision import work_precision
-from inverse_service.simulation.precision import Setting, _with_floor, measured_order, seconds_to
+from inverse_service.service.scenes.work_precision import measured_order, seconds_to, work_precision
+from inverse_service.simulation.precision import Setting, _with_floor
 from inverse_service.simulation.scene import MethodChoice, Requested
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
