@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-import logging
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
-from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.certificate.formulas import MAX_TEXT
 from inverse_service.deadline import now, until
-from inverse_service.errors import CertificateRefused, IrreducibleAtoms
+from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Arbitrary, Expression, walk
+from inverse_service.expressions.tree import TIME, Expression, walk
+from inverse_service.inverse_problem.confirming import Progress, Work, check, completed, confirmed, is_confirmed
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import (
     as_given_steps,
     branch_steps,
-    energy_step,
     existence_steps,
-    hamiltonian_of,
-    legendre_steps,
     not_found,
     of_lagrangian,
     search_steps,
     series_steps,
-    verification_steps,
 )
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import explain_negative
@@ -38,18 +31,15 @@ from inverse_service.inverse_problem.explanation.wording import printed_conditio
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
-from inverse_service.inverse_problem.search.further import is_multiple, with_squared_energies
 from inverse_service.inverse_problem.search.integrating import is_free_of_divergence
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.members import reading_class
-from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
+from inverse_service.inverse_problem.search.protocol import SearchOutcome
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.linear_pde.deciding import MOST_UNKNOWNS, Limits
 from inverse_service.mechanics.branches import MOST_BRANCHES, MOST_COUNTED, branches_of, on_branch
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-Progress = Callable[[str], None]
-log = logging.getLogger(__name__)
 # Of the time left after the decision, the part that the search for a closed form may take.
 _SEARCH_SHARE = 0.5
 AS_GIVEN = "the equations as given"
@@ -61,28 +51,6 @@ _MOST_FOR_FREEDOM = 30_000
 _RATIONAL = 2
 # The costs up to which something nicer is searched for where a complete answer is known, and other matrices.
 _QUICK, _CONSTANT_MATRIX = 1.9, 0.5
-
-
-@dataclass(slots=True)
-class _Work:
-    """What the stages of one solve share."""
-
-    analysis: Analysis
-    options: SolveOptions
-    progress: Progress
-    deadline: float
-    seconds: dict[str, float] = field(default_factory=dict)
-    points: list[Mapping[str, int]] = field(default_factory=list)
-    outcome: SearchOutcome | None = None
-    autonomous: Decision | None = None
-    reasons: tuple[Step, ...] = ()
-    refused: set[tuple[str, bool]] = field(default_factory=set)
-
-    def add_seconds(self, stage: str, began: float) -> None:
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + now() - began
-
-    def left(self) -> float:
-        return self.deadline - now()
 
 
 def solve_branches(
@@ -129,7 +97,7 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     except IrreducibleAtoms as problem:
         return _unreduced(system, options, printed, problem.detail)
     seconds["analysis"] = now() - began - seconds["conditions"]
-    work = _Work(analysis, options, report, began + options.time_limit, seconds)
+    work = Work(analysis, options, report, began + options.time_limit, seconds)
     autonomous, with_time = _placed(_explained(_answers(work), system), system, domain)
     provenance = {
         "seed": options.seed,
@@ -150,7 +118,7 @@ def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditio
     return Solution(system, autonomous, with_time, found, {"seed": options.seed})
 
 
-def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
+def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
     """(L(q, v), L(t, q, v)); an autonomous Lagrangian answers the second question too."""
     wanted, depends = work.options.time_dependent, work.analysis.system.depends_on_time
     given = _as_given(work)
@@ -169,7 +137,7 @@ def _answers(work: _Work) -> tuple[Answer | None, Answer | None]:
     return autonomous, _answer(work, with_time=True)
 
 
-def _as_given(work: _Work) -> Answer | None:
+def _as_given(work: Work) -> Answer | None:
     """The answer by the Lagrangian of equations that are Euler-Lagrange equations as written; needs no decision."""
     system = work.analysis.system
     began = now()
@@ -180,16 +148,16 @@ def _as_given(work: _Work) -> Answer | None:
         with_time = TIME in walk(form)
         if with_time and work.options.time_dependent is False and not system.depends_on_time:
             return None
-        if _is_confirmed(work, form, with_time):
+        if is_confirmed(work, form, with_time):
             short = sum(1 for f in system.accelerations for _ in walk(f)) <= _SHORT
             decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
             found = of_lagrangian(work.analysis, with_time, form, AS_GIVEN, as_given_steps(form), decision)
             others = _with_other_matrices(work, with_time) if short else []
-            return _completed(work, replace(found, checked="valid"), others, with_time)
+            return completed(work, replace(found, checked="valid"), others, with_time)
     return None
 
 
-def _with_other_matrices(work: _Work, with_time: bool) -> list[Expression]:
+def _with_other_matrices(work: Work, with_time: bool) -> list[Expression]:
     """Lagrangians for which another constant matrix stands in the multiplier of the one that is known."""
     if len(work.analysis.system.coordinates) == 1:
         return []
@@ -233,7 +201,7 @@ def _is_complete(answer: Answer) -> bool:
     return answer.lagrangian is not None and answer.hamiltonian is not None and not answer.hamiltonian.implicit
 
 
-def _with_time_instead(work: _Work, autonomous: Answer) -> Answer:
+def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     """Where L(q, v) was not found, has no closed H or is hard to read: a better L(t, q, v), if there is one."""
     if autonomous.lagrangian is not None and is_free_of_divergence(work.analysis, work.options.seed):
         return autonomous  # no factor e^(ct) is asked for, so the search would go the same way
@@ -253,27 +221,27 @@ def _expression(answer: Answer) -> Expression:
     return answer.lagrangian.expression
 
 
-def _without_time(work: _Work, answer: Answer) -> Answer | None:
+def _without_time(work: Work, answer: Answer) -> Answer | None:
     """The answer to the question for L(q, v), where a search for L(t, q, v) found one that holds no t."""
     if answer.lagrangian is None or _holds_time(answer) or work.autonomous is None:
         return None
     found = _proposed(work, work.autonomous, answer.lagrangian.expression)
-    if _verdict(work, found.certificate or {}).verdict != "valid":
+    if check(work, found.certificate or {}).verdict != "valid":
         return None
-    return _completed(work, replace(found, checked="valid"), [], with_time=False)
+    return completed(work, replace(found, checked="valid"), [], with_time=False)
 
 
-def _answer(work: _Work, with_time: bool) -> Answer:
+def _answer(work: Work, with_time: bool) -> Answer:
     decision = _decide(work, with_time)
     work.autonomous = work.autonomous if with_time else decision
     if decision.verdict == "undetermined":
         return Answer("undetermined", reason=decision.reason)
     if decision.verdict == "not_variational":
-        return _checked(work, _negative(work, decision))
-    return _by_lagrangian(work, decision) or _checked(work, _by_existence(work, decision))
+        return confirmed(work, _negative(work, decision))
+    return _by_lagrangian(work, decision) or confirmed(work, _by_existence(work, decision))
 
 
-def _decide(work: _Work, with_time: bool, unknowns: int = MOST_UNKNOWNS) -> Decision:
+def _decide(work: Work, with_time: bool, unknowns: int = MOST_UNKNOWNS) -> Decision:
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
     limits = Limits(deadline=work.deadline, unknowns=unknowns)
@@ -283,7 +251,7 @@ def _decide(work: _Work, with_time: bool, unknowns: int = MOST_UNKNOWNS) -> Deci
     return decision
 
 
-def _negative(work: _Work, decision: Decision) -> Answer:
+def _negative(work: Work, decision: Decision) -> Answer:
     began = now()
     work.progress("explanation")
     try:
@@ -294,7 +262,7 @@ def _negative(work: _Work, decision: Decision) -> Answer:
     return Answer("not_variational", certificate=certify.of_decision(work.analysis, decision), explanation=steps)
 
 
-def _reasons(work: _Work, with_time: bool) -> tuple[Step, ...]:
+def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
     """Why there is no Lagrangian; algebraic conditions exclude it with t as without, and are argued once."""
     if work.reasons:
         return work.reasons
@@ -305,7 +273,7 @@ def _reasons(work: _Work, with_time: bool) -> tuple[Step, ...]:
     return steps
 
 
-def _by_existence(work: _Work, decision: Decision) -> Answer:
+def _by_existence(work: Work, decision: Decision) -> Answer:
     certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
     tried = not_found(work.outcome) if work.outcome is not None else ()
     series = series_steps(work.analysis, decision, work.options.series_order)
@@ -313,23 +281,23 @@ def _by_existence(work: _Work, decision: Decision) -> Answer:
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps)
 
 
-def _by_lagrangian(work: _Work, decision: Decision, highest: float = math.inf) -> Answer | None:
+def _by_lagrangian(work: Work, decision: Decision, highest: float = math.inf) -> Answer | None:
     """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found up to that cost."""
     work.outcome = _searched(work, decision, highest)
     if work.outcome.found is None:
         return None
     first, *others = work.outcome.found.lagrangians
-    return _completed(work, replace(_proposed(work, decision, first), checked="valid"), others, decision.with_time)
+    return completed(work, replace(_proposed(work, decision, first), checked="valid"), others, decision.with_time)
 
 
-def _proposed(work: _Work, decision: Decision, tree: Expression) -> Answer:
+def _proposed(work: Work, decision: Decision, tree: Expression) -> Answer:
     assert work.outcome is not None
     assert work.outcome.found is not None
     how = search_steps(work.outcome, tree)
     return of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
 
 
-def _searched(work: _Work, decision: Decision, highest: float) -> SearchOutcome:
+def _searched(work: Work, decision: Decision, highest: float) -> SearchOutcome:
     """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
     began, checked = now(), work.seconds.get("check", 0.0)
     with until(now() + _SEARCH_SHARE * work.left()):
@@ -340,70 +308,8 @@ def _searched(work: _Work, decision: Decision, highest: float) -> SearchOutcome:
             math.inf,
             work.progress,
             work.options.ansatz,
-            lambda tree: _is_confirmed(work, tree, decision.with_time),
+            lambda tree: is_confirmed(work, tree, decision.with_time),
             highest,
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     return outcome
-
-
-def _is_confirmed(work: _Work, tree: Expression, with_time: bool) -> bool:
-    """Whether the checker finds the Lagrangian valid; one that it refused is logged, counted and not offered again."""
-    try:
-        certificate = certify.of_lagrangian(work.analysis, tree, with_time)
-    except IrreducibleAtoms:
-        return False  # no connected set was found on which it is defined
-    offered = (certificate["lagrangian"], with_time)
-    if offered in work.refused:
-        return False
-    found = _verdict(work, certificate)
-    if found.verdict != "valid":
-        work.refused.add(offered)
-        log.warning("The checker refused the Lagrangian %s: %s", to_text(tree), "; ".join(found.reasons))
-    return found.verdict == "valid"
-
-
-def _completed(work: _Work, answer: Answer, others: list[Expression], with_time: bool) -> Answer:
-    """With the Hamiltonian, and those other Lagrangians that the checker confirms."""
-    assert answer.lagrangian is not None
-    began = now()
-    work.progress("Hamiltonian")
-    names = work.analysis.system.coordinates
-    hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
-    steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
-    work.add_seconds("Hamiltonian", began)
-    raised = with_squared_energies(answer.lagrangian.expression, names)
-    if raised is not None:
-        others, steps = [*others, tidied(raised, work.analysis.system)], (*steps, energy_step())
-    confirmed: list[Expression] = []
-    for other in others:
-        known = (answer.lagrangian.expression, *confirmed)
-        if not any(is_multiple(one, other, names, work.analysis.real_point) for one in known):
-            confirmed += [other] if _is_confirmed(work, other, with_time) else []
-    described = tuple(describe(work.analysis, other, answer.lagrangian.family) for other in confirmed)
-    return replace(answer, hamiltonian=hamiltonian, other_lagrangians=described, explanation=steps)
-
-
-def _verdict(work: _Work, certificate: Mapping[str, Any]) -> CheckResult:
-    began = now()
-    work.progress("check")
-    found = check_certificate(certificate, time_limit=max(1.0, work.left()))
-    work.add_seconds("check", began)
-    return found
-
-
-def _checked(work: _Work, answer: Answer) -> Answer:
-    """The answer with the checker's verdict; one that it cannot confirm is undetermined."""
-    assert answer.certificate is not None
-    found = _verdict(work, answer.certificate)
-    if found.verdict == "invalid" and not _has_signed_functions(work.analysis.system):
-        raise CertificateRefused("; ".join(found.reasons))
-    if found.verdict != "valid":
-        reason = f"found {answer.verdict}, but the checker could not confirm it: {'; '.join(found.reasons)}"
-        return Answer("undetermined", reason=reason)
-    return replace(answer, checked="valid")
-
-
-def _has_signed_functions(system: SecondOrderSystem) -> bool:
-    """Whether the sign of an arbitrary function belongs to the branch: a checker may draw it otherwise."""
-    return any(isinstance(node, Arbitrary) for tree in system.positive for node in walk(tree))

@@ -9,14 +9,14 @@ import pytest
 
 from inverse_service import check, solve
 from inverse_service.certificate.checker import CheckResult
-from inverse_service.inverse_problem import solving
+from inverse_service.inverse_problem import confirming, solving
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.reading import read_system
 
 
 def test_a_refused_lagrangian_is_an_event_not_a_die(monkeypatch: pytest.MonkeyPatch, caplog: Any) -> None:
     """A checker that refuses every Lagrangian but none twice the same: each is shown once."""
-    right, seen = solving.check_certificate, list[str]()
+    right, seen = confirming.check_certificate, list[str]()
 
     def refusing(certificate: Any, **options: Any) -> CheckResult:
         if certificate["kind"] != "lagrangian":
@@ -24,7 +24,7 @@ def test_a_refused_lagrangian_is_an_event_not_a_die(monkeypatch: pytest.MonkeyPa
         seen.append(f"{certificate['question']} {certificate['lagrangian']}")
         return CheckResult("invalid", ("refused",))
 
-    monkeypatch.setattr(solving, "check_certificate", refusing)
+    monkeypatch.setattr(confirming, "check_certificate", refusing)
     system = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
     with caplog.at_level(logging.WARNING):
         found = solving.solve(system, SolveOptions(time_limit=20.0))

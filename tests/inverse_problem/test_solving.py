@@ -10,7 +10,7 @@ import pytest
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.errors import CertificateRefused
 from inverse_service.expressions.tree import Symbol, add, multiply, number, power
-from inverse_service.inverse_problem import solving
+from inverse_service.inverse_problem import confirming, solving
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
@@ -113,13 +113,13 @@ def test_no_time_is_an_outcome_and_no_exception() -> None:
 def test_a_certificate_that_the_checker_finds_invalid_is_a_fault_and_never_an_answer(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(solving, "check_certificate", lambda *_, **__: CheckResult("invalid", ("wrong rows",)))
+    monkeypatch.setattr(confirming, "check_certificate", lambda *_, **__: CheckResult("invalid", ("wrong rows",)))
     with pytest.raises(CertificateRefused, match="wrong rows"):
         solved(ROTATION)
 
 
 def test_a_certificate_that_the_checker_cannot_judge_is_undetermined(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solving, "check_certificate", lambda *_, **__: CheckResult("incomplete", ("no time",)))
+    monkeypatch.setattr(confirming, "check_certificate", lambda *_, **__: CheckResult("incomplete", ("no time",)))
     answer = solved(ROTATION).autonomous
     assert answer is not None
     assert answer.verdict == "undetermined"

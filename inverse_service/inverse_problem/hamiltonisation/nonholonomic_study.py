@@ -11,13 +11,14 @@ from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute
+from inverse_service.inverse_problem.confirming import Progress
 from inverse_service.inverse_problem.constrained.answering import KnownLagrangian, MotionAnswer, answer_motion
 from inverse_service.inverse_problem.explanation.wording import with_conditions
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise, vanish
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
-from inverse_service.inverse_problem.solving import Progress, solve
+from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.nonholonomic.associated_systems import (
     KINDS,
     AssociatedSystem,

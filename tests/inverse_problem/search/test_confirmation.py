@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import CheckResult, check_certificate
-from inverse_service.inverse_problem import solving
+from inverse_service.inverse_problem import confirming
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
@@ -23,7 +23,7 @@ def test_a_refused_lagrangian_is_logged_and_the_next_one_taken(
         seen.append(certificate)
         return CheckResult("invalid", ("made up",)) if len(seen) == 1 else check_certificate(certificate, **options)
 
-    monkeypatch.setattr(solving, "check_certificate", first_refused)
+    monkeypatch.setattr(confirming, "check_certificate", first_refused)
     with caplog.at_level(logging.WARNING):
         answer = solve(read_system(["x"], {"x": "-x"}), SolveOptions(time_dependent=False)).autonomous
     assert answer is not None

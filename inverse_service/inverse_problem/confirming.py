@@ -1,0 +1,116 @@
+"""What leaves as an answer: the checker confirms each Lagrangian and certificate first."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from inverse_service.certificate.checker import CheckResult, check_certificate
+from inverse_service.deadline import left, now
+from inverse_service.errors import CertificateRefused, IrreducibleAtoms
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Arbitrary, Expression, walk
+from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.decision.deciding import Decision
+from inverse_service.inverse_problem.explanation.finding import (
+    energy_step,
+    hamiltonian_of,
+    legendre_steps,
+    verification_steps,
+)
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Answer, Step
+from inverse_service.inverse_problem.search.further import is_multiple, with_squared_energies
+from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
+from inverse_service.inverse_problem.search.tidy import tidied
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+Progress = Callable[[str], None]
+log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class Work:
+    """What the stages of one solve share."""
+
+    analysis: Analysis
+    options: SolveOptions
+    progress: Progress
+    deadline: float
+    seconds: dict[str, float] = field(default_factory=dict)
+    points: list[Mapping[str, int]] = field(default_factory=list)
+    outcome: SearchOutcome | None = None
+    autonomous: Decision | None = None
+    reasons: tuple[Step, ...] = ()
+    refused: set[tuple[str, bool]] = field(default_factory=set)
+
+    def add_seconds(self, stage: str, began: float) -> None:
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now() - began
+
+    def left(self) -> float:
+        return self.deadline - now()
+
+
+def is_confirmed(work: Work, tree: Expression, with_time: bool) -> bool:
+    """Whether the checker finds the Lagrangian valid; one that it refused is logged, counted and not offered again."""
+    try:
+        certificate = certify.of_lagrangian(work.analysis, tree, with_time)
+    except IrreducibleAtoms:
+        return False  # no connected set was found on which it is defined
+    offered = (certificate["lagrangian"], with_time)
+    if offered in work.refused:
+        return False
+    found = check(work, certificate)
+    if found.verdict != "valid":
+        work.refused.add(offered)
+        log.warning("The checker refused the Lagrangian %s: %s", to_text(tree), "; ".join(found.reasons))
+    return found.verdict == "valid"
+
+
+def completed(work: Work, answer: Answer, others: list[Expression], with_time: bool) -> Answer:
+    """With the Hamiltonian, and those other Lagrangians that the checker confirms."""
+    assert answer.lagrangian is not None
+    began = now()
+    work.progress("Hamiltonian")
+    names = work.analysis.system.coordinates
+    hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
+    steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
+    work.add_seconds("Hamiltonian", began)
+    raised = with_squared_energies(answer.lagrangian.expression, names)
+    if raised is not None:
+        others, steps = [*others, tidied(raised, work.analysis.system)], (*steps, energy_step())
+    valid: list[Expression] = []
+    for other in others:
+        known = (answer.lagrangian.expression, *valid)
+        if not any(is_multiple(one, other, names, work.analysis.real_point) for one in known):
+            valid += [other] if is_confirmed(work, other, with_time) else []
+    described = tuple(describe(work.analysis, other, answer.lagrangian.family) for other in valid)
+    return replace(answer, hamiltonian=hamiltonian, other_lagrangians=described, explanation=steps)
+
+
+def check(work: Work, certificate: Mapping[str, Any]) -> CheckResult:
+    began = now()
+    work.progress("check")
+    found = check_certificate(certificate, time_limit=left(work.deadline, 1.0))
+    work.add_seconds("check", began)
+    return found
+
+
+def confirmed(work: Work, answer: Answer) -> Answer:
+    """The answer with the checker's verdict; one that it cannot confirm is undetermined."""
+    assert answer.certificate is not None
+    found = check(work, answer.certificate)
+    if found.verdict == "invalid" and not _has_signed_functions(work.analysis.system):
+        raise CertificateRefused("; ".join(found.reasons))
+    if found.verdict != "valid":
+        reason = f"found {answer.verdict}, but the checker could not confirm it: {'; '.join(found.reasons)}"
+        return Answer("undetermined", reason=reason)
+    return replace(answer, checked="valid")
+
+
+def _has_signed_functions(system: SecondOrderSystem) -> bool:
+    """Whether the sign of an arbitrary function belongs to the branch: a checker may draw it otherwise."""
+    return any(isinstance(node, Arbitrary) for tree in system.positive for node in walk(tree))
