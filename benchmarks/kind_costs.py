@@ -1,7 +1,7 @@
 """What a kind of Lagrangian costs beside the plain decision: the table in docs/kinds.md.
 
 `python -m benchmarks.kind_costs [--write]`: the systems of the catalogue with at most four coordinates, processor
-time of one thread, least of three runs if they are short; no Lagrangian is handed over, so each kind is decided alone.
+time of one thread, one run each; no Lagrangian is handed over, so each kind is decided alone.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 PAGE = Path(__file__).parents[1] / "docs" / "kinds.md"
 KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "rayleigh_general", "positive_definite")
-REPEATS, MOST, LONG, MOST_SECONDS = 3, 4, 0.1, 5.0
+MOST, MOST_SECONDS = 4, 5.0
 
 
 class Checks:
@@ -79,17 +79,12 @@ def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
     return answer_kind(solution, kind, SolveOptions(seed=seed), end).certificate is not None
 
 
-def seconds(work: Callable[[int], object], checks: Checks) -> tuple[float, float]:
-    """The least processor time with the checks, and without them."""
-    runs = []
-    for seed in range(1, REPEATS + 1):
-        checks.seconds, began = 0.0, time.thread_time()
-        work(seed)
-        whole = time.thread_time() - began
-        runs.append((whole, whole - checks.seconds))
-        if whole > LONG:
-            break
-    return min(runs)
+def seconds(work: Callable[[], object], checks: Checks) -> tuple[object, float, float]:
+    """What the work gives, its processor time with the checks, and without them."""
+    checks.seconds, began = 0.0, time.thread_time()
+    found = work()
+    whole = time.thread_time() - began
+    return found, whole, whole - checks.seconds
 
 
 def systems() -> dict[str, SecondOrderSystem]:
@@ -109,14 +104,14 @@ def measured() -> str:
     for name, system in systems().items():
         try:
             plain(system, 1)  # loads what is loaded once
-            beside = seconds(partial(plain, system), checks)
+            _, *beside = seconds(partial(plain, system, 2), checks)
         except IrreducibleAtoms:
             continue
-        plains.append(beside)
+        plains.append((beside[0], beside[1]))
         for kind, listed in ratios.items():
-            if not asked(kind, system, 1):
+            definite, *own = seconds(partial(asked, kind, system, 2), checks)
+            if not definite:
                 continue
-            own = seconds(partial(asked, kind, system), checks)
             listed.append((own[0] / beside[0], own[1] / beside[1]))
             print(f"{name} {kind}: {listed[-1][0]:.2f} {listed[-1][1]:.2f}", flush=True)
     head = ["kind", "answers", "median", "without the checks", "nine of ten below"]
