@@ -411,3 +411,10 @@ def test_letters_in_roots_and_exponents_do_not_hide_an_inverse(lagrangian: str, 
     found = legendre(parse(lagrangian, Names(("x",), ("l", "w", "r"), {})), ("x",))
     assert not found.implicit
     assert holds in to_text(found.hamiltonian)
+
+
+def test_the_sign_of_one_velocity_says_nothing_about_another() -> None:
+    """A metric of fourth roots (Matsumoto 1991): each momentum is a cube, of either sign."""
+    found = legendre(parse("x'^4*exp(4*x) + y'^4*exp(4*x)", Names(("x", "y"), (), {})), ("x", "y"))
+    assert not found.implicit
+    assert found.note == ""

@@ -52,7 +52,7 @@ from inverse_service.mechanics.legendre.points import (
 from inverse_service.mechanics.legendre.solving import Reach, block_branches, momentum_shifts
 
 _MOST_BRANCHES = 16
-_FEW = 4
+_MANY, _FEW = 16, 4
 TIME_LIMIT = 3.0
 
 
@@ -109,7 +109,9 @@ def legendre(
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
     if any(is_singular(hessian(block.function, block.names), points) for block in parts.blocks):
         raise _degenerate(implicit, parts, names, points)
-    found = {block.names: _best(block, points, reach) for block in parts.blocks}
+    # Of many blocks each is judged at few points before the whole is judged at all.
+    few = points[-_FEW:] if len(parts.blocks) > _MANY else []
+    found = {block.names: _best(block, points, reach, few) for block in parts.blocks}
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
         return _noted(implicit, _no_closed_form(missing))
@@ -150,7 +152,7 @@ def _energy(parts: Parts) -> Expression:
     return add(*terms[1:], terms[0])
 
 
-def _best(block: Block, points: Sequence[Point], reach: Reach) -> _Chosen | None:
+def _best(block: Block, points: Sequence[Point], reach: Reach, few: Sequence[Point]) -> _Chosen | None:
     """The branch that holds at most points, the shortest among those."""
     functions = momenta(block.function, block.names)
     known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
@@ -158,8 +160,7 @@ def _best(block: Block, points: Sequence[Point], reach: Reach) -> _Chosen | None
     for branch in _with_variants(islice(block_branches(block, reach), _MOST_BRANCHES)):
         velocities = resolved(branch.velocities, block.names)
         claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
-        # What claims to hold everywhere is judged at all points once the blocks are put together.
-        quick = None if branch.conditions else judge(claim, (), points[:_FEW])
+        quick = judge(claim, (), few) if few and not branch.conditions else None
         judgement = quick or judge(claim, branch.conditions, points)
         if judgement is None:
             continue
