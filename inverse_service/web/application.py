@@ -25,7 +25,6 @@ from inverse_service.web.journal import Measured
 from inverse_service.web.middleware import HeadAsGet, SecurityHeaders, StopWhenLeft
 from inverse_service.web.openapi import described
 from inverse_service.web.pages import routing
-from inverse_service.web.pages.refused import page_of_refusal
 
 TITLE = "inverse-service"
 SUMMARY = "Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."
@@ -40,7 +39,7 @@ def create_application(settings: Settings) -> FastAPI:
     """The service; its worker processes live from start to shutdown of the application."""
     app = FastAPI(title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None)
     app.state.engine = Engine(settings)
-    problems.install(app, page_of_refusal)
+    problems.install(app, routing.page_of_refusal)
     app.add_middleware(StopWhenLeft)
     app.add_middleware(HeadAsGet)
     app.add_middleware(SecurityHeaders, hosts=settings.hosts)

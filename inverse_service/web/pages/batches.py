@@ -18,8 +18,7 @@ from inverse_service.service.jobs.model import BatchAnswer
 from inverse_service.web.asking import FACTORS
 from inverse_service.web.clients import viewer_of
 from inverse_service.web.pages.answers import proof_of
-from inverse_service.web.pages.calls import call
-from inverse_service.web.pages.receiving import SMALL_FORM, read_form
+from inverse_service.web.pages.calls import SMALL_FORM, call, read_form
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.results import IDENTIFIER, missing
 from inverse_service.web.routes_jobs import engine_of

@@ -21,9 +21,8 @@ from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import figures, simulations
-from inverse_service.web.pages.calls import Answer, call
+from inverse_service.web.pages.calls import SMALL_FORM, Answer, call, read_form
 from inverse_service.web.pages.exports import LANGUAGES
-from inverse_service.web.pages.receiving import SMALL_FORM, read_form
 from inverse_service.web.pages.rendering import POLICY, page
 from inverse_service.web.pages.result_tasks import (
     Look,

@@ -1,8 +1,10 @@
-"""All pages as one router: open ones, and those that ask who looks."""
+"""All pages as one router: open ones, and those that ask who looks; a mistyped address as a page, not as JSON."""
 
 from __future__ import annotations
 
 from fastapi import APIRouter, Depends
+from starlette.requests import Request
+from starlette.responses import HTMLResponse
 
 from inverse_service.web.pages import (
     account,
@@ -17,7 +19,9 @@ from inverse_service.web.pages import (
     simulate,
     solve,
 )
-from inverse_service.web.pages.visitor import note_visitor, require_visitor
+from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.visitor import note_visitor, note_visitor_of, require_visitor
+from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 router.include_router(assets.router)
@@ -26,4 +30,19 @@ for part in (account, calls_page, manual):
 for part in (solve, results, simulate, paper_figures, gallery, batches, learn):
     router.include_router(part.router, dependencies=[Depends(require_visitor)])
 
-__all__ = ["router"]
+TITLES = {403: "Not from here", 404: "There is nothing here", 405: "Not that way", 413: "That is too large"}
+REDIRECTS = range(300, 400)
+
+
+def page_of_refusal(request: Request, refusal: Refusal) -> HTMLResponse | None:
+    """The page, None for a program: calls under /v1, and who does not ask for HTML."""
+    if request.url.path.startswith("/v1/") or "text/html" not in request.headers.get("accept", ""):
+        return None
+    if refusal.status in REDIRECTS:
+        return None
+    note_visitor_of(request)
+    detail = "The address may be mistyped." if refusal.detail.startswith("There is nothing at") else refusal.detail
+    title = TITLES.get(refusal.status, "This was refused")
+    found = page("missing.html", refusal.status, active="", title=title, detail=detail)
+    found.headers.update(refusal.headers)
+    return found

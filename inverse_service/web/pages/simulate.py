@@ -19,10 +19,9 @@ from inverse_service.service.documents.text_page import answers_of
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
-from inverse_service.web.pages.calls import call
+from inverse_service.web.pages.calls import call, read_form
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.preview import preview_task
-from inverse_service.web.pages.receiving import read_form
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_tasks import part_task
 from inverse_service.web.pages.results import made, result_address, stored_job, successful

@@ -15,7 +15,7 @@ from inverse_service import catalogue
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
-from inverse_service.web.pages.calls import call
+from inverse_service.web.pages.calls import call, read_sent
 from inverse_service.web.pages.documents import LAGRANGIANS, fields_from, fields_of_link, lean_fields, revealed_of_link
 from inverse_service.web.pages.form_tasks import (
     GLANCE,
@@ -26,7 +26,6 @@ from inverse_service.web.pages.form_tasks import (
     own_task,
     sent_task,
 )
-from inverse_service.web.pages.receiving import read_sent
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.pages.result_tasks import fields_task
 from inverse_service.web.pages.results import made, result_address, successful
