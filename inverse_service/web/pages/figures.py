@@ -14,7 +14,7 @@ from inverse_service.web.pages.preview import angles_of_texts
 TRUE = ("exact", "reference")
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
-MOST_POINTS = 800
+MOST_POINTS = 2001
 DIGITS = 7
 ROUNDING = 1e-13
 SERIES = {
@@ -94,7 +94,9 @@ def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, A
     if name == "path":
         a, b = result["circle_coordinates"]
         lines = _lines(methods, partial(_column, a), partial(_column, b))
-        return [_view(title, greek_letter(a) or a, greek_letter(b) or b, lines, equal=True)]
+        # Lines between every k-th step would fill a circle to a ring.
+        thinned = any((m.get("points") or {}).get("every", 1) > result.get("record_every", 1) for m in methods)
+        return [_view(title, greek_letter(a) or a, greek_letter(b) or b, lines, equal=True, dots=thinned)]
     if name == "coordinates":
         return [view for c in result["system"]["coordinates"] for view in _views_of(c, methods)]
     if name == "section":
@@ -117,7 +119,8 @@ def _sections(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     methods = [method for method in result["methods"] if method.get("events")]
     views = []
     for k, event in enumerate(methods[0]["events"]):
-        for name in result["system"]["coordinates"]:
+        moving = [name for name in result["system"]["coordinates"] if name != event["when"]]
+        for name in moving or result["system"]["coordinates"]:
             q, columns = greek_letter(name) or name, [method["events"][k]["columns"] for method in methods]
             lines = [
                 {**_line(place, method, [], []), "x": found[name], "y": found[f"v_{name}"]}

@@ -19,10 +19,10 @@ def test_a_poincare_section_is_drawn_point_by_point() -> None:
     result = simulate(SCENE | {"events": [{"when": "x", "direction": 1}]})
     assert ("section", "Points at events") in figure_names(result)
     (section,) = (one for one in figure_data(result) if one["name"] == "section")
-    assert [view["label"] for view in section["views"]] == ["x = 0: x, x\u2032", "x = 0: y, y\u2032"]
-    for line in section["views"][1]["lines"]:
+    assert [view["label"] for view in section["views"]] == ["x = 0: y, y\u2032"]
+    for line in section["views"][0]["lines"]:
         assert len(line["x"]) == len(line["y"]) > 5
-    assert section["views"][1]["dots"]
+    assert section["views"][0]["dots"]
     svg = picture(result, "section", "svg")
     assert svg is not None
     assert b"<svg" in svg
@@ -32,3 +32,11 @@ def test_without_events_there_is_no_section() -> None:
     result = simulate(SCENE | {"time": 1})
     assert "section" not in dict(figure_names(result))
     assert picture(result, "section", "svg") is None
+
+
+def test_a_path_with_fewer_points_than_steps_is_drawn_as_points() -> None:
+    """Chords of every k-th step would show a circle as a ring."""
+    for time, dots in ((60, False), (600, True)):
+        result = simulate(SCENE | {"time": time, "methods": ["stormer-verlet"]})
+        (path,) = (one for one in figure_data(result) if one["name"] == "path")
+        assert path["views"][0]["dots"] is dots
