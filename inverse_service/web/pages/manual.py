@@ -74,15 +74,13 @@ def _body(file: str) -> Markup:
 def hamiltonized() -> list[tuple[Markup, str, Markup]]:
     """(motion, verdict, answer) of each row of the tables of answers about motions with constraints."""
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(_text("open-questions.md"))
-    found = []
-    for table in html.split("<table>")[1:]:
-        proved = "decided as" not in table
-        for row in table.split("<tr>")[2:]:
-            motion, answer, *_ = re.findall(r"<td>(.*?)</td>", row, re.DOTALL)
-            answer = answer if proved else f"{answer}, not yet checked"
-            known = [verdict for word, verdict in ANSWERS.items() if word in answer.removeprefix("<strong>")[:3]]
-            found.append((Markup(motion), known[0] if known and proved else "undetermined", Markup(answer)))
-    return found
+    rows = (re.findall(r"<td>(.*?)</td>", row, re.DOTALL) for row in html.split("<tr>"))
+    found = {row[0]: row[1] for row in reversed([row for row in rows if len(row) > 2])}
+    words = {motion: re.sub(r"<[^>]+>", "", answer).split(",")[0].split(" ")[0] for motion, answer in found.items()}
+    return [
+        (Markup(motion), ANSWERS.get(words[motion], "undetermined"), Markup(found[motion]))
+        for motion in reversed(found)
+    ]
 
 
 def _address(link: re.Match[str]) -> str:
