@@ -7,12 +7,13 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 
 import pytest
 
-from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs import tasks, worker_process
 from inverse_service.service.jobs import workers as workers_module
 from inverse_service.service.jobs.alone import run_alone
 from inverse_service.service.jobs.isolation import MOST_CROWDED
@@ -215,3 +216,11 @@ def test_a_wait_that_runs_out_takes_nothing_from_the_pool(workers: Workers) -> N
     assert not running.outcome.cancel()
     assert running.outcome.result(30).status == "done"
     assert workers.run(tasks.ping_task, (), 30.0).status == "done"
+
+
+def test_a_second_pool_starts_while_the_first_process_of_all_still_loads() -> None:
+    starting = threading.Thread(target=worker_process.start_server, daemon=True)
+    with worker_process._starting:  # held until the server has loaded the engine
+        starting.start()
+        starting.join(30)
+        assert not starting.is_alive()

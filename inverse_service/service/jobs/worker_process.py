@@ -121,9 +121,8 @@ def start_server() -> None:
 
     Linux ties the death signal of a process to the thread that made it.
     """
-    if process_context().get_start_method() != "forkserver":
-        return
-    with _starting:
+    # Not under `_starting`: who has that waits for the server to load everything, and the loop must not.
+    if process_context().get_start_method() == "forkserver":
         multiprocessing.forkserver.ensure_running()
         hold(Path(multiprocessing.util.get_temp_dir()))
 
