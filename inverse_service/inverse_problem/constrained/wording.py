@@ -5,10 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 from math import comb
 
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.constrained.bivectors import obstruction
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion
 from inverse_service.inverse_problem.constrained.lagrangian import JetOnConstraints
 from inverse_service.inverse_problem.explanation.steps import said, separated
@@ -30,10 +28,10 @@ def finding_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> 
         )
     ]
     if found.exists is False:
-        steps += _obstruction_steps(analysed, k)
+        steps += _bivector_steps(found)
         steps.append(
             said(
-                f"Prolonged to order {found.order}, {len(found.rows)} of its equations leave a rank below {k} in every "
+                f"Prolonged to order {found.order}, {len(found.rows)} equations leave a rank below {k} in every "
                 "solution: no associated system is variational."
             )
         )
@@ -48,19 +46,19 @@ def finding_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> 
     return tuple(steps)
 
 
-def _obstruction_steps(analysed: AnalysedMotion, k: int) -> list[Step]:
-    """The bivectors, where they are reason enough."""
-    try:
-        found = obstruction(analysed, 1) if k > 1 else None
-    except SingularPoint:
-        found = None
-    if found is None:
+def _bivector_steps(found: Finding) -> list[Step]:
+    """Why the equations of the bivectors hold, where the proof uses them."""
+    rows = [row for row in found.rows if str(row[0]).startswith("B")]
+    orders = [int(str(name)[1:].partition("_")[0]) for name, *_ in rows]
+    if not orders:
         return []
+    # Without derivatives they are equations for the values of the 2-form, which are arbitrary but for these.
+    alone = rows == list(found.rows) and not any(any(row[-1]) for row in rows if isinstance(row[-1], tuple))
     return [
         said(
-            f"The Lie derivatives along the motion of the bivectors of the free velocities, to order {found.last}, "
-            f"span {found.rank} of {found.size} dimensions. The 2-form of a Lagrangian annihilates them all, but each "
-            "2-form that does has a vertical vector in its kernel."
+            "The 2-form of such a Lagrangian vanishes on the Lie derivatives along the motion of the bivectors of the "
+            f"free velocities: equations of first order, of which {len(orders)} are used, to order {max(orders)}."
+            f"{' Each 2-form that does has a vertical vector in its kernel.' * alone}"
         )
     ]
 

@@ -10,6 +10,7 @@ import pytest
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.constrained.certify import of_finding
 from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.wording import finding_steps
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds import bivectors
 from inverse_service.linear_pde.deciding import Finding
@@ -96,6 +97,18 @@ def test_the_checker_agrees_in_seconds(name: str, with_time: bool) -> None:
     assert len(found.rows) < 1_000
     changed = certificate | {"bivectors": 1}
     assert check_certificate(changed, 60.0, seed=1).verdict == "invalid"
+
+
+@pytest.mark.parametrize("name", ["Chaplygin sleigh", "particle, y", "Heisenberg, z"])
+def test_a_no_says_which_equations_of_the_bivectors_prove_it(name: str) -> None:
+    motion = analysed(ANSWERS[name][0])
+    found = decide_motion(motion, False, 1, float("inf"), lambda _: None)
+    used = [row[0] for row in of_finding(motion, found, False)["rows"] if row[0].startswith("B")]
+    highest = max(int(name[1:].split("_")[0]) for name in used)
+    texts = [step.text for step in finding_steps(motion, found, False)]
+    assert any(f"of which {len(used)} are used, to order {highest}." in text for text in texts)
+    yes = decide_motion(analysed(ANSWERS["particle"][0]), False, 1, float("inf"), lambda _: None)
+    assert not any("bivectors" in step.text for step in finding_steps(motion, yes, False))
 
 
 @pytest.mark.parametrize("force", ["0", "-x*x'", "z*x'^2+sin(x)", "exp(z)*x'^3"])
