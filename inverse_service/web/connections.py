@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import sys
 import time
 from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from inverse_service.web.middleware import headers_too_large
 
 # The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.
 HEADERS = 10.0
@@ -20,6 +23,8 @@ BYTES_A_SECOND = 10_000
 # An answer of which the client takes nothing for so long is given up, s.
 STALL = 120.0
 LOOK_EVERY = 1.0
+# So long what comes after a refused head is dropped before the connection is closed, s.
+LINGER = 2.0
 # In one turn of the loop so many connections are heard, and of what waits one of each address after the other.
 HEARD_AT_ONCE = 8
 # Data with a line end in so many bytes, as chunks of a byte or thousands of headers are, cost the loop far more than
@@ -134,6 +139,7 @@ class Connection(H11Protocol):
         self._received = 0
         self._unread = 0
         self._rest = bytearray()
+        self._is_refused = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -147,6 +153,8 @@ class Connection(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
+        if self._is_refused:
+            return
         if not self._rest and self._all.hears(self) and len(data) <= _most_of(data):
             self._take(data)
             return
@@ -173,6 +181,19 @@ class Connection(H11Protocol):
             self._request, self._is_first = self.cycle, False
             self.since, self._received = time.monotonic(), 0
         self._received += len(data)
+
+    def send_400_response(self, msg: str) -> None:
+        """431 where the head is larger than h11 keeps, as for one that comes at once. What the client still sends is
+        read and dropped: to close before it is read would reset the connection and take the answer with it."""
+        if getattr(sys.exc_info()[1], "error_status_hint", 400) != 431:
+            super().send_400_response(msg)
+            return
+        answer = headers_too_large()
+        lines = [b"HTTP/1.1 431 Request Header Fields Too Large", *(b": ".join(pair) for pair in answer.raw_headers)]
+        self.transport.write(b"\r\n".join([*lines, b"", bytes(answer.body)]))
+        self._is_refused = True
+        self.transport.write_eof()
+        self.loop.call_later(LINGER, self.transport.close)
 
     def on_response_complete(self) -> None:
         self.since = time.monotonic()

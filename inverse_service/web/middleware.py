@@ -63,8 +63,7 @@ class SecurityHeaders:
 
     def _refusal(self, scope: Scope) -> Response | None:
         if sum(len(name) + len(value) for name, value in scope["headers"]) > LARGEST_HEADERS:
-            detail = f"The headers have more than {LARGEST_HEADERS} bytes; send less."
-            return _refused(431, "headers-too-large", detail)
+            return headers_too_large()
         if {b"content-length", b"transfer-encoding"} <= {name for name, _ in scope["headers"]}:
             detail = "The request has a Content-Length and a Transfer-Encoding; send one of them."
             return _refused(400, "unreadable", detail)
@@ -85,6 +84,10 @@ def name_of(address: str) -> str:
     """A host name in small letters and without its port."""
     name, _, port = address.lower().rpartition(":")
     return name if name and port.isdigit() else address.lower()
+
+
+def headers_too_large() -> Response:
+    return _refused(431, "headers-too-large", f"The headers have more than {LARGEST_HEADERS} bytes; send less.")
 
 
 def _refused(status: int, kind: str, detail: str) -> Response:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -122,6 +123,20 @@ def test_every_answer_tells_the_browser_to_be_strict(client: httpx.Client) -> No
 
 def test_a_header_of_a_hundred_kilobytes_is_refused(client: httpx.Client) -> None:
     assert client.get("/livez", headers={"X-Long": "a" * 100_000}).status_code == 431
+
+
+def test_a_large_header_that_comes_in_parts_is_refused_alike(guarded: Guarded) -> None:
+    """The answer comes before the header has ended, and what is sent after it takes it from nobody."""
+    port = int(guarded.address.rpartition(":")[2])
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as sent:
+        sent.sendall(b"GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Long: " + b"a" * 40_000)
+        answer = sent.recv(65_536)
+        sent.sendall(b"a" * 60_000 + b"\r\n\r\n")
+        while more := sent.recv(65_536):
+            answer += more
+    head, _, body = answer.partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 431 ")
+    assert json.loads(body)["status"] == 431
 
 
 def test_a_second_service_on_the_same_database_says_so(guarded: Guarded) -> None:

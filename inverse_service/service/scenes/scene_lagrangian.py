@@ -42,7 +42,7 @@ from inverse_service.simulation.free_lagrangians import ClassLagrangian, class_l
 from inverse_service.simulation.regular_motion import regular_accelerations
 from inverse_service.simulation.scene import FreeLagrangian, Scene, Unavailable
 
-SOLVE_SECONDS = 15.0
+SOLVE_SECONDS = 15.0  # of processor time
 NO_INVERSE = (
     "The momenta at the start do not give back its velocities: the Lagrangian is singular there, or its Hamiltonian "
     "belongs to another branch. Begin elsewhere, or take another method."
