@@ -119,6 +119,11 @@ def derive(scene: Scene, find: Find) -> Derived:
     return Derived(exact, accelerations, free, seconds)
 
 
+def derived_for_truth(scene: Scene, derived: Derived) -> Derived:
+    """With the accelerations, where nothing that the scene asks for needed them."""
+    return derived if derived.accelerations is not None else replace(derived, accelerations=_accelerations(scene))
+
+
 def with_energy(scene: Scene, derived: Derived) -> Scene:
     """The scene with the Lagrangian whose energy is observed, where it is given by equations and one is known."""
     free = derived.free.get(None)

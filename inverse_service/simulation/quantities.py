@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.derivation import timed
 from inverse_service.simulation.observing import (
@@ -23,7 +22,6 @@ from inverse_service.simulation.observing import (
     phase_numbers,
     point_constraints,
     point_energy,
-    point_kinetic,
     point_velocities,
     start_energy,
     wall_of_energy,
@@ -31,15 +29,10 @@ from inverse_service.simulation.observing import (
 )
 from inverse_service.simulation.scene import Problem, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, places_of
-from inverse_service.simulation.watches import RESOLVE
 
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
 _NO_ENERGY = "The system is given by its equations, and no Lagrangian of it was found, so there is no energy."
 _WALL = "The energy is that of a Lagrangian that was found, which ends where {} = 0, and the motion passes there."
-
-_JUMPS = "the change of the energy, a constant, in one step: more than half of the kinetic energy"
-_NOISE = 1e-6
-_NEAR = 5  # steps: where the motion turns or begins, the kinetic energy of a single one is small, or round-off
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,27 +164,6 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     }
     found |= {} if start else {"energy_error_is": "absolute, because the energy of the start is 0"}
     return found | numbers, series
-
-
-def jump_of_energy(run: Observed, series: Mapping[str, Array]) -> Outcome | None:
-    """The outcome where one step changes the energy, a constant, by as much as half of the kinetic energy."""
-    choice = run.requested.choice
-    if choice is not None and not choice.guard:
-        return None
-    velocities, energies = velocities_at_points(run), series.get("energy")
-    if run.scene.grid.record_every > 1 or energies is None or velocities is None or why_energy_varies(run.scene):
-        return None
-    if wall_of_energy(run.scene, run.trajectory.positions, velocities):
-        return None
-    kinetic = point_kinetic(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
-    near = sliding_window_view(np.pad(kinetic, _NEAR, "edge"), 2 * _NEAR + 1).max(axis=1)
-    allowed = near[1:] / 2 + kinetic.max() / 20 + _NOISE * np.abs(energies[1:])
-    places = np.flatnonzero(np.abs(np.diff(energies)) > allowed)
-    if not len(places):
-        return None
-    step = int(places[0])
-    change = float(energies[step + 1] - energies[step])
-    return Outcome("unresolved", step + 1, float(run.trajectory.times[step + 1]), _JUMPS, change, RESOLVE)
 
 
 def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[str, Array]]:

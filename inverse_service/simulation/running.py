@@ -29,6 +29,7 @@ from inverse_service.simulation.derivation import (
     USES_EXACT,
     Derived,
     Find,
+    derived_for_truth,
     problem_of,
     timed,
     with_accelerations,
@@ -39,7 +40,8 @@ from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
-from inverse_service.simulation.quantities import Observed, jump_of_energy, observed_quantities
+from inverse_service.simulation.quantities import Observed, observed_quantities
+from inverse_service.simulation.resolution import UNSEEN, changes_unseen, jump_of_energy, leap, lost_to_time
 from inverse_service.simulation.scene import (
     EXACT,
     FreeLagrangian,
@@ -55,6 +57,7 @@ from inverse_service.simulation.scene import (
     Unavailable,
 )
 from inverse_service.simulation.truth import Truth, exact_trajectory, true_motion
+from inverse_service.simulation.watches import RESOLVE
 
 LATE = "The time was over before its turn; take fewer methods or steps, or a longer time limit."
 FAULT = "This method failed by a fault of the program ({}): please report the scene."
@@ -123,11 +126,30 @@ def run_scene(
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
+    runs = _without_unseen(scene, derived, runs, truth, compared_until or stop)
     exponent = None
     if "lyapunov" in scene.observe and isinstance(derived.accelerations, tuple):
         tell("Lyapunov exponent")
         exponent = largest_exponent(scene, derived.accelerations, stop)
     return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent)
+
+
+def _without_unseen(
+    scene: Scene, derived: Derived, runs: list[MethodRun], truth: Truth | Unavailable | None, stop: Stop | None
+) -> list[MethodRun]:
+    """The runs; those whose steps do not see how fast a force changes with t, and end far from the true motion, are
+    `unresolved`. Only for them the true motion is found where nothing observed asked for it."""
+    found = []
+    for run_ in runs:
+        error = None
+        if run_.outcome.completed and run_.observed is not None and changes_unseen(run_.observed):
+            truth = truth if isinstance(truth, Truth) else true_motion(scene, derived_for_truth(scene, derived), stop)
+            assert run_.trajectory is not None
+            error = lost_to_time(truth, run_.trajectory) if isinstance(truth, Truth) else None
+        last = run_.outcome
+        bad = last if error is None else Outcome("unresolved", last.step, last.time, UNSEEN, error, RESOLVE)
+        found.append(replace(run_, outcome=bad))
+    return found
 
 
 def run_method(
@@ -164,7 +186,7 @@ def run_method(
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
     numbers, series = observed_quantities(observed, seconds)
-    outcome = (found.outcome.completed and jump_of_energy(observed, series)) or found.outcome
+    outcome = (found.outcome.completed and (jump_of_energy(observed, series) or leap(observed))) or found.outcome
     if COST in scene.observe and problem is not None:
         with timed(seconds, COST):
             numbers[COST] = _costs(scene, requested, derived, known, stop, find)

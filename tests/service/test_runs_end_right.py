@@ -248,6 +248,52 @@ def test_a_barrier_that_a_step_jumps_over_ends_the_run() -> None:
             assert method["outcome"] in ("unresolved", "no_convergence", "guard"), label
 
 
+def test_a_narrow_barrier_that_no_step_lands_in_ends_the_run() -> None:
+    """V = 10 within 0.002 of x = 1.03, before and behind it 0: a mass of energy 1/2 comes back. Nothing is observed."""
+    start = {"positions": {"x": 0}, "velocities": {"x": 1}}
+    for system in ({"coordinates": ["x"], "lagrangian": "x'^2/2 - 10*exp(-(1000*(x - 1.03))^2)"},
+                   {"equations": {"x": "2*10^7*(x - 1.03)*exp(-(1000*(x - 1.03))^2)"}}):  # fmt: skip
+        scene = OSCILLATOR | {"system": system, "initial": start, "steps": 30, "methods": EVERY}
+        for label, method in methods(scene).items():
+            if method["outcome"] == "completed":
+                assert method["final"]["positions"]["x"] == pytest.approx(-0.94, abs=1e-2), label
+            else:
+                assert method["outcome"] in ("unresolved", "no_convergence", "guard", "unavailable"), label
+
+
+def test_a_narrow_barrier_that_is_low_is_passed() -> None:
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - exp(-(1000*(x - 1.03))^2)/10"}
+    start = {"positions": {"x": 0}, "velocities": {"x": 1}}
+    found = outcomes(OSCILLATOR | {"system": system, "initial": start, "steps": 30, "methods": ["variational"]})
+    assert found == {"variational-0.5": "completed"}
+
+
+FIXED = ["variational", "stormer-verlet", "runge-kutta", "adaptive"]
+
+
+@pytest.mark.parametrize("observe", [[], ["error"]])
+def test_a_force_far_faster_than_the_step_is_unresolved(observe: list[str]) -> None:
+    """Its mean is 0; at the steps it is that of a slow force, which throws the motion elsewhere."""
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 + sin(1000*t)*x^2/2"}
+    start = {"positions": {"x": 1}, "velocities": {"x": 1}}
+    scene = OSCILLATOR | {"system": system, "initial": start, "step": 0.05, "steps": 200, "methods": FIXED}
+    found = outcomes(scene | {"observe": observe})
+    assert found.pop("adaptive") == "completed"
+    assert set(found.values()) == {"unresolved"}
+
+
+@pytest.mark.parametrize(
+    ("force", "step", "steps"),
+    [("-x + cos(t)/2", 0.3, 3000), ("-x + sin(1000*t)/10000", 0.05, 2000), ("-sin(x) + sin(t)/2", 0.05, 4000),
+     ("-x + sin(1000*t)", 0.05, 200), ("-x + tanh(100*(t - 5))", 0.1, 3000)],
+    ids=["coarse and long", "fast and weak", "chaotic", "fast and harmless", "switched"],
+)  # fmt: skip
+def test_coarse_runs_with_a_force_that_they_see_go_to_the_end(force: str, step: float, steps: int) -> None:
+    start = {"positions": {"x": 1}, "velocities": {"x": 0}}
+    scene = OSCILLATOR | {"system": {"equations": {"x": force}}, "initial": start, "step": step, "steps": steps}
+    assert set(outcomes(scene | {"methods": FIXED[2:]}).values()) == {"completed"}
+
+
 def test_a_pole_written_as_a_square_is_not_jumped_over() -> None:
     """(x - y)^2, multiplied out or not, shows no change of sign."""
     start = {"positions": {"x": 0, "y": 1}, "velocities": {"x": 3, "y": 0}}
