@@ -256,11 +256,11 @@ class Question:
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
         """What the work gives at random points modulo so many random primes, where f is defined and all roots split."""
         found, prime = list[Any](), 0
-        for attempt in range(2000):
+        for attempt in range(2000 + 30 * self.plan.split):
             prime = prime if attempt % 8 else self.prime()
             try:
                 seed = self.generator.getrandbits(64)
-                if degree and self.plan.choices > 1:
+                if degree and self.plan.split > 1:
                     self.read(self.expansion(Residues(self, prime, seed), 0))
                 ring = self.expansion(Residues(self, prime, seed), degree)
                 found.append(work(ring))

@@ -36,14 +36,10 @@ class Vector:
         self.parts = parts
 
     def __add__(self, other: Vector | int) -> Vector:
-        if isinstance(other, Vector):
-            return Vector([a + b for a, b in zip(self.parts, other.parts, strict=True)])
-        return Vector([a + other for a in self.parts])
+        return Vector([a + b for a, b in zip(self.parts, parts_of(other, len(self.parts)), strict=True)])
 
     def __mul__(self, other: Vector | int) -> Vector:
-        if isinstance(other, Vector):
-            return Vector([a * b for a, b in zip(self.parts, other.parts, strict=True)])
-        return Vector([a * other for a in self.parts])
+        return Vector([a * b for a, b in zip(self.parts, parts_of(other, len(self.parts)), strict=True)])
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -66,8 +62,9 @@ class Vector:
         return any(self.parts)
 
 
-def parts_of(value: Number) -> tuple[int, ...]:
-    return tuple(value.parts) if isinstance(value, Vector) else (value,)
+def parts_of(value: Number, width: int = 1) -> tuple[int, ...]:
+    """The residues for so many choices of the roots."""
+    return tuple(value.parts) if isinstance(value, Vector) else (value,) * width
 
 
 class Residues:
@@ -78,12 +75,11 @@ class Residues:
         self.generator, self.entries = random.Random(seed), iter(self.plan.entries)
         self.powers, self.classes = dict[tuple[int, ...], tuple[int, int]](), list[int]()
         self.known = dict[tuple[str, tuple[tuple[int, ...], ...]], int]()
-        self.jets = dict[tuple[str, int, tuple[int, ...]], int]()
         self.values = {name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))}
         self.pairs = list[tuple[Number, Number]]()  # of a pair (l, e) the values of l and of r, where r^N = e
-        self.stride = 1
         if self.plan.pairs:
-            self.i = self.roots(-1, 2)[0]
+            self.i, powers = self.roots(-1, 2)[0], range(1, self.plan.turns)
+            self.turn = next(z for z in self.roots(1, self.plan.turns) if all(pow(z, k, prime) != 1 for k in powers))
             for pair in self.plan.pairs:
                 free = self.generator.randrange(1, prime), self.generator.randrange(1, prime)
                 number = (free[0], self.roots(pair.number, pair.scale)[0]) if pair.number > 1 else (1, free[1])
@@ -128,14 +124,15 @@ class Residues:
             raise Undefined
         return sorted(int(root) for root, _ in found)
 
-    def every_root(self, value: Number, degree: int) -> Number:
-        """A vector with all choices of the root, each beside all choices of the roots before it."""
+    def every_root(self, value: Number, j: int) -> Number:
+        """A vector with the root of the pair j for all choices of the plan."""
+        degree, choices = self.plan.pairs[j].scale, self.plan.choices
         if degree == 1:
             return value
-        parts, stride = parts_of(value) * (1 if isinstance(value, Vector) else self.plan.choices), self.stride
-        listed = {part: self.roots(part, degree) for part in {*parts}}
-        self.stride *= degree
-        return Vector([listed[part][k // stride % degree] for k, part in enumerate(parts)])
+        parts, turn = parts_of(value, len(choices)), pow(self.turn, self.plan.turns // degree, self.prime)
+        first = {part: self.roots(part, degree)[0] for part in {*parts}}
+        powers = (pow(turn, choice[j], self.prime) for choice in choices)
+        return Vector([first[part] * power for part, power in zip(parts, powers, strict=True)]) % self.prime
 
     def product(self, entry: Entry, times: int = 1) -> Number:
         """The product of the e_j^(times a_j) of a combination, from their roots."""
@@ -153,7 +150,7 @@ class Residues:
         if (left - right) % self.prime:
             raise Ended("incomplete", "A relation between functions was guessed that does not hold for all roots.")
 
-    def exponential(self, value: Number) -> Number:
+    def exp(self, value: Number) -> Number:
         """e^l for an l with this value; for an imaginary one i l."""
         entry = next(self.entries)
         if entry.pair:
@@ -162,22 +159,20 @@ class Residues:
         self.same(value, self.total(entry))
         return self.product(entry)
 
-    def logarithm(self, value: Number) -> Number:
+    def log(self, value: Number) -> Number:
         """l with e^l of this value; for an imaginary one l/i."""
         entry = next(self.entries)
         self.inverse(value)
         if entry.pair:
-            root = self.every_root(value, self.plan.pairs[entry.pair].scale)
+            root = self.every_root(value, entry.pair)
             self.pairs[entry.pair] = self.pairs[entry.pair][0], root
             return self.pairs[entry.pair][0]
         self.same(pow(value, entry.times, self.prime), self.product(entry, entry.times))
         return self.total(entry)
 
-    exp, log = exponential, logarithm
-
     def circle(self, value: Number) -> tuple[Number, Number]:
         """(sin, cos) = ((E - 1/E)/2i, (E + 1/E)/2)."""
-        there = self.exponential(value)
+        there = self.exp(value)
         back, half = self.inverse(there), self.inverse(2)
         return (there - back) * half * self.inverse(self.i) % self.prime, (there + back) * half % self.prime
 
@@ -185,9 +180,9 @@ class Residues:
         """atan u = log((1 + iu)/(1 - iu))/2i, or where halves of it are angles, log((1 + iu)/sqrt(1 + u^2))/i."""
         turn, half = value * self.i, self.inverse(2)
         if self.question.halves:
-            length = self.exponential(self.logarithm((value * value + 1) % self.prime) * half % self.prime)
-            return self.logarithm((turn + 1) * self.inverse(length) % self.prime)
-        return self.logarithm((turn + 1) * self.inverse(1 - turn) % self.prime) * half % self.prime
+            length = self.exp(self.log((value * value + 1) % self.prime) * half % self.prime)
+            return self.log((turn + 1) * self.inverse(length) % self.prime)
+        return self.log((turn + 1) * self.inverse(1 - turn) % self.prime) * half % self.prime
 
     def class_of(self, name: str, values: list[Number]) -> int:
         """Arguments that are equal in the ring are in one class."""
@@ -197,17 +192,13 @@ class Residues:
 
     def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
         """A derivative of a function: random, the same for the same class."""
-        key = name, number, orders
-        if key not in self.jets:
-            self.jets[key] = random.Random(f"{self.seed} {key}").randrange(self.prime)
-        return self.jets[key]
+        return random.Random(f"{self.seed} {(name, number, orders)}").randrange(self.prime)
 
     def regular(self, matrix: list[list[Number]]) -> bool:
         """Whether the determinant is not zero in the ring."""
         width = max([len(parts_of(entry)) for row in matrix for entry in row])
-        spread = [[parts_of(entry % self.prime) * (1 if isinstance(entry, Vector) else width) for entry in row]
-                  for row in matrix]  # fmt: skip
-        slices = ([[int(entry[k]) for entry in row] for row in spread] for k in range(width))
+        cells = [[parts_of(entry % self.prime, width) for entry in row] for row in matrix]
+        slices = ([[int(parts[k]) for parts in row] for row in cells] for k in range(width))
         return any(int(nmod_mat(one, self.prime).det()) for one in slices)
 
 

@@ -11,7 +11,7 @@ from flint import arb, fmpq, fmpz, fmpz_mat
 
 from .formulas import MAX_POWER, Ended
 
-MAX_CHOICES, MAX_SCALE, MAX_RELATED, MAX_SEARCHES = 64, 4096, 24, 12
+MAX_SPLIT, MAX_CHOICES, MAX_SCALE, MAX_RELATED, MAX_SEARCHES = 1024, 64, 4096, 24, 12
 MAX_SIZE = arb(2) ** 20_000  # of numbers that are written as fractions
 SPARE = 4  # points more than there are independent atoms
 ONE, TURN, PI, TWO, THREE = 0, 1, 2, 3, 4  # the pairs (1, e), (i, e^i), (pi i, -1), (log 2, 2), (log 3, 3)
@@ -54,7 +54,8 @@ class Plan:
     def __init__(
         self, traces: list[list[tuple[bool, bool, arb]]], bits: int, check_time: Callable[[], None] = lambda: None
     ) -> None:
-        self.bits, self.choices, self.entries = bits, 1, list[Entry]()
+        self.bits, self.split, self.entries = bits, 1, list[Entry]()  # the product of the N of functions
+        self.turns, self.powers, self.choices = 1, [dict[int, Fraction]()], [dict[int, int]()]  # see choices_of
         self.classes: list[int] | None = None  # of the arguments of arbitrary functions, in the order of reading
         self.searches = 0
         self.halved = False  # whether half an arctangent's argument is an angle: see Residues.angle
@@ -163,19 +164,33 @@ class Plan:
     def refined(self, parts: dict[int, Fraction]) -> bool:
         """Make the generators fine enough for these exponents, unless they would become too many or too fine."""
         scales = {j: math.lcm(self.pairs[j].scale, a.denominator) for j, a in parts.items()}
-        choices = math.prod(scales.get(j, pair.scale) for j, pair in enumerate(self.pairs)
-                            if pair.logarithm and not pair.number)  # fmt: skip
+        roots = [j for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number]
+        split = math.prod([scales.get(j, self.pairs[j].scale) for j in roots])
         bounds = ((12 if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE) for j in scales)
-        good = choices <= MAX_CHOICES and all(
-            scale <= most for scale, most in zip(scales.values(), bounds, strict=True)
-        )
-        if good and all(abs(a) * scales[j] <= MAX_POWER for j, a in parts.items()):
-            self.choices = choices
+        good = split <= MAX_SPLIT and all(scale <= most for scale, most in zip(scales.values(), bounds, strict=True))
+        power = {j: turn for j in roots if (turn := parts.get(j, Fraction(0)) % 1)}
+        turns = math.lcm(self.turns, *[turn.denominator for turn in power.values()])
+        powers = self.powers if power in self.powers else [*self.powers, power]
+        choices = (self.choices if powers is self.powers else self.choices_of(powers, turns)) if good else []
+        if 0 < len(choices) <= MAX_CHOICES and all(abs(a) * scales[j] <= MAX_POWER for j, a in parts.items()):
+            self.split, self.turns, self.powers, self.choices = split, turns, powers, choices
             for j, scale in scales.items():
                 self.halved |= self.pairs[j].imaginary and self.pairs[j].logarithm and scale % 2 == 0
                 self.pairs[j].scale = scale
             return True
         return False
+
+    def choices_of(self, powers: list[dict[int, Fraction]], count: int) -> list[dict[int, int]]:
+        """Of all choices of the roots one from each set that gives the powers that occur the same values.
+
+        Where r_j is made r_j zeta_j^k_j, the product of the e_j^a_j is multiplied by e^(2 pi i sum a_j k_j).
+        """
+        told: dict[tuple[Fraction, ...], dict[int, int]] = {(Fraction(0),) * len(powers): {}}
+        for j in sorted({j for power in powers for j in power}):
+            turns = [power.get(j, Fraction(0)) for power in powers]
+            told = {tuple((a + k * turn) % 1 for a, turn in zip(sums, turns, strict=True)): choice | {j: k}
+                    for sums, choice in told.items() for k in range(count)}  # fmt: skip
+        return [*told.values()]
 
     def moderate(self, parts: dict[int, Fraction]) -> bool:
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])

@@ -35,7 +35,7 @@ class Count:
 
     def bounded(self, *found: int) -> Any:
         self.question.check_time()
-        if max(found) * self.question.plan.choices > MAX_DEGREE:
+        if max(found) * self.question.plan.split > MAX_DEGREE:
             raise Ended("incomplete", f"A degree, or the bits of a coefficient, may be above {MAX_DEGREE}.")
         return found
 
@@ -181,8 +181,7 @@ class Expansion:
 
     def elementary(self, name: str, u: Series) -> Series:
         if name in DEFINED:
-            found: Series = Reader(self, read_tokens(DEFINED[name], name), u=u).value
-            return found
+            return Series(Reader(self, read_tokens(DEFINED[name], name), u=u).value)
         number = self.arithmetic.number
         start = u[0] if 0 in u else number(Fraction(0))
         if name in ("log", "atan"):  # y with E(y) = w E(u), where E multiplies by the degree and w is the derivative

@@ -159,3 +159,54 @@ def test_forgeries_put_together_at_random_are_refused() -> None:
         equations = {"x": f"-x+({text})*y", "y": f"-2*y+({text})*x'*x"}
         claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": "(x'^2-x^2)/2+y'^2/2-y^2"}
         assert check_certificate(about(equations, near, **claim)).verdict != "valid", (text, near)
+
+
+ROOTS = [  # a factor, the inequalities, whether it is zero: of roots that are products of roots
+    ("sqrt(1-x^2) - sqrt(1-x)*sqrt(1+x)", ["x < 1", "x > -1"], True),
+    ("sqrt(1-x^2) + sqrt(1-x)*sqrt(1+x)", ["x < 1", "x > -1"], False),
+    ("sqrt((x-1)^2) - x + 1", ["x > 1"], True),
+    ("sqrt((x-1)^2) - x + 1", ["x < 1"], False),
+    ("sqrt(sqrt(x^2+1)+x)*sqrt(sqrt(x^2+1)-x) - 1", [], True),
+    ("sqrt(sqrt(x^2+1)+x)*sqrt(sqrt(x^2+1)-x) + 1", [], False),
+    ("(1-x)^(1/3)*(1+x)^(2/3)*(1-x)^(1/3)*(1+x)^(2/3) - (1-x)^(2/3)*(1+x)^(4/3)", ["x < 1", "x > -1"], True),
+    ("(1-x)^(1/3)*(1+x)^(2/3) - (1-x)^(2/3)*(1+x)^(1/3)", ["x < 1", "x > -1"], False),
+    ("(1-x)^(1/4)*(1+x)^(1/4) - sqrt(sqrt(1-x^2))", ["x < 1", "x > -1"], True),
+    ("(1-x)^(1/4)*(1+x)^(3/4) - (1-x^2)^(3/4)", ["x < 1", "x > -1"], False),
+    ("sqrt((1-x^2)*(2+x))*sqrt((1-x)*(2+x)) - (1-x)*(2+x)*sqrt(1+x)", ["x < 1", "x > -1"], True),
+    ("sqrt((1-x^2)*(2+x))*sqrt((1-x)*(2+x)) + (1-x)*(2+x)*sqrt(1+x)", ["x < 1", "x > -1"], False),
+]
+
+
+@pytest.mark.parametrize(("factor", "conditions", "zero"), ROOTS)
+def test_products_of_roots_are_told_from_those_with_another_sign(
+    factor: str, conditions: list[str], zero: bool
+) -> None:
+    near = {"x": "3" if conditions == ["x > 1"] else "0.3"}
+    system = {"coordinates": ["x"], "equations": {"x": "0"}}
+    claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": f"x'^2 + x*({factor})"}
+    proof = {
+        "format": FORMAT,
+        "system": system,
+        "question": "autonomous",
+        "near": near,
+        "conditions": conditions,
+        **claim,
+    }
+    assert check_certificate(proof).verdict == ("valid" if zero else "invalid")
+
+
+@pytest.mark.parametrize("count", [4, 8])
+@pytest.mark.parametrize("spoiled", [False, True])
+def test_each_velocity_of_many_relativistic_particles_has_two_bounds(count: int, spoiled: bool) -> None:
+    """L = -sum sqrt(1 - v^2) - V on abs(v) < 1 (Goldstein, 7.9): 2^count choices of the roots, not 4^count."""
+    names = [f"x{k}" for k in range(count)]
+    forces = {"x0": "-x1*(1-x0'^2)^(3/2)", "x1": "-x0*(1-x1'^2)^(3/2)"}
+    equations = dict.fromkeys(names, "0") | forces
+    energy = "x0*x1" if not spoiled else "x0*x1*(1+x2/1000)"
+    proof = {
+        "format": FORMAT, "system": {"coordinates": names, "equations": equations}, "question": "autonomous",
+        "conditions": [f"{q}' {bound}" for q in names for bound in ("< 1", "> -1")], "claim": "variational",
+        "kind": "lagrangian", "lagrangian": "-".join(["", *(f"sqrt(1-{q}'^2)" for q in names), energy]),
+    }  # fmt: skip
+    found = check_certificate(proof)
+    assert found.verdict == ("invalid" if spoiled else "valid"), found.reasons

@@ -150,6 +150,28 @@ HIDING = {
     "an integral named like a coordinate": of_lagrangian(
         "0", "0", "x'^2/2+y'^2/2", integrals={"x": integral("1")["F"]}, **TIMED
     ),
+    "an integral over a velocity with another derivative": of_lagrangian(
+        "-1/(1+x'^2)", "0", "F(x')-x+y'^2",
+        integrals={"G": integral("1+x'^3", "x'")["F"], "F": integral("G(x')", "x'")["F"]},
+    ),
+    "an integral over a velocity that holds a coordinate": of_lagrangian(
+        "-x^3/(1+x'^2)", "0", "F(x')-x+y'^2",
+        integrals={"G": integral("(1+x'^2)/x^3", "x'")["F"], "F": integral("G(x')", "x'")["F"]},
+    ),
+    "a velocity by way of an integral of another": of_lagrangian(
+        "-x'*y'", "0", "F(x')-x+y'^2",
+        integrals={"G": {"arguments": ["x'", "y'"], "derivatives": {"x'": "1/(x'*y')"}},
+                   "F": integral("G(x', y')", "x'")["F"]},
+    ),
+    "an integral over a velocity that holds itself": of_lagrangian(
+        "-1", "0", "F(x')-x+y'^2", integrals=integral("F(x')", "x'")
+    ),
+    "friction in an integral of both": of_lagrangian(
+        "-x'", "0", "F(x, x')-x+y'^2",
+        integrals={"G": {"arguments": ["x", "x'"], "derivatives": {"x'": "1/x'"}},
+                   "F": {"arguments": ["x", "x'"], "derivatives": {"x'": "G(x, x')"}}},
+    ),
+    "an integral without curvature": of_lagrangian("0", "0", "F(x')+y'^2", integrals=integral("1", "x'")),
     "a number for the integrals": of_lagrangian("0", "0", "x'^2/2+y'^2/2", integrals=5),
     "a list for the integrals": of_lagrangian("0", "0", "x'^2/2+y'^2/2", integrals=["F"]),
 }  # fmt: skip
