@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
 
 from flint import fmpq
 
@@ -83,19 +85,21 @@ def solve_square(matrix: Sequence[Sequence[Quotient]], right: Sequence[Quotient]
 
 
 def determinant(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> Quotient:
-    """The determinant, by expansion along the row with fewest entries; 1 for the empty matrix."""
-    if not matrix:
-        return one
-    counts = [sum(not entry.is_zero for entry in row) for row in matrix]
-    place = min(range(len(matrix)), key=lambda row: counts[row])
-    terms = []
-    for column, entry in enumerate(matrix[place]):
-        if entry.is_zero:
-            continue
-        minor = [[e for k, e in enumerate(row) if k != column] for i, row in enumerate(matrix) if i != place]
-        value = entry * determinant(minor, one)
-        terms.append(value if (place + column) % 2 == 0 else -value)
-    return sum_of(one - one, terms)
+    """The determinant, by expansion along the rows, those with fewest entries first, each minor once."""
+    order = sorted(range(len(matrix)), key=lambda i: sum(not entry.is_zero for entry in matrix[i]))
+
+    @cache
+    def minor(columns: tuple[int, ...]) -> Quotient:
+        """That of the last rows of the order and of `columns`."""
+        if not columns:
+            return one
+        row = matrix[order[len(matrix) - len(columns)]]
+        kept = [(k, column) for k, column in enumerate(columns) if not row[column].is_zero]
+        terms = [row[column] * minor(columns[:k] + columns[k + 1 :]) for k, column in kept]
+        return sum_of(one - one, [-term if k % 2 else term for (k, _), term in zip(kept, terms, strict=True)])
+
+    whole = minor(tuple(range(len(matrix))))
+    return -whole if sum(a > b for a, b in combinations(order, 2)) % 2 else whole
 
 
 def null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[list[Quotient]]:

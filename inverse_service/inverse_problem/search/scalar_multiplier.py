@@ -52,7 +52,7 @@ from inverse_service.mechanics.conditions import (
     velocity_slopes,
 )
 from inverse_service.mechanics.potential import potential
-from inverse_service.mechanics.quotient_matrices import common_multiple, determinant, null_vectors
+from inverse_service.mechanics.quotient_matrices import common_multiple, null_vectors, reduced_rows
 
 _TERMS, _WORK = 2_000, 150_000
 _MOST = 3
@@ -190,8 +190,7 @@ def _regular(setting: _Setting, table: RealTable | None) -> list[Matrix]:
     alone = [[Fraction(int(j == k)) for j in range(len(basis))] for k in range(len(basis))]
     choices = [plain, *weights, [Fraction(1)] * len(basis), *alone]
     sums = [_combined(setting, basis, choice) for k, choice in enumerate(choices) if choice not in choices[:k]]
-    one = setting.ring.constant(1)
-    found = [matrix for matrix in sums if not determinant(matrix, one).is_zero]
+    found = [matrix for matrix in sums if len(reduced_rows(matrix, range(len(matrix))).pivots) == len(matrix)]
     return sorted(found, key=lambda matrix: not _is_definite(_real(setting, matrix, table)))[:_MOST]
 
 
