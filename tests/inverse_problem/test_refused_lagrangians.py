@@ -50,3 +50,13 @@ def test_numbers_of_any_size_get_their_verdict(equations: dict[str, str]) -> Non
     result = solve({"coordinates": ["x", "y"], "equations": equations})
     assert result["verdict"] in ("variational", "not_variational"), result["reason"]
     assert {check(result)["verdict"] for _ in range(3)} == {"valid"}
+
+
+def test_four_relativistic_particles_get_the_lagrangian_that_was_refused() -> None:
+    """sqrt(1 - v^2) of four velocities, each between -1 and 1 (relativistic-7-29 of the generator)."""
+    forces = {"u": "phi^2/2", "v": "-theta", "phi": "2*(phi*u - sin(phi))", "theta": "-3*v/2"}
+    equations = {name: f"({force})*(1 - {name}'^2)^(3/2)" for name, force in forces.items()}
+    result = solve({"coordinates": list(forces), "equations": equations})
+    assert result["lagrangian"] is not None
+    assert "refused_lagrangians" not in result["provenance"]
+    assert check(result)["verdict"] == "valid"
