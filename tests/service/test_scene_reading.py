@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
@@ -156,3 +157,19 @@ def test_names_in_greek_letters_are_taken_everywhere() -> None:
     assert found.positions.tolist() == [1, 0]
     assert found.velocities.tolist() == [0, 1]
     assert found.circle == (0, 1)
+
+
+@pytest.mark.parametrize(
+    "system", [{"coordinates": ["x"], "lagrangian": "x'^2/2 - k*x^2/2"}, {"equations": {"x": "-k*x"}}]
+)
+@pytest.mark.parametrize("further", [{}, {"forces": {"x": "-x'"}}])
+def test_parameters_of_a_scene_declare_names_of_its_system(system: dict[str, Any], further: dict[str, Any]) -> None:
+    start = {"positions": {"x": 1}, "velocities": {"x": 0}}
+    scene = {"system": system, "parameters": {"k": 2}, "initial": start, "step": 0.1, "steps": 5} | further
+    scene["methods"] = ["runge-kutta"]
+    if "lagrangian" in system or not further:
+        assert read(scene).values == {"k": 2.0}
+    for name in ("x",) if further else ("x", "other"):
+        with pytest.raises(InputError, match=f"no parameter '{name}': its parameters are k") as refused:
+            read(scene | {"parameters": {"k": 2, name: 1}})
+        assert refused.value.pointer == f"/parameters/{name}"

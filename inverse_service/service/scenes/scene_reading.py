@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +11,8 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
 from inverse_service.expressions.names import declared_name
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Velocity, add, negate, walk
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, negate, walk
+from inverse_service.mechanics.document_names import Declared
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.scenes.scene_initial import read_initial, read_members
 from inverse_service.service.scenes.scene_methods import number_of, read_circle, read_grid, read_methods
@@ -124,7 +126,8 @@ TIME_REFUSED = (
 def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
     """The scene and its system; InputError with the pointer of what is wrong."""
     extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
-    system = mechanical_system(schema.system, _own(schema, extra))
+    system = mechanical_system(schema.system, extra)
+    _refuse_unknown(system, extra, _has_formulas(schema))
     names = system.names
     values = _values(schema, system)
     definitions = read_definitions(schema.functions, names)
@@ -164,11 +167,23 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
     return scene, replace(system, definitions=definitions)
 
 
-def _own(schema: SceneDocument, extra: list[str]) -> list[str]:
-    """Parameters of the scene that its terms, functions or free Lagrangian may use beyond those of the system."""
+def _has_formulas(schema: SceneDocument) -> bool:
+    """Whether the scene has formulas beyond those of its system, which may use parameters that the system has not."""
     own = (schema.terms, schema.functions, schema.free_lagrangian, schema.forces, schema.rayleigh, schema.events)
-    formulas = any(isinstance(item, dict) for item in schema.observe)
-    return extra if any(own) or formulas or _method_lagrangians(schema) else []
+    return any(own) or any(isinstance(item, dict) for item in schema.observe) or _method_lagrangians(schema)
+
+
+def _refuse_unknown(system: MechanicalSystem, extra: Sequence[str], formulas: bool) -> None:
+    """A parameter of the scene that its system neither declares nor uses, nor further formulas may."""
+    parameters, trees = system.names.parameters, (system.lagrangian, *system.constraints, *(system.accelerations or ()))
+    known = {node.name for tree in trees if tree is not None for node in walk(tree) if isinstance(node, Symbol)}
+    known |= set(Declared(parameters=(system.document or {}).get("parameters", ())).named_parameters())
+    known = set(parameters) & (set(parameters) if formulas else set(map(system.names.spelling, known)))
+    for name in extra:
+        if system.names.spelling(name) not in known:
+            names = ", ".join(name for name in parameters if name in known) or "none"
+            detail = f"the system has no parameter '{name}': its parameters are {names}."
+            raise InputError(detail, f"/parameters/{escape(name)}")
 
 
 def _method_lagrangians(schema: SceneDocument) -> bool:
@@ -180,10 +195,6 @@ def _values(schema: SceneDocument, system: MechanicalSystem) -> dict[str, float]
     texts = dict(system.values)
     for given, text in schema.parameters.items():
         name = names.spelling(declared_name(given, f"/parameters/{escape(given)}", "parameter"))
-        if name not in names.parameters:
-            known = ", ".join(names.parameters) or "none"
-            detail = f"the system has no parameter '{name}': its parameters are {known}."
-            raise InputError(detail, f"/parameters/{escape(given)}")
         texts[name] = text
     missing = [name for name in names.parameters if name not in texts]
     if missing:

@@ -199,7 +199,7 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
         schema = LagrangianDocument.model_validate({k: v for k, v in document.items() if k not in SOLVE_ONLY})
     except ValidationError as error:
         raise DocumentRefused(tuple(map(_place, error.errors(include_url=False, include_input=False)))) from None
-    parameters, values = _parameters(schema.parameters, extra)
+    parameters, values = _parameters(schema.parameters, [name for name in extra if name not in schema.coordinates])
     declared = Declared(schema.coordinates, parameters, schema.functions, schema.where, MAX_SIMULATED)
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     names = known.remaining()
@@ -221,7 +221,8 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
 
 def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
     schema = translate.to_schema(document)
-    parameters, values = _parameters(schema.parameters, extra)
+    coordinates = schema.coordinates or schema.equations
+    parameters, values = _parameters(schema.parameters, [name for name in extra if name not in coordinates])
     system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
     functions = {f.name: f.arguments for f in system.functions}
     names = document_names(Declared(system.coordinates, system.parameters, functions), {})
