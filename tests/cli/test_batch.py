@@ -191,7 +191,10 @@ def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], num
     ]
     source.write_text(written(SPRING, *hard))
     command = [*COMMAND, str(source), "--output", str(output), "--workers", "2"]
+    # A shell starts what runs in the background with Ctrl-C ignored, and children inherit that.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        signal.signal(signal.SIGINT, before)
         end = time.monotonic() + 120
         while (not output.exists() or not output.read_bytes()) and time.monotonic() < end:
             time.sleep(0.01)
