@@ -254,24 +254,28 @@ class Question:
             raise Ended("incomplete", sentence) from None
 
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
-        """What the work gives at random points modulo so many random primes, where f is defined and all roots split."""
-        found, prime = list[Any](), 0
+        """What the work gives at random points modulo so many random primes, for each choice of the roots there."""
+        found, prime, choices = list[Any](), 0, self.plan.choices
         for attempt in range(2000 + 30 * self.plan.split):
             prime = prime if attempt % 8 else self.prime()
+            seed, here, classes = self.generator.getrandbits(64), list[Any](), list[list[int]]()
             try:
-                seed = self.generator.getrandbits(64)
-                if degree and self.plan.split > 1:
-                    self.read(self.expansion(Residues(self, prime, seed), 0))
-                ring = self.expansion(Residues(self, prime, seed), degree)
-                found.append(work(ring))
+                for choice in choices if degree and len(choices) > 1 else ():  # whether there are these roots
+                    self.read(self.expansion(Residues(self, prime, seed, choice), 0))
+                for choice in choices:
+                    ring = self.expansion(Residues(self, prime, seed, choice), degree)
+                    here.append(work(ring))
+                    classes.append(ring.arithmetic.classes)
             except Undefined:
                 self.check_time()
                 continue
-            known, met = self.plan.classes or [], ring.arithmetic.classes  # one work reads further than another
-            if any(one != other for one, other in zip(known, met, strict=False)):
-                raise Ended("incomplete", "Arguments of a function agree at one point and not at another.")
-            self.plan.classes, prime = max(known, met, key=len), self.prime()
-            if len(found) == count:
+            for met in classes:
+                known = self.plan.classes or []  # one work reads further than another
+                if any(one != other for one, other in zip(known, met, strict=False)):
+                    raise Ended("incomplete", "Arguments of a function agree at one point and not at another.")
+                self.plan.classes = max(known, met, key=len)
+            found, prime = [*found, *here], self.prime()
+            if len(found) == count * len(choices):
                 return found
         raise Ended("incomplete", "No point was found at which every formula is defined.")
 
@@ -291,12 +295,13 @@ class Question:
     def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
         """Zeros by algebra, regular matrices by balls; what is not zero in the ring may be refuted by balls."""
         doubts, self.claimed = dict[int, str](), (claims, degree)
+        needed, regular = dict[int, str](), set[int]()  # which matrices, and which are for some choice of the roots
 
         def exact(ring: Expansion) -> None:
             found = claims(ring)
             doubts.update({k: text for k, (value, text) in enumerate(found.zeros) if ring.arithmetic.settle(value)})
-            for matrix, sentence in found.regular:
-                require(ring.arithmetic.regular(matrix), sentence)
+            needed.update({k: text for k, (_, text) in enumerate(found.regular)})
+            regular.update(k for k, (matrix, _) in enumerate(found.regular) if ring.arithmetic.regular(matrix))
 
         def real(ring: Expansion) -> None:
             found = claims(ring)
@@ -306,6 +311,8 @@ class Question:
                 raise Unsettled
 
         self.modulo(degree, exact, count)
+        for k, sentence in needed.items():
+            require(k in regular, sentence)
         require(not (doubts and self.rational), next(iter(doubts.values()), ""))
         if not self.rational:
             told = f"It could not be settled whether this is so: {next(iter(doubts.values()))}" if doubts else (
@@ -474,7 +481,7 @@ class Question:
         if self.functions or not self.rational or (circular and not series.get("prime")):
             return " The series was not compared: not all in it is rational, or functions are arbitrary."
         require(not circular or given.get("pi") is not None, "series.point has to give a value of pi.")
-        field = Residues(self, prime, 0)
+        field = Residues(self, prime, 0, {})
         try:
             field.values |= {
                 name: field.number(Fraction(x)) for name in (*point, "pi") if (x := given.get(name)) is not None
@@ -551,8 +558,7 @@ def certified(document: Any, tools: Tools, everywhere: bool = False) -> str:
     kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
     from .constraints import Motion  # which is a Question
-    from .definite import Definite
-    from .kinds import OfKind
+    from .kinds import Definite, OfKind
 
     moving, among = document["system"].get("velocities") is not None, document.get("among")
     require(not moving or among is None, "A motion on constraints is asked about with all Lagrangians.")

@@ -117,7 +117,7 @@ class Reader:
                 value = self.ring.power(value, int(operator[1:].strip("( \t\r\n)")))
             else:
                 tower = operator == "^"
-                value = self.ring.joined(operator, value, self.expression(BINDING[operator] - tower, depth + tower))
+                value = joined(self.ring, operator, value, self.expression(BINDING[operator] - tower, depth + tower))
         return value
 
     def atom(self, depth: int) -> Any:
@@ -138,7 +138,7 @@ class Reader:
     def call(self, token: str, values: list[Any]) -> Any:
         """A(u), A'(u), B(u, w), B[1,0](u, w) or an elementary function."""
         if token in IRRATIONAL and len(values) == 1:
-            return self.ring.elementary(token, values[0])
+            return applied(self.ring, token, values[0])
         name, _, listed = token.rstrip("]").partition("[")
         orders = [int(order) for order in listed.split(",")] if listed else [name.count("'")]
         name, orders = name.rstrip("'"), [0] * len(values) if orders == [0] else orders
@@ -147,6 +147,23 @@ class Reader:
         good = len(values) == len(orders) == len(self.ring.question.functions.get(name, ()))
         self.expect(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is no function of {len(values)} arguments")
         return self.ring.function(name, tuple(orders), values)
+
+
+def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:
+    """left operator right, for ^ exp(right log(left))."""
+    ring.question.check_time()
+    if operator in "+-":
+        return ring.add([left, right], [1, 1 if operator == "+" else -1])
+    if operator == "^":
+        return ring.elementary("exp", ring.multiply(right, ring.elementary("log", left), ring.degree))
+    return ring.multiply(left, ring.power(right, -1) if operator == "/" else right, ring.degree)
+
+
+def applied(ring: Any, name: str, u: Any) -> Any:
+    """An elementary function, by its definition in others where it has one."""
+    if name in DEFINED:
+        return Reader(ring, read_tokens(DEFINED[name], name), u=u).value
+    return ring.elementary(name, u)
 
 
 def is_root(formula: tuple[str, ...]) -> bool:

@@ -15,7 +15,7 @@ from .plan import PI, THREE, TWO, Entry
 if TYPE_CHECKING:
     from .checker import Question
 
-Number = Any  # a residue (an int or a Vector) or a ball
+Number = Any  # a residue or a ball
 Series = dict[int, Number]  # coefficients of monomials: eight bits for each exponent, the total degree on top of them
 
 
@@ -27,56 +27,16 @@ class Unsettled(Exception):
     """A ball does not say what is asked of it: more digits may."""
 
 
-class Vector:
-    """One residue for each choice of the roots: an element of F_p[r, …]/(r^N - w, …), F_p^D where all of them split."""
-
-    __slots__ = ("parts",)
-
-    def __init__(self, parts: list[int]) -> None:
-        self.parts = parts
-
-    def __add__(self, other: Vector | int) -> Vector:
-        return Vector([a + b for a, b in zip(self.parts, parts_of(other, len(self.parts)), strict=True)])
-
-    def __mul__(self, other: Vector | int) -> Vector:
-        return Vector([a * b for a, b in zip(self.parts, parts_of(other, len(self.parts)), strict=True)])
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __neg__(self) -> Vector:
-        return self * -1
-
-    def __sub__(self, other: Vector | int) -> Vector:
-        return self + -other
-
-    def __rsub__(self, other: int) -> Vector:
-        return -self + other
-
-    def __mod__(self, prime: int) -> Vector:
-        return Vector([a % prime for a in self.parts])
-
-    def __pow__(self, exponent: int, prime: int | None = None) -> Vector:
-        return Vector([pow(a, exponent, prime) for a in self.parts])
-
-    def __bool__(self) -> bool:
-        return any(self.parts)
-
-
-def parts_of(value: Number, width: int = 1) -> tuple[int, ...]:
-    """The residues for so many choices of the roots."""
-    return tuple(value.parts) if isinstance(value, Vector) else (value,) * width
-
-
 class Residues:
-    """Numbers modulo a prime: random values of all generators, and of a root all its values at once."""
+    """Numbers modulo a prime: random values of all generators, the same for each choice of the roots."""
 
-    def __init__(self, question: Question, prime: int, seed: int) -> None:
-        self.question, self.prime, self.seed, self.plan = question, prime, seed, question.plan
+    def __init__(self, question: Question, prime: int, seed: int, choice: dict[int, int]) -> None:
+        self.question, self.prime, self.seed, self.plan, self.choice = question, prime, seed, question.plan, choice
         self.generator, self.entries = random.Random(seed), iter(self.plan.entries)
-        self.powers, self.classes = dict[tuple[int, ...], tuple[int, int]](), list[int]()
-        self.known = dict[tuple[str, tuple[tuple[int, ...], ...]], int]()
+        self.powers, self.classes, self.large = dict[int, tuple[int, int]](), list[int](), 0
+        self.known = dict[tuple[str, tuple[int, ...]], int]()
         self.values = {name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))}
-        self.pairs = list[tuple[Number, Number]]()  # of a pair (l, e) the values of l and of r, where r^N = e
+        self.pairs = list[tuple[int, int]]()  # of a pair (l, e) the values of l and of r, where r^N = e
         if self.plan.pairs:
             self.i, powers = self.roots(-1, 2)[0], range(1, self.plan.turns)
             self.turn = next(z for z in self.roots(1, self.plan.turns) if all(pow(z, k, prime) != 1 for k in powers))
@@ -96,24 +56,27 @@ class Residues:
         prime = self.prime
         return {key: rest for key, value in raw.items() if (rest := value % prime)}
 
-    def number(self, value: Fraction) -> Number:
+    def number(self, value: Fraction) -> int:
         return value.numerator * self.inverse(value.denominator) % self.prime
 
-    def inverse(self, value: Number) -> Number:
-        if not all(parts_of(value % self.prime)):
+    def inverse(self, value: int) -> int:
+        if value % self.prime == 0:
             raise Undefined
         return pow(value, -1, self.prime)
 
-    def power(self, value: Number, exponent: int) -> Number:
+    def moderate_power(self, value: int, exponent: int) -> int:
+        return pow(value if exponent >= 0 else self.inverse(value), abs(exponent), self.prime)
+
+    def power(self, value: int, exponent: int) -> int:
         """Beyond MAX_POWER a generator of its own, times a moderate power; it needs a base that is not zero."""
         if abs(exponent) <= MAX_POWER:
-            return pow(value if exponent >= 0 else self.inverse(value), abs(exponent), self.prime)
-        inverse, key = self.inverse(value), parts_of(value)
-        if key not in self.powers or abs(exponent - self.powers[key][0]) > MAX_POWER:
-            self.powers[key] = exponent, self.generator.randrange(1, self.prime)
-        start, free = self.powers[key]
-        steps = exponent - start
-        return free * pow(value if steps >= 0 else inverse, abs(steps), self.prime) % self.prime
+            return self.moderate_power(value, exponent)
+        self.inverse(value)
+        self.large += 1
+        start, free = self.powers.get(value, (0, 0))
+        if abs(exponent - start) > MAX_POWER:
+            start, free = self.powers[value] = exponent, self.jet("^", self.large, ())
+        return free * self.moderate_power(value, exponent - start) % self.prime
 
     def roots(self, value: int, degree: int) -> list[int]:
         """All solutions of r^degree = value, of which there have to be so many."""
@@ -124,33 +87,21 @@ class Residues:
             raise Undefined
         return sorted(int(root) for root, _ in found)
 
-    def every_root(self, value: Number, j: int) -> Number:
-        """A vector with the root of the pair j for all choices of the plan."""
-        degree, choices = self.plan.pairs[j].scale, self.plan.choices
-        if degree == 1:
-            return value
-        parts, turn = parts_of(value, len(choices)), pow(self.turn, self.plan.turns // degree, self.prime)
-        first = {part: self.roots(part, degree)[0] for part in {*parts}}
-        powers = (pow(turn, choice[j], self.prime) for choice in choices)
-        return Vector([first[part] * power for part, power in zip(parts, powers, strict=True)]) % self.prime
-
-    def product(self, entry: Entry, times: int = 1) -> Number:
+    def product(self, entry: Entry, times: int = 1) -> int:
         """The product of the e_j^(times a_j) of a combination, from their roots."""
-        value: Number = 1
+        value = 1
         for j, a in entry.parts:
-            exponent = a * self.plan.pairs[j].scale * times
-            factor = self.pairs[j][1] if exponent >= 0 else self.inverse(self.pairs[j][1])
-            value = value * pow(factor, abs(int(exponent)), self.prime) % self.prime
-        return value
+            value = value * self.moderate_power(self.pairs[j][1], int(a * self.plan.pairs[j].scale * times))
+        return value % self.prime
 
-    def total(self, entry: Entry) -> Number:
+    def total(self, entry: Entry) -> int:
         return sum([self.pairs[j][0] * self.number(a) for j, a in entry.parts]) % self.prime
 
-    def same(self, left: Number, right: Number) -> None:
+    def same(self, left: int, right: int) -> None:
         if (left - right) % self.prime:
             raise Ended("incomplete", "A relation between functions was guessed that does not hold for all roots.")
 
-    def exp(self, value: Number) -> Number:
+    def exp(self, value: int) -> int:
         """e^l for an l with this value; for an imaginary one i l."""
         entry = next(self.entries)
         if entry.pair:
@@ -159,24 +110,25 @@ class Residues:
         self.same(value, self.total(entry))
         return self.product(entry)
 
-    def log(self, value: Number) -> Number:
+    def log(self, value: int) -> int:
         """l with e^l of this value; for an imaginary one l/i."""
         entry = next(self.entries)
         self.inverse(value)
         if entry.pair:
-            root = self.every_root(value, entry.pair)
-            self.pairs[entry.pair] = self.pairs[entry.pair][0], root
+            degree = self.plan.pairs[entry.pair].scale
+            turn = pow(self.turn, self.plan.turns // degree * self.choice.get(entry.pair, 0), self.prime)
+            self.pairs[entry.pair] = self.pairs[entry.pair][0], self.roots(value, degree)[0] * turn % self.prime
             return self.pairs[entry.pair][0]
         self.same(pow(value, entry.times, self.prime), self.product(entry, entry.times))
         return self.total(entry)
 
-    def circle(self, value: Number) -> tuple[Number, Number]:
+    def circle(self, value: int) -> tuple[int, int]:
         """(sin, cos) = ((E - 1/E)/2i, (E + 1/E)/2)."""
         there = self.exp(value)
         back, half = self.inverse(there), self.inverse(2)
         return (there - back) * half * self.inverse(self.i) % self.prime, (there + back) * half % self.prime
 
-    def angle(self, value: Number) -> Number:
+    def angle(self, value: int) -> int:
         """atan u = log((1 + iu)/(1 - iu))/2i, or where halves of it are angles, log((1 + iu)/sqrt(1 + u^2))/i."""
         turn, half = value * self.i, self.inverse(2)
         if self.question.halves:
@@ -184,9 +136,9 @@ class Residues:
             return self.log((turn + 1) * self.inverse(length) % self.prime)
         return self.log((turn + 1) * self.inverse(1 - turn) % self.prime) * half % self.prime
 
-    def class_of(self, name: str, values: list[Number]) -> int:
+    def class_of(self, name: str, values: list[int]) -> int:
         """Arguments that are equal in the ring are in one class."""
-        key = name, tuple(parts_of(value % self.prime) for value in values)
+        key = name, tuple(value % self.prime for value in values)
         self.classes.append(self.known.setdefault(key, len(self.known)))
         return self.classes[-1]
 
@@ -195,11 +147,8 @@ class Residues:
         return random.Random(f"{self.seed} {(name, number, orders)}").randrange(self.prime)
 
     def regular(self, matrix: list[list[Number]]) -> bool:
-        """Whether the determinant is not zero in the ring."""
-        width = max([len(parts_of(entry)) for row in matrix for entry in row])
-        cells = [[parts_of(entry % self.prime, width) for entry in row] for row in matrix]
-        slices = ([[int(parts[k]) for parts in row] for row in cells] for k in range(width))
-        return any(int(nmod_mat(one, self.prime).det()) for one in slices)
+        """Whether the determinant is not zero."""
+        return int(nmod_mat([[int(entry % self.prime) for entry in row] for row in matrix], self.prime).det()) != 0
 
 
 @dataclass(slots=True)

@@ -11,8 +11,8 @@ from heapq import heappop, heappush
 from itertools import accumulate, combinations_with_replacement, pairwise, product
 from typing import TYPE_CHECKING, Any
 
-from .formulas import DEFINED, MAX_POWER, Ended, Reader, read_tokens, require
-from .numbers import Arithmetic, Number, Series, Unsettled, parts_of
+from .formulas import MAX_POWER, Ended, Reader, require
+from .numbers import Arithmetic, Number, Series, Unsettled
 
 if TYPE_CHECKING:
     from .checker import Question
@@ -56,13 +56,6 @@ class Count:
         u = u if exponent >= 0 else (u[1], u[0], u[3], u[2])
         return self.bounded(*((abs(exponent) if abs(exponent) <= MAX_POWER else MAX_POWER + 1) * a for a in u))
 
-    def joined(self, operator: str, left: Any, right: Any) -> Any:
-        if operator == "^":
-            return self.elementary("exp", self.multiply(right, self.elementary("log", left)))
-        if operator in "+-":
-            return self.add([left, right])
-        return self.multiply(left, self.power(right, -1) if operator == "/" else right)
-
     def atom(self, u: Any, logarithm: bool) -> Any:
         """The degrees of all powers that occur in what Residues makes of it."""
         entry, size = next(self.entries), max(*u, 1)
@@ -77,8 +70,6 @@ class Count:
         return self.bounded(weight, weight, 1, 1)
 
     def elementary(self, name: str, u: Any) -> Any:
-        if name in DEFINED:
-            return Reader(self, read_tokens(DEFINED[name], name), u=u).value
         if name == "atan" and self.question.halves:
             length = self.atom(self.multiply(self.atom(self.add([(0, 0, 1, 0), self.multiply(u, u)]), True), u), False)
             return self.atom(self.multiply(u, length), True)
@@ -133,15 +124,6 @@ class Expansion:
     def monomials(self, degree: int) -> Iterator[int]:
         return (sum(units) for units in combinations_with_replacement(self.units, degree)) if degree >= 0 else iter(())
 
-    def joined(self, operator: str, left: Series, right: Series) -> Series:
-        """left operator right, for ^ exp(right log(left))."""
-        self.question.check_time()
-        if operator in "+-":
-            return self.add([left, right], [1, 1 if operator == "+" else -1])
-        if operator == "^":
-            return self.elementary("exp", self.multiply(right, self.elementary("log", left), self.degree))
-        return self.multiply(left, self.power(right, -1) if operator == "/" else right, self.degree)
-
     def add(self, terms: list[Series], weights: Iterable[int] = ()) -> Series:
         """The sum of the series, each times a small integer."""
         total: Series = {}
@@ -180,8 +162,6 @@ class Expansion:
         return self.compose([u], lambda k: binomial[k] and self.arithmetic.power(start, exponent - k) * binomial[k])
 
     def elementary(self, name: str, u: Series) -> Series:
-        if name in DEFINED:
-            return Series(Reader(self, read_tokens(DEFINED[name], name), u=u).value)
         number = self.arithmetic.number
         start = u[0] if 0 in u else number(Fraction(0))
         if name in ("log", "atan"):  # y with E(y) = w E(u), where E multiplies by the degree and w is the derivative
@@ -361,10 +341,7 @@ class Elimination:
             row = self.reduced(row, first) if any(key in self.order for key in row if key >= first) else row
             block = [key for key in row if key >= first]
         if block:
-            units = [key for key in block if all(parts_of(row[key]))]
-            if not units:
-                raise Ended("incomplete", "Different choices of the roots need different pivots.")
-            self.keep(row, min(units), row, name)
+            self.keep(row, min(block), row, name)
         return bool(block)
 
     def keep(self, row: Series, pivot: int, support: Iterable[int], name: Any) -> None:

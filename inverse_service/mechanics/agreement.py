@@ -14,7 +14,7 @@ from functools import reduce
 from typing import Any
 
 from inverse_service.certificate.checker import CheckResult, Claims, Question, judged
-from inverse_service.certificate.formulas import MAX_POWER, Ended, Reader, is_irrational, read_tokens
+from inverse_service.certificate.formulas import MAX_POWER, Ended, Reader, applied, is_irrational, joined, read_tokens
 from inverse_service.certificate.numbers import Balls, Undefined
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.tree import (
@@ -269,9 +269,9 @@ def _evaluated(node: Expression, ring: Ring, table: Table) -> Value:
         case Power(base, Number(value)) if value.denominator == 1:
             return ring.power(table[base], value.numerator)
         case Power(base, exponent):
-            return ring.joined("^", table[base], table[exponent])
+            return joined(ring, "^", table[base], table[exponent])
         case Apply(name, argument):
-            return ring.elementary(name, table[argument])
+            return applied(ring, name, table[argument])
         case Arbitrary(name, arguments, orders):
             return ring.function(name, orders, [table[argument] for argument in arguments])
     raise Undefined  # a leaf that the system does not know

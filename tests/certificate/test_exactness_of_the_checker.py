@@ -19,9 +19,9 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     made: list[int] = []
 
     class NotedResidues(Residues):
-        def __init__(self, question: Any, prime: int, seed: int) -> None:
+        def __init__(self, question: Any, prime: int, seed: int, choice: dict[int, int]) -> None:
             made.append(prime)
-            super().__init__(question, prime, seed)
+            super().__init__(question, prime, seed, choice)
 
     class NotedBalls(Balls):
         def __init__(self, question: Any, place: Any, classes: Any) -> None:

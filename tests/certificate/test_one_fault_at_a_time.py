@@ -209,7 +209,7 @@ def symbol_of(*kept: list[int]) -> list[int]:
     system = existence("free-pair", 2, [], [0, 0])["system"]
     question = Question((random.Random(1), float("inf")), system, timed=False)
     question.prepare(lambda ring: None)
-    ring = Expansion(Residues(question, PRIME, 1), 5)
+    ring = Expansion(Residues(question, PRIME, 1, {}), 5)
     elimination = Elimination(ring.arithmetic, ring.shift)
     left = {question.multi_index(exponents, 4) for exponents in kept}
     for key in ring.unknowns(2):
