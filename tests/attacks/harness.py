@@ -6,16 +6,17 @@ Everything stays on this machine: the attacker is 127.0.0.1, the other client 12
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
 
@@ -59,6 +60,14 @@ def cores_of(process: int) -> dict[str, Cores]:
     return found
 
 
+def memory_of(process: int) -> float:
+    """Resident memory of a process in MiB."""
+    for line in Path(f"/proc/{process}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) / 1024
+    raise AssertionError("the service is gone")
+
+
 @dataclass(frozen=True)
 class Attacked:
     """A service that runs for one test."""
@@ -92,10 +101,7 @@ class Attacked:
 
     def memory(self) -> float:
         """Resident memory of the web process in MiB."""
-        for line in Path(f"/proc/{self.process.pid}/status").read_text().splitlines():
-            if line.startswith("VmRSS:"):
-                return int(line.split()[1]) / 1024
-        raise AssertionError("the service is gone")
+        return memory_of(self.process.pid)
 
     def seconds_to_end(self) -> float:
         """SIGTERM, and how long the service takes."""
@@ -132,7 +138,8 @@ class Watch:
     """Looks at /livez as another client while an attack goes on, and at the memory of the web process.
 
     What other programs on the same cores take is no work of the service: the time for which its threads, or who looks,
-    waited for a core is taken off each look. A look is never shorter than what the loop itself did meanwhile.
+    waited for a core is taken off each look. A look is never shorter than what the loop itself did meanwhile. Who looks
+    is a process of its own: the attacker's threads would keep the interpreter from it.
     """
 
     service: Attacked
@@ -141,14 +148,21 @@ class Watch:
     memory: float = 0.0
 
     def __enter__(self) -> Watch:
-        self._end = threading.Event()
-        self._thread = threading.Thread(target=self._look)
-        self._thread.start()
+        spawn = multiprocessing.get_context("spawn")
+        self._end, theirs = spawn.Pipe()
+        self._process = spawn.Process(target=look, args=(self.service.address, self.service.process.pid, theirs))
+        self._process.start()
+        theirs.close()
+        assert self._end.recv() == "looking"
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._end.set()
-        self._thread.join()
+        self._end.send("end")
+        looks = self._end.recv()
+        self._process.join()
+        self.seconds = [each.held for each in looks]
+        self.whole = [each.whole for each in looks]
+        self.memory = max(each.memory for each in looks)
 
     @property
     def usual(self) -> float:
@@ -167,22 +181,37 @@ class Watch:
         assert self.longest < FREEZE, f"/livez took {self.longest:.3f} s"
         assert self.memory < MEMORY, f"the web process had {self.memory:.0f} MiB"
 
-    def _look(self) -> None:
-        own = Path("/proc/thread-self")
-        with self.service.other() as client:
-            while not self._end.is_set() or len(self.seconds) < FEWEST_LOOKS:
-                before, waited, began = cores_of(self.service.process.pid), Cores.of(own).waited, time.monotonic()
-                assert client.get("/livez").status_code == 200
-                self.whole.append(time.monotonic() - began)
-                self.seconds.append(self._held(before, self.whole[-1] - (Cores.of(own).waited - waited)))
-                self.memory = max(self.memory, self.service.memory())
-                time.sleep(LOOK_EVERY)
 
-    def _held(self, before: dict[str, Cores], seconds: float) -> float:
-        """What of a look the service took: all but the time for which its loop, or a thread that had the interpreter,
-        waited for a core; never less than what the loop did meanwhile."""
-        loop = str(self.service.process.pid)
-        now = {name: found for name, found in cores_of(self.service.process.pid).items() if name in before}
-        others = (now[name].waited - before[name].waited for name in now if name != loop)
-        waited = now[loop].waited - before[loop].waited + max(others, default=0.0)
-        return max(now[loop].ran - before[loop].ran, seconds - waited)
+@dataclass(frozen=True)
+class Look:
+    """One look: what of it the service took, all of it (s), and the memory of the web process (MiB)."""
+
+    held: float
+    whole: float
+    memory: float
+
+
+def look(address: str, process: int, other: Connection) -> None:
+    """Look at /livez until the other end says that it is over, and send it all looks."""
+    own, looks = Path("/proc/thread-self"), list[Look]()
+    transport = httpx.HTTPTransport(local_address=OTHER)
+    with httpx.Client(base_url=address, timeout=30.0, transport=transport) as client:
+        other.send("looking")
+        while not other.poll() or len(looks) < FEWEST_LOOKS:
+            before, waited, began = cores_of(process), Cores.of(own).waited, time.monotonic()
+            assert client.get("/livez").status_code == 200
+            whole = time.monotonic() - began
+            held = _held(process, before, whole - (Cores.of(own).waited - waited))
+            looks.append(Look(held, whole, memory_of(process)))
+            time.sleep(LOOK_EVERY)
+    other.send(looks)
+
+
+def _held(process: int, before: dict[str, Cores], seconds: float) -> float:
+    """What of a look the service took: all but the time for which its loop, or a thread that had the interpreter,
+    waited for a core; never less than what the loop did meanwhile."""
+    loop = str(process)
+    now = {name: found for name, found in cores_of(process).items() if name in before}
+    others = (now[name].waited - before[name].waited for name in now if name != loop)
+    waited = now[loop].waited - before[loop].waited + max(others, default=0.0)
+    return max(now[loop].ran - before[loop].ran, seconds - waited)
