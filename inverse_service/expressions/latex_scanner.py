@@ -11,7 +11,7 @@ from inverse_service.expressions.characters import GREEK, OPERATORS, PRIMES, SCR
 from inverse_service.expressions.tokenizer import check_length
 from inverse_service.expressions.tokens import LIMITS, Limits, limit_passed, refusal
 
-RawKind = Literal["command", "letter", "digit", "character", "end"]
+RawKind = Literal["command", "letter", "digit", "character", "condition", "end"]
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
 _MARKS = re.compile(r"\\(?:nonumber|notag)(?![A-Za-z])|\\(?:label|tag\*?)\s*\{[^{}]*\}")
 _COMMAND = re.compile(r"\\([A-Za-z]+\*?|.)", re.DOTALL)
@@ -27,7 +27,7 @@ _PLAIN = frozenset("+-*/^_(){}[]=,;&|.")
 
 @dataclass(frozen=True, slots=True)
 class Raw:
-    """One piece of LaTeX; `text` of a command is its name without the backslash."""
+    """One piece of LaTeX; `text` of a command is its name without the backslash, of a condition that in our grammar."""
 
     kind: RawKind
     text: str
@@ -47,9 +47,15 @@ def scan(text: str, limits: Limits = LIMITS) -> list[Raw]:
     place, stop = _inside_wrappers(text)
     pieces: list[Raw] = []
     space = False
-    ends = line_ends(text, place, stop)
+    piece: Raw | None
+    ends, pieces_of_cases = line_ends(text, place, stop), _conditions(text)
     while place < stop:
-        piece, place = (Raw("command", "\\", place + 1), place + 1) if place in ends else _piece(text, place, space)
+        if place in pieces_of_cases:
+            piece, place = pieces_of_cases[place]
+        elif place in ends:
+            piece, place = Raw("command", "\\", place + 1), place + 1
+        else:
+            piece, place = _piece(text, place, space)
         space = piece is None
         if piece:
             pieces.append(piece)
@@ -125,6 +131,38 @@ def _environment(text: str, place: int, end: int) -> int:
     if match is None or match.group(1) not in _ENVIRONMENTS:
         raise refusal("this environment is not accepted", place + 1, "write aligned or cases, or the equations alone")
     return match.end()
+
+
+# \begin{cases} -x & x > 0 \\ x & \text{otherwise} \end{cases} is one formula where no equation is in it.
+_COLUMNS = r"(?:\s*\{[lcr@{}| ]*\})?"
+_CASES = re.compile(rf"\\begin\s*\{{(d?cases|array)\}}{_COLUMNS}((?:(?!\\begin).)*?)\\end\s*\{{\1\}}", re.DOTALL)
+_EQUATION = re.compile(r"(?<![<>!=])=(?!=)")
+_WORD_IN_CASES = r"\\(?:text|textrm|mathrm|mbox)\s*\{\s*"
+_CONDITIONS = {
+    "piecewise": r"\\begin\s*\{\w+\}" + _COLUMNS,
+    ")": r"[,.;]?\s*(?:\\\\\s*)?\\end\s*\{\w+\}",
+    ";": r"[,.;]?\s*\\\\(?:\s*\[[^]]*\])?",
+    ",": r",?\s*&",
+    "": _WORD_IN_CASES + r"(?:if|for|when|where)?\s*\}",
+    "true": _WORD_IN_CASES + r"(?:otherwise|else)\s*\}",
+    "and": rf"\\(?:land|wedge)(?![a-z])|{_WORD_IN_CASES}and\s*\}}",
+    "or": rf"\\(?:lor|vee)(?![a-z])|{_WORD_IN_CASES}or\s*\}}",
+    "<": r"<=?|\\(?:leqslant|leq|le|lt)(?![a-z])|\u2264",
+    ">": r">=?|\\(?:geqslant|geq|ge|gt)(?![a-z])|\u2265",
+}
+_CONDITION = re.compile("|".join(f"({pattern})" for pattern in _CONDITIONS.values()))
+
+
+def _conditions(text: str) -> dict[int, tuple[Raw | None, int]]:
+    """By their places the marks of piecewise formulas in the words of the plain grammar, and the places after them."""
+    found: dict[int, tuple[Raw | None, int]] = {}
+    for cases in _CASES.finditer(text):
+        marks = [(mark, [*_CONDITIONS][(mark.lastindex or 1) - 1])
+                 for mark in _CONDITION.finditer(text, cases.start(), cases.end())]  # fmt: skip
+        compares = {"<", ">"} & {word for _, word in marks}
+        for mark, word in marks if compares and not _EQUATION.search(cases[2]) else ():
+            found[mark.start()] = Raw("condition", word, mark.start() + 1, True) if word else None, mark.end()
+    return found
 
 
 _SEPARATOR = re.compile(r"\\\\|;")

@@ -61,6 +61,8 @@ class LatexTranslator(LatexDerivatives):
         raw = self._ahead
         if raw.kind == "command":
             self._command(self._take())
+        elif raw.kind == "condition":
+            self._piece_of_cases(self._take())
         elif raw.kind == "letter":
             self._emit_name(self._with_subscript(self._word()), raw)
         elif raw.is_character(".") and self._tokens and self._raw[self._place + 1].kind == "end":
@@ -69,6 +71,14 @@ class LatexTranslator(LatexDerivatives):
             self._number()
         else:
             self._character(self._take())
+
+    def _piece_of_cases(self, raw: Raw) -> None:
+        """piecewise((a, x > 0), (b, true)) for the rows of cases."""
+        if raw.text == "piecewise":
+            self._emit_name(raw.text, raw)
+        words = {"piecewise": ["(", "("], ")": [")", ")"], ";": [")", ",", "("], "and": ["&"], "or": ["|"]}
+        for word in words.get(raw.text, [raw.text]):
+            self._emit(word, raw)
 
     def _character(self, raw: Raw) -> None:
         if raw.is_character("{"):

@@ -26,6 +26,7 @@ _CAPITALS = {
 }  # fmt: skip
 _HEADS = {"Plus": "Add", "Times": "Mul", "Power": "Pow", "pow": "Pow", "Equal": "Eq", "Equality": "Eq", "List": "Tuple"}
 _JOINED = {"Add": "+", "Mul": "*", "Pow": "^", "Eq": "=", "Tuple": ",", "Hold": ","}
+_PIECES = "Piecewise[{"  # a head that no name is
 _WORD = re.compile(r"[A-Z]")
 
 
@@ -35,7 +36,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     written = tokens
     if marks & {"[", "{"}:
         tokens = _with_round_brackets(tokens)
-    if marks & _STARTS.keys() | marks & {".", "@"} or _is_primed_call(tokens):
+    if marks & {*_STARTS, ".", "@", "Piecewise"} or _is_primed_call(tokens):
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (tokens != written or marks & DERIVATIVE_NAMES):
         column = next(token.column for token in tokens if token.text == "I")
@@ -59,7 +60,8 @@ def _with_round_brackets(tokens: Tokens) -> Tokens:
             closing.append("]" if orders else ")")
             called = token.text == "[" and place > 0 and tokens[place - 1].kind == "name" and not orders
             if called:
-                found[-1] = replace(found[-1], text=_small(found[-1].text))
+                listed = [each.text for each in tokens[place - 1 : place + 2]] == ["Piecewise", "[", "{"]
+                found[-1] = replace(found[-1], text=_PIECES if listed else _small(found[-1].text))
             found.append(token if orders else replace(token, text="(", space_before=token.space_before and not called))
         elif token.is_operator("]", "}") and closing:
             found.append(replace(token, text=closing.pop()))
@@ -260,6 +262,16 @@ def _joined(tokens: Sequence[Token], place: int, found: Tokens, names: Names) ->
     return after
 
 
+def _pieces(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+    """Mathematica's Piecewise[{{a, x > 0}, …}, b] is piecewise((a, x > 0), …, (b, true)); b is 0 if left out."""
+    (listed, *rest), after = _arguments(tokens, place + 1)
+    found += [replace(tokens[place], text="piecewise"), *_rewritten(listed[:-1], names)]
+    found += [_sign(text, tokens[place]) for text in (",", "(")]
+    found += _rewritten(rest[0], names) if rest else [Token("number", "0", tokens[place].column, False, Fraction(0))]
+    found += [*(_sign(text, tokens[place]) for text in (",", "true", ")")), tokens[after - 1]]
+    return after
+
+
 def _logarithm(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
     """Mathematica's Log[x] is log(x), and Log[b, x] is log(x, b)."""
     arguments, after = _arguments(tokens, place + 1)
@@ -294,6 +306,7 @@ _STARTS: dict[str, _Rewrite] = {
     "der": _der,
     "D": _maple_d,
     "Log": _logarithm,
+    _PIECES: _pieces,
     "Derivative": _mathematica_derivative,
 }
 

@@ -32,11 +32,11 @@ _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 _ELEMENTWISE = {".*": "*", "./": "/", ".^": "^"}  # MATLAB's, the same for numbers
 _COMPARISONS = frozenset("<>\u2264\u2265\u2260")
 # In a text with a piecewise formula: what joins conditions. A boundary belongs to no open set, so <= is <.
-_PIECEWISE = re.compile(r"\b[Pp]iecewise\s*\(")
-_CONDITION = re.compile(r"<=|>=|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
+_PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
+_CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
 _EQUALITY = re.compile(r"!?={1,2}|\u2260")
 _CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "&", "or": "|", "not": "~",
-                    "True": "true", "otherwise": "true"}  # fmt: skip
+                    "&&": "&", "||": "|", "True": "true", "otherwise": "true"}  # fmt: skip
 _REASONS = {
     "!": "factorials are not accepted, write the number",
     "%": "write the formula of one interval, or 0.5 for 50 %",
@@ -96,7 +96,7 @@ def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
             found, place = _next(text, place, space, limits)
         tokens += found
         space = character == "\n"
-        open_brackets += (character == "(") - (character == ")")
+        open_brackets += (character in "([") - (character in ")]")
         if open_brackets > limits.depth:  # here and not only in the parser: thousands of brackets are not tokenized
             raise limit_passed("the formula is nested too deeply", tokens[-1].column, limits.depth)
         if len(tokens) > limits.tokens:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from inverse_service.certificate.formulas import MAX_TEXT
 from inverse_service.deadline import now, until
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.inverse_problem.confirming import Progress, Work, check, completed, confirmed, is_confirmed
@@ -112,7 +113,7 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
 
 
 def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:
-    answer = Answer("undetermined", reason=reason)
+    answer = Answer("undetermined", reason=reason, positive=tuple(map(collect, system.positive)))
     autonomous = None if system.depends_on_time or options.time_dependent is True else answer
     with_time = None if options.time_dependent is False and not system.depends_on_time else answer
     return Solution(system, autonomous, with_time, found, {"seed": options.seed})

@@ -35,8 +35,10 @@ def branches_of(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
 
 
 def _default_first(system: SecondOrderSystem, branches: tuple[SecondOrderSystem, ...]) -> tuple[SecondOrderSystem, ...]:
-    """The branch of the point that would be taken if there were one formula comes first, as it has small numbers."""
-    table = find_real_point(tuple(map(to_kernels, system.accelerations)), _variables(system), _SEED)
+    """First comes the branch of a point with positive parameters, else of any, that one formula would be taken at."""
+    kernels, parameters = tuple(map(to_kernels, system.accelerations)), [*map(Symbol, system.parameters)]
+    points = (find_real_point(kernels, _variables(system), _SEED, positive) for positive in (parameters, ()))
+    table = next((point for point in points if point is not None), None)
     return tuple(sorted(branches, key=lambda one: table is None or not are_positive(one.positive, table)))
 
 

@@ -148,3 +148,14 @@ def test_solve_is_done_only_if_every_branch_has_a_definite_verdict(
     path = tmp_path / "system.json"
     path.write_text('{"equations": {"x": "abs(x)"}}')
     assert solving.solve_file(str(path), "json", 1.0, 1, False) == code
+
+
+@pytest.mark.parametrize(
+    "force",
+    ["-sqrt(c^2)*x", "-(c^2)^(3/2)*x^3 - sqrt(a^2)*x", "-sqrt(c^2*x^2 + c^2)*x", "-abs(a*c)*x", "-sign(a - 2*c)*c*x"],
+)
+def test_the_case_with_positive_parameters_is_shown_first(force: str) -> None:
+    result = solved({"x": force}, parameters=["a", "c"])
+    first = [text.split() for text in result["domain"]]
+    assert len(result["branches"]) > 1
+    assert not [text for text in first if text[1:] == ["<", "0"]]

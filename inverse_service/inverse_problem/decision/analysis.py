@@ -11,6 +11,8 @@ from inverse_service.algebra.point import Variable
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity, substitute
 from inverse_service.mechanics.branches import branches_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -54,6 +56,14 @@ def analyse(system: SecondOrderSystem) -> Analysis:
     roots = system.branch.roots if system.branch else ()
     steps: dict[Expression, Expression] = {node: one for node, one in roots if isinstance(node, Apply)}
     given = [to_kernels(substitute(f, steps)) for f in system.given] if system.positive else []
+    if steps and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, system.positive) is None:
+        raise IrreducibleAtoms(_alone(system))
     table = find_real_point([*kernels, *given], variables, seed=1, positive=system.positive)
     tower = reduce_atoms(kernels, variables, table)
     return Analysis(system, kernels, tower, table)
+
+
+def _alone(system: SecondOrderSystem) -> str:
+    pairs = zip(system.coordinates, system.accelerations, strict=True)
+    equations = ", ".join(f"{name}'' = {to_text(f)}" for name, f in pairs)
+    return f"other pieces of the formula seem to have no real value here: ask about this piece alone, {equations}"
