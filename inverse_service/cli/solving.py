@@ -56,8 +56,15 @@ def solve_file(
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
     if result.get("guessed") and form != "text":
-        print(f"Not declared, taken as constants: {', '.join(result['guessed'])}.", file=sys.stderr)
+        _say_what_was_guessed(result)
     return ExitCode.OPEN if _is_open(result) else ExitCode.DONE
+
+
+def _say_what_was_guessed(result: dict[str, Any]) -> None:
+    from inverse_service.service.documents.text_page import guessed_words
+
+    for words in guessed_words(result):
+        print(f"{words[:1].upper()}{words[1:]}.", file=sys.stderr)
 
 
 def kind_of_option(text: str) -> str | dict[str, list[str]]:

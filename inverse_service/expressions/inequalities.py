@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from fractions import Fraction
 
 from inverse_service.expressions.notation import Formula, row
 from inverse_service.expressions.tree import (
     PI,
     ZERO,
+    Apply,
     Arbitrary,
     Expression,
     Number,
+    Power,
+    Product,
     Sum,
     Symbol,
     Velocity,
@@ -31,6 +35,47 @@ def inequality(tree: Expression) -> Formula:
 def inequality_text(tree: Expression) -> str:
     """The same in plain text."""
     return inequality(tree).text
+
+
+def is_plainly_positive(tree: Expression) -> bool:
+    """Whether it is > 0 wherever it is defined, seen from its form alone: 1 + x^2, exp(u), sqrt(v^2 + 2)."""
+    match tree:
+        case Number(value):
+            return value > 0
+        case Sum(terms):
+            return all(map(_is_plainly_no_less, terms)) and any(map(is_plainly_positive, terms))
+        case Product(factors):
+            return all(map(is_plainly_positive, factors))
+        case Power(base, Number(exponent)) if exponent < 0:
+            return _is_plainly_no_less(tree)  # and not 0: 1/u^2, 1/sqrt(u)
+        case Power(base, _):
+            return is_plainly_positive(base)
+    return isinstance(tree, Apply) and tree.function in ("exp", "cosh")
+
+
+def _is_plainly_no_less(tree: Expression) -> bool:
+    """The same for >= 0."""
+    match tree:
+        case Sum(parts) | Product(parts):
+            return all(map(_is_plainly_no_less, parts))
+        case Power(base, Number(exponent)):
+            return exponent.numerator % 2 == 0 or exponent.denominator % 2 == 0 or _is_plainly_no_less(base)
+    return tree == ZERO or is_plainly_positive(tree)
+
+
+def is_plainly_nonzero(tree: Expression, known: Collection[Expression]) -> bool:
+    """Whether it is not 0 wherever it is defined and none of `known` is 0, seen from its form alone."""
+    if tree in known or negate(tree) in known or is_plainly_positive(tree):
+        return True
+    match tree:
+        case Number(value):
+            return value != 0
+        case Product(factors):
+            return all(is_plainly_nonzero(factor, known) for factor in factors)
+        case Power(base, exponent):
+            is_below = isinstance(exponent, Number) and exponent.value < 0
+            return is_below or is_plainly_nonzero(base, known)
+    return False
 
 
 def _sides(tree: Expression) -> tuple[Expression, Expression, bool]:

@@ -66,9 +66,10 @@ def test_the_kinds_of_lagrangians_have_an_order(autonomous: str, with_time: str,
     assert order(autonomous, with_time) == ([True, False] if timed_first else [False, True])
 
 
-def test_an_answer_without_a_lagrangian_keeps_its_place() -> None:
+@pytest.mark.parametrize("verdict", ["not_variational", "undetermined"])
+def test_an_answer_that_there_is_no_lagrangian_keeps_its_place(verdict: str) -> None:
     other = {"lagrangian": {"text": "x'^2"}}
-    result = {"system": SYSTEM, "question": "L(q, q')", "lagrangian": None, "with_time": other}
+    result = {"system": SYSTEM, "question": "L(q, q')", "lagrangian": None, "verdict": verdict, "with_time": other}
     assert [timed for _, timed in answers_of(result, result)] == [False, True]
 
 
@@ -95,7 +96,7 @@ def test_long_formulas_are_broken_between_their_terms_only() -> None:
     assert display("L = a + b") == r"\[ L = a + b \]"
 
 
-def test_kinds_say_of_which_question_case_and_point_they_speak_and_where_L_is_regular() -> None:
+def test_kinds_say_of_which_question_case_and_point_they_speak() -> None:
     document = {"equations": {"x": "-abs(x)*x'"}, "kinds": ["natural", "positive_definite", "rayleigh"]}
     result = solve_document(document, SolveOptions(time_limit=600))
     text = text_page(result, False).split("Lagrangians of a kind:")[1]
@@ -104,7 +105,6 @@ def test_kinds_say_of_which_question_case_and_point_they_speak_and_where_L_is_re
         "natural, L(q, q') on x > 0, x' > 0: no",
         f"positive_definite, L(q, q') on x > 0, x' > 0 at {near}: yes",
         "D = -x*x'^2/2",
-        "regular at generic points",
     ):
         assert line in text
     latex = latex_page(result, False)
@@ -118,3 +118,39 @@ def test_latex_has_what_there_is_instead_and_the_answer_with_another_clock() -> 
     latex = latex_page(result, False)
     assert ("Instead: " in latex) == bool(result["instead"])
     assert latex.index("With the clock dtau = (sqrt(x - 2)) dt:") < latex.index("$x > 2$")
+
+
+REGULAR = [  # equations, where L is regular, conditions of H
+    ({"x": "-x-x'/10"}, "everywhere", []),
+    ({"r": "r*a'^2-1/r^2", "a": "-2*r'*a'/r"}, "everywhere", []),
+    ({"x": "(1-x'^2)^(3/2)"}, "everywhere", []),
+    ({"x": "-atan(x)"}, "everywhere", []),
+    ({"x": "-x'^3"}, "everywhere", ["x' > 0", "p_x < 0"]),
+    ({"x": "-x*cosh(y)", "y": "-sinh(y)*x^2/2"}, "everywhere", []),
+    ({"a": "-a", "b": "a*b'^2"}, "at generic points, where det g is not 0", []),
+]
+
+
+@pytest.mark.parametrize(("equations", "regular", "conditions"), REGULAR)
+def test_L_is_regular_everywhere_where_its_multiplier_shows_it_and_H_has_no_idle_conditions(
+    equations: dict[str, str], regular: str, conditions: list[str]
+) -> None:
+    result = solve_document({"equations": equations}, SolveOptions(time_limit=600))
+    answer = next(answer for answer, _ in answers_of(result, result) if answer["lagrangian"])
+    assert answer["lagrangian"]["regular"] == regular
+    assert answer["hamiltonian"]["domain"] == conditions
+
+
+def test_a_closed_form_comes_before_a_lagrangian_that_is_only_known_to_exist() -> None:
+    result = solve_document({"equations": {"u": "-u^2-u-u'/7"}}, SolveOptions(time_limit=600))
+    assert (result["lagrangian"], result["verdict"]) == (None, "variational")
+    (first, with_time), (second, _) = answers_of(result, result)
+    assert with_time
+    assert "exp(t/7)" in first["lagrangian"]["text"]
+    assert second["verdict"] == "variational"
+
+
+def test_names_that_were_not_declared_are_said_as_what_they_were_taken_for() -> None:
+    document = {"equations": "m*x'' = -V'(x) - k*x", "parameters": "guess"}
+    text = text_page(solve_document(document, SolveOptions(time_limit=600)), False)
+    assert "not declared, taken as constants: m, k; taken as any functions: V(x)" in text

@@ -28,8 +28,7 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     lines = any_associated_lines(result.get("any_associated"), explain) + (
         [] if part is None else [*nonholonomic_lines(part), ""]
     )
-    if result.get("guessed"):
-        lines.append(f"  not declared, taken as constants: {', '.join(result['guessed'])}")
+    lines += [f"  {words}" for words in guessed_words(result)]
     lines += [*_system(result["system"]), *_cases(result)]
     for place, branch in enumerate(branches_of(result)):
         lines += [""] * (place > 0) + list(_both_answers(branch, result, explain))
@@ -111,17 +110,32 @@ def _both_answers(branch: dict[str, Any], result: dict[str, Any], explain: bool)
         yield verdict_sentence(branch["verdict_with_time"], True, branch.get("domain"))
 
 
+def guessed_words(result: Mapping[str, Any]) -> list[str]:
+    """How names that the document did not declare were taken, in one line; none where all were declared."""
+    functions = (result["system"] or {}).get("functions", {})
+    names = result.get("guessed") or []
+    taken = {
+        "as constants": [name for name in names if name not in functions],
+        "as any functions": [f"{name}({', '.join(functions[name])})" for name in names if name in functions],
+    }
+    parts = [f"taken {how}: {', '.join(found)}" for how, found in taken.items() if found]
+    return [f"not declared, {'; '.join(parts)}"] if parts else []
+
+
 def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:
     """The answers on a branch in a reader's order, each with whether it is on L(t, q, q').
 
-    The question that was asked comes first, unless the other one has a Lagrangian of a simpler kind.
+    The question that was asked comes first, unless it has a Lagrangian that was not found in closed form, or the other
+    one has a Lagrangian of a simpler kind.
     """
     main, other = (branch, asks_for_time(result)), branch["with_time"]
     if other is None:
         return [main]
     texts = [part["lagrangian"]["text"] for part in (branch, other) if part["lagrangian"]]
     kinds = [_complexity(text, result["system"]) for text in texts]
-    return [(other, True), main] if len(kinds) == 2 and kinds[1] < kinds[0] else [main, (other, True)]
+    exists_only = not branch["lagrangian"] and branch["verdict"] == "variational"
+    is_better = kinds[1] < kinds[0] if len(kinds) == 2 else exists_only and bool(texts)
+    return [(other, True), main] if is_better else [main, (other, True)]
 
 
 def _complexity(lagrangian: str, system: Mapping[str, Any]) -> int:
@@ -284,7 +298,7 @@ def forward_rows(result: dict[str, Any], form: str) -> Iterator[tuple[str, str]]
 def forward_text(result: dict[str, Any]) -> str:
     """Equations, momenta, Hamiltonian, and what is conserved, one a line."""
     title = [result["system"]["name"]] if result["system"]["name"] else []
-    guessed = [f"  not declared, taken as constants: {', '.join(result['guessed'])}"] if result["guessed"] else []
+    guessed = [f"  {words}" for words in guessed_words(result)]
     return (
         "\n".join([*title, *guessed, *(f"  {left} = {right}" for left, right in forward_rows(result, "text"))]) + "\n"
     )

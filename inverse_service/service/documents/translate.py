@@ -24,13 +24,13 @@ from api_schemas.result import (
 from api_schemas.system import NamedDocument, SystemDocument
 from inverse_service import __version__
 from inverse_service.errors import InputError
-from inverse_service.expressions.inequalities import inequality_text
+from inverse_service.expressions.inequalities import inequality_text, is_plainly_nonzero, is_plainly_positive
 from inverse_service.expressions.names import Names, declared_name
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import Acceleration, Expression, Number, Product, Sum, walk
+from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Number, Product, Sum, walk
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution, Step
 from inverse_service.mechanics import method_advice
@@ -259,12 +259,24 @@ def step_part(step: Step) -> ExplanationStep:
 
 
 def lagrangian_part(lagrangian: Lagrangian) -> LagrangianPart:
-    domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + [inequality_text(e) for e in lagrangian.positive]
-    entries = [entry for row in lagrangian.multiplier for entry in row]
-    constant = all(isinstance(node, Number | Sum | Product) for entry in entries for node in walk(entry))
-    regular = "everywhere" if constant else "at generic points, where det g is not 0"
+    domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + _inequalities(lagrangian.positive)
+    regular = "everywhere" if _is_regular_everywhere(lagrangian) else "at generic points, where det g is not 0"
     written = formula_fields(lagrangian.expression)
     return LagrangianPart(**written, domain=domain, family=lagrangian.family, regular=regular)
+
+
+def _is_regular_everywhere(lagrangian: Lagrangian) -> bool:
+    """Whether the form of g shows det g != 0 wherever L is defined: constant, or diagonal without a zero."""
+    entries = [(i == j, entry) for i, row in enumerate(lagrangian.multiplier) for j, entry in enumerate(row)]
+    if all(isinstance(node, Number | Sum | Product) for _, entry in entries for node in walk(entry)):
+        return True
+    known = {*lagrangian.nonzero, *lagrangian.positive}
+    return all(is_plainly_nonzero(entry, known) if on else entry == ZERO for on, entry in entries)
+
+
+def _inequalities(positive: Iterable[Expression]) -> list[str]:
+    """Each condition that is not seen to hold everywhere."""
+    return [inequality_text(tree) for tree in positive if not is_plainly_positive(tree)]
 
 
 def hamiltonian_part(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> HamiltonianPart:
@@ -274,7 +286,7 @@ def hamiltonian_part(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> Ha
         momenta={name: to_text(p) for name, p in zip(names, hamiltonian.momenta, strict=True)},
         implicit=hamiltonian.implicit,
         constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
-        domain=[inequality_text(tree) for tree in hamiltonian.positive],
+        domain=_inequalities(hamiltonian.positive),
     )
 
 

@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 from starlette.responses import HTMLResponse
 
 from inverse_service.expressions.characters import greek_letter
+from inverse_service.service.documents.text_page import guessed_words
 from inverse_service.service.jobs.kinds import KINDS
 from inverse_service.web.pages.assets import address
 from inverse_service.web.pages.visitor import VISITOR
@@ -47,6 +48,7 @@ def environment() -> Environment:
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
     found.globals |= {"address": address, "navigation": shown}
     found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: greek_letter(word[0]) or word[0], name)
+    found.filters["guessed_words"] = guessed_words
     found.filters["short_number"] = short_number
     found.filters["duration"] = duration
     found.filters["code_marks"] = code_marks
