@@ -35,7 +35,7 @@ def test_the_answer_is_about_the_motion_alone() -> None:
     answer = found["any_associated"]
     assert (answer["verdict"], answer["checked"]) == ("variational", "valid")
     assert answer["statement"] == "This motion can be hamiltonised, by an associated system."
-    assert answer["freedom"] == "1 function of 2 variables"
+    assert answer["freedom"] == "2 functions of 1 variable"
     assert len(answer["lagrangian"]["transverse_momenta"]) == 1
     assert check_plain(found)["verdict"] == "valid"
     assert check_plain(found, INCLINED | {"motion": {"phi": "0", "x": "0"}})["verdict"] == "invalid"

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
@@ -21,9 +21,11 @@ from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import OutOfTime, check, until
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     TIME,
+    ZERO,
     Apply,
     Expression,
     Number,
@@ -32,6 +34,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
+    substitute,
     subtract,
     walk,
 )
@@ -123,8 +126,8 @@ def _squares(motion: ConstrainedMotion) -> list[dict[Monomial, Fraction]]:
 def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Monomial]]:
     transverse = [EMPTY, *(monomial(Velocity(name)) for name in motion.dependent)]
     before = 0
-    for degree, low, high, letters, coordinates in _WIDTHS:
-        shapes = _shapes(motion, degree, low, high)
+    for (degree, low, high, letters, coordinates), inverted in itertools.product(_WIDTHS, _inverted(motion)):
+        shapes = _shapes(motion, inverted, degree, low, high)
         parts = _functions(motion, material, letters, coordinates)
         check(len(shapes) * len(transverse) + sum(map(len, parts)))
         if len(transverse) * len(shapes) * math.prod(map(len, parts)) > _MOST_PRODUCTS:
@@ -133,7 +136,7 @@ def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Mo
         reduced = [key for key in distinct(reduce(products, others)) if _is_reduced(key)]
         factors = distinct(products(constants, reduced))
         candidates = distinct(products(transverse, products(shapes, factors)))
-        if before < len(candidates) <= _MOST_TERMS:
+        if before <= len(candidates) <= _MOST_TERMS:
             before = len(candidates)
             yield candidates
 
@@ -146,14 +149,13 @@ def _is_reduced(key: Monomial) -> bool:
     )
 
 
-def _shapes(motion: ConstrainedMotion, degree: int, low: int, high: int) -> list[Monomial]:
-    """Powers low … high of the free velocities that move by themselves, products of the others to a degree."""
-    pairs = zip(motion.free, motion.free_accelerations, strict=True)
-    alone = [Velocity(name) for name, f in pairs if _is_alone(motion, name, f)]
-    constant = alone if len(alone) < len(motion.free) else []
-    moving = [Velocity(name) for name in motion.free if Velocity(name) not in constant]
+def _shapes(
+    motion: ConstrainedMotion, inverted: Sequence[Velocity], degree: int, low: int, high: int
+) -> list[Monomial]:
+    """Powers low … high of the inverted free velocities, products of the others to a degree."""
+    moving = [Velocity(name) for name in motion.free if Velocity(name) not in inverted]
     found = [EMPTY]
-    for v in constant:
+    for v in inverted:
         found = [times(key, monomial(v), e) for key in found for e in range(low, high + 1)]
     upper = [
         monomial(*chosen)
@@ -161,6 +163,14 @@ def _shapes(motion: ConstrainedMotion, degree: int, low: int, high: int) -> list
         for chosen in itertools.combinations_with_replacement(moving, count)
     ]
     return products(found, upper)
+
+
+def _inverted(motion: ConstrainedMotion) -> list[tuple[Velocity, ...]]:
+    """Which free velocities may stand in denominators: those that move by themselves, or those that keep their sign."""
+    pairs = [(Velocity(name), name, f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)]
+    alone = tuple(v for v, name, f in pairs if _is_alone(motion, name, f))
+    kept = tuple(v for v, _, f in pairs if collect(substitute(f, {v: ZERO})) == ZERO)
+    return list(dict.fromkeys(chosen if len(chosen) < len(pairs) else () for chosen in (alone, kept)))
 
 
 def _is_alone(motion: ConstrainedMotion, name: str, f: Expression) -> bool:

@@ -17,7 +17,12 @@ from inverse_service.expressions.tree import Expression, Number, Power, Velocity
 from inverse_service.inverse_problem.constrained import certify
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, analyse_motion, decide_motion
-from inverse_service.inverse_problem.constrained.lagrangian import JetOnConstraints, jet_of, own_system
+from inverse_service.inverse_problem.constrained.lagrangian import (
+    JetOnConstraints,
+    jet_of,
+    lagrangian_of_reduced,
+    own_system,
+)
 from inverse_service.inverse_problem.constrained.series import series_steps
 from inverse_service.inverse_problem.constrained.wording import finding_steps, freedom, lagrangian_steps, open_reason
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
@@ -28,7 +33,7 @@ from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, Equ
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # Of the time, what the decisions may take; the rest is for a closed form, H and the checks.
-_SHARE_OF_DECISION, _SHARE_OF_ANSATZ = 0.4, 0.5
+_SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.3, 0.5
 _STEEP = -3
 # Seconds without which no closed form is looked for: its parts do not look at the clock at every step.
 _LEAST_FOR_ANSATZ = 6.0
@@ -121,7 +126,7 @@ def _answer(work: _Work, analysed: AnalysedMotion, with_time: bool) -> MotionAns
     found = decide_motion(analysed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
     if found.exists is False:
         return _proven(work, analysed, found, with_time, "not_variational")
-    for lagrangian in _lagrangians(work, with_time, bool(found.exists)):
+    for lagrangian in _lagrangians(work, with_time):
         certificate = certify.of_lagrangian(analysed, lagrangian.lagrangian.expression, with_time)
         if _is_valid(certificate, work.left()):
             steps = (
@@ -150,8 +155,8 @@ def _is_valid(certificate: Mapping[str, Any], time_limit: float) -> bool:
     return check_certificate(certificate, time_limit=max(1.0, time_limit)).verdict == "valid"
 
 
-def _lagrangians(work: _Work, with_time: bool, exists: bool) -> Sequence[MotionLagrangian]:
-    """Those of associated systems, else what an ansatz finds where there is any to be found."""
+def _lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
+    """Those of associated systems, else of the reduced system, else what an ansatz finds."""
     fitting = [one for one in work.known if with_time or not one.with_time]
     if fitting:
         return [
@@ -160,8 +165,12 @@ def _lagrangians(work: _Work, with_time: bool, exists: bool) -> Sequence[MotionL
             )
             for one in fitting
         ]
-    if not exists or work.left() < _LEAST_FOR_ANSATZ:
+    if work.left() < _LEAST_FOR_ANSATZ:
         return []
+    work.progress("any: reduced system")
+    reduced = lagrangian_of_reduced(work.motion, with_time, work.seed, _SHARE_OF_REDUCED * work.left())
+    if reduced is not None:
+        return [_carried_on(work, reduced)]
     work.progress("any: ansatz along the constraints")
     limit = now() + _SHARE_OF_ANSATZ * work.left()
     return [_carried_on(work, tree) for tree in find_lagrangians(work.motion, with_time, work.seed, limit)[:1]]

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, negate, substitute
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Expression,
+    Number,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    negate,
+    power,
+    substitute,
+    subtract,
+)
+from inverse_service.inverse_problem.hamiltonisation.reduced import reduced_system
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.outcome import Lagrangian
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
+from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.quotient_matrices import solve_square
@@ -59,3 +77,23 @@ def own_system(lagrangian: Expression, motion: ConstrainedMotion, deadline: floa
     except (TooLarge, ZeroDivisionError):
         return None
     return SecondOrderSystem(names, found, motion.parameters, motion.functions)
+
+
+def lagrangian_of_reduced(
+    motion: ConstrainedMotion, with_time: bool, seed: int, time_limit: float
+) -> Lagrangian | None:
+    """That of r'' = F(r, r'), if these are equations of their own, with half the squares of the constraints.
+
+    l(r, r') with lambda = 0 solves the equations along the constraints; None where there is none in closed form.
+    """
+    system = reduced_system(motion)
+    if system is None:
+        return None
+    solution = solve(system, SolveOptions(with_time, seed, time_limit, conditions=False))
+    answer = solution.with_time if with_time else solution.autonomous
+    if answer is None or answer.lagrangian is None:
+        return None
+    pairs = zip(motion.dependent, motion.dependent_velocities, strict=True)
+    squares = [power(subtract(Velocity(name), w), Fraction(2)) for name, w in pairs]
+    whole = add(answer.lagrangian.expression, *(multiply(Number(Fraction(1, 2)), square) for square in squares))
+    return replace(answer.lagrangian, expression=whole, multiplier=hessian(whole, motion.coordinates))

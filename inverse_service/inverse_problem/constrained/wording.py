@@ -86,24 +86,29 @@ def open_reason(found: Finding) -> str:
 def freedom(found: Finding, n: int, with_time: bool) -> str:
     """On how many functions of how many variables L along the constraints depends, total derivatives not counted.
 
-    The dimension of the symbol in degree d + j is sum alpha_k C(k - 1 + j, k - 1); total derivatives of F(q) or
-    F(t, q) take away C(v + d + 1 + j, v) with v = n - 1 or n.
+    The dimension of the symbol in degree d + j is sum alpha_k C(k - 1 + j, k - 1); `_gauge` says what F takes away.
     """
     if found.symbol is None:
         return ""
-    highest, gauge = len(found.symbol.characters), n - 1 + with_time
+    characters, degree, variables = found.symbol.characters, found.degree, n + with_time
 
     def size(j: int) -> int:
-        total = sum(a * comb(k - 1 + j, k - 1) for k, a in enumerate(found.symbol.characters, 1)) if found.symbol else 0
-        return total - comb(gauge + found.degree + 1 + j, gauge)
+        total = sum(a * comb(k - 1 + j, k - 1) for k, a in enumerate(characters, 1))
+        return total - _gauge(degree + j, variables) + _gauge(degree + j - 1, variables)
 
-    values = [size(j) for j in range(highest + 1)]
-    degree, leading = -1, 0
+    values, power, leading = [size(j) for j in range(len(characters) + 1)], -1, 0
     while any(values):
-        degree, leading = degree + 1, values[0]
+        power, leading = power + 1, values[0]
         values = [b - a for a, b in pairwise(values)]
-    if degree < 0:
-        variables = n + with_time
-        constants = found.history[found.order][found.degree] - comb(variables + found.degree + 1, variables) + 1
+    if power < 0:
+        constants = found.history[found.order][degree] - _gauge(degree, variables)
         return f"{constants} constant{'s' * (constants != 1)}"
-    return f"{leading} function{'s' * (leading != 1)} of {degree + 1} variable{'s' * (degree > 0)}"
+    return f"{leading} function{'s' * (leading != 1)} of {power + 1} variable{'s' * (power > 0)}"
+
+
+def _gauge(degree: int, variables: int) -> int:
+    """The dimension of l = Gamma(F), lambda_a = dF/ds^a, F of so many variables, in unknowns up to a degree.
+
+    Those of F of degree up to d + 1, but for F = 1, and the derivatives along Gamma, in l, of those of degree d + 2.
+    """
+    return comb(variables + degree + 1, variables) - 1 + comb(variables + degree, variables - 1)

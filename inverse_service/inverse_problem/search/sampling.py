@@ -75,7 +75,7 @@ def make_sampler(analysis: Analysis, letters: Iterable[tuple[Expression, Fractio
     Ansätze whose letters bring no further atoms have their points in common.
     """
     extra = [to_kernels(tree) for letter, e in letters for tree in (letter, power(letter, Fraction(1, e.denominator)))]
-    wanted = [*analysis.accelerations, *dict.fromkeys(extra)]
+    wanted = [*analysis.accelerations, *analysis.constrained.values(), *dict.fromkeys(extra)]
     variables = variables_of(analysis.system)
     table = find_real_point(wanted, variables, seed=2, positive=analysis.system.positive)
     if table is None:

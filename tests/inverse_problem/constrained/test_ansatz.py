@@ -12,19 +12,26 @@ import sympy
 from benchmarks.sympy_form import SympyExpression, to_sympy, velocity
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.constrained import certify
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
 from inverse_service.inverse_problem.constrained.deciding import analyse_motion
-from inverse_service.inverse_problem.constrained.lagrangian import jet_of, own_system
+from inverse_service.inverse_problem.constrained.lagrangian import jet_of, lagrangian_of_reduced, own_system
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
-from tests.inverse_problem.constrained.motions import BLADE, disk, heisenberg, knife_edge, motion_of, particle
+from tests.inverse_problem.constrained.motions import BLADE, disk, given, heisenberg, knife_edge, motion_of, particle
 
 INCLINED = {
     "coordinates": ["phi", "x", "y"],
     "lagrangian": "m*(x'^2+y'^2)/2+J*phi'^2/2+m*g*x",
     "constraints": BLADE,
     "parameters": ["m", "J", "g"],
+}
+BALL = {
+    "coordinates": ["theta", "phi", "psi", "x", "y"],
+    "lagrangian": "(x'^2+y'^2)/2+(theta'^2+phi'^2+psi'^2+2*phi'*psi'*cos(theta))/5",
+    "constraints": ["x'-theta'*sin(psi)+phi'*sin(theta)*cos(psi)", "y'+theta'*cos(psi)+phi'*sin(theta)*sin(psi)"],
 }
 FOUND: dict[str, dict[str, Any]] = {
     "particle": particle("0"),
@@ -33,6 +40,7 @@ FOUND: dict[str, dict[str, Any]] = {
     "Heisenberg, x^2 + y^2": heisenberg("x^2+y^2"),
     "knife edge on an inclined plane": INCLINED,
     "disk on an incline": disk("-x"),
+    "particle, x": particle("x"),
 }
 
 
@@ -90,6 +98,35 @@ def test_the_own_equations_of_a_lagrangian_have_the_motion_on_the_constraints() 
     table = dict(zip(system.coordinates, system.accelerations, strict=True))
     for name, force in zip(motion.free, motion.free_accelerations, strict=True):
         assert sympy.simplify(to_sympy(table[name]).subs(on) - to_sympy(force)) == 0
+
+
+def test_the_oscillator_with_the_frequency_of_a_turning_blade_has_the_motion_of_a_knife_edge_in_a_bowl() -> None:
+    """V = x^2 + y^2: xi = x cos(phi) + y sin(phi) has xi'' = -(2 + phi'^2) xi, so its action is kept; by hand."""
+    motion = motion_of(knife_edge("x^2+y^2"))
+    names = Names(motion.coordinates, (), {})
+    xi, rate = "(x*cos(phi)+y*sin(phi))", "(x'*cos(phi)+y'*sin(phi)+(y*cos(phi)-x*sin(phi))*phi')"
+    text = f"phi'^2/2+{rate}^2/(2*sqrt(2+phi'^2))-sqrt(2+phi'^2)*{xi}^2/2+(x'*sin(phi)-y'*cos(phi))^2/2"
+    certificate = certify.of_lagrangian(analyse_motion(motion), read_formula(text, names), False)
+    assert check_certificate(certificate, seed=1).verdict == "valid"
+
+
+def test_a_rolling_ball_is_hamiltonised_by_its_reduced_system() -> None:
+    """Its angular velocity is constant: geodesics of the rotations, whatever the prolongation leaves open."""
+    motion = motion_of(BALL)
+    lagrangian = lagrangian_of_reduced(motion, False, 1, 60.0)
+    assert lagrangian is not None
+    certificate = certify.of_lagrangian(analyse_motion(motion), lagrangian.expression, False)
+    assert check_certificate(certificate, seed=1).verdict == "valid"
+
+
+def test_an_ansatz_holds_the_letters_of_constraints_that_the_accelerations_are_free_of() -> None:
+    motion = given({"x": "-x'^2", "y": "0"}, {"z": "x'*exp(x)"})
+    assert find_lagrangians(motion, False, 1, float("inf"))
+
+
+def test_there_is_no_lagrangian_of_a_reduced_system_where_none_reduces_or_none_has_one() -> None:
+    for document in (particle("z"), particle("y^2")):
+        assert lagrangian_of_reduced(motion_of(document), False, 1, 60.0) is None
 
 
 def test_where_there_is_none_nothing_is_found() -> None:

@@ -10,7 +10,7 @@ import pytest
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.constrained.certify import of_finding
 from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
-from inverse_service.inverse_problem.constrained.wording import finding_steps
+from inverse_service.inverse_problem.constrained.wording import finding_steps, freedom
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds import bivectors
 from inverse_service.linear_pde.deciding import Finding
@@ -24,6 +24,7 @@ from tests.inverse_problem.constrained.motions import (
     given,
     heisenberg,
     knife_edge,
+    motion_of,
     particle,
 )
 
@@ -37,7 +38,7 @@ ANSWERS: dict[str, tuple[dict[str, Any], bool, int]] = {
     "knife edge on an inclined plane": (knife_edge("-x"), True, 4),
     "Chaplygin sleigh": (FREE_OF | {"lagrangian": SLEIGH + "+J*phi'^2/2", "parameters": ["a", "J"]}, False, 2),
     "Chaplygin sleigh, J = 0": (FREE_OF | {"lagrangian": SLEIGH, "parameters": ["a"]}, True, 2),
-    "z' = x y (x' + y')": (heisenberg("0") | {"constraints": ["z'-x*y*x'-x*y'"]}, False, 2),
+    "z' = x y x' + x y'": (heisenberg("0") | {"constraints": ["z'-x*y*x'-x*y'"]}, False, 2),
     "particle, x": (particle("x"), True, 4),
     "particle, y": (particle("y"), False, 2),
     "particle, z": (particle("z"), True, 4),
@@ -74,7 +75,7 @@ def test_letting_the_lagrangian_depend_on_time_helps_none_of_these(name: str) ->
     assert found.exists is False
 
 
-@pytest.mark.parametrize("name", ["particle", "Chaplygin sleigh", "z' = x y (x' + y')", "particle, x", "Heisenberg, z"])
+@pytest.mark.parametrize("name", ["particle", "Chaplygin sleigh", "z' = x y x' + x y'", "particle, x", "Heisenberg, z"])
 def test_the_equations_of_the_bivectors_follow_from_the_others(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without them the same is found, with the same dimensions, at a higher order."""
     document, exists, order = ANSWERS[name]
@@ -151,6 +152,24 @@ def test_the_rank_on_the_constraints_is_told_apart_from_that_of_the_whole() -> N
     regular, doubled = decided(given({"x": "-x", "y": "-y"}, {"z": "0", "w": "0"})), PLAIN[3]
     assert regular.ranks == (2, 2)
     assert decided(given(doubled, {"z": "0", "w": "0"})).ranks == (2, 0)
+
+
+# By hand: Omega = dE ^ dtau + h(X) dX ^ dY, E = e(w) + ..., and g(a) da ^ dtheta/2 + d(e(w) - w G(a)/(2 nu)) ^ dphi for
+# the two knife edges; h(E) dE ^ dtau and a constant for the particle; L = phi(x') for x'' = 0.
+FREEDOM = {
+    "knife edge on an inclined plane": (motion_of(knife_edge("-x")), "2 functions of 1 variable"),
+    "knife edge, x^2 + y^2": (motion_of(knife_edge("x^2+y^2")), "2 functions of 1 variable"),
+    "particle, x": (motion_of(particle("x")), "1 function of 1 variable"),
+    "one free coordinate": (given({"x": "0"}, {}), "1 function of 1 variable"),
+    "Henon-Heiles": (given(PLAIN[2], {}), "1 constant"),
+    "two oscillators": (given(PLAIN[1], {}), "2 functions of 1 variable"),
+}
+
+
+@pytest.mark.parametrize("name", FREEDOM)
+def test_total_derivatives_do_not_count_as_freedom(name: str) -> None:
+    motion, expected = FREEDOM[name]
+    assert freedom(decided(motion), len(motion.coordinates), False) == expected
 
 
 def test_constraints_that_move_and_contain_time_are_decided() -> None:

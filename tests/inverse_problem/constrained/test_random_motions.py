@@ -82,7 +82,7 @@ def test_random_motions_with_five_coordinates_are_never_left_open(seeds: range) 
     assert sum(one.exists is False for one in found) >= len(found) // 4
 
 
-@pytest.mark.parametrize("seeds", [range(4), MANY])
+@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 200), marks=pytest.mark.nightly)])
 def test_each_no_of_a_random_motion_is_confirmed_by_the_checker(seeds: range) -> None:
     for seed in seeds:
         analysed = analyse_motion(random_motion(seed))
