@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,10 @@ from inverse_service.service.figures.style import (
 from inverse_service.simulation.matching_circle import turned
 
 MOST_POINTS = 4000
+PALE = "#9aa3b2"
+DASHES: Any = {
+    "solid": "-", "dash": "--", "dashdot": "-.", "dot": ":", "longdash": (0, (8, 2)), "longdashdot": (0, (8, 2, 1, 2)),
+}  # fmt: skip
 
 
 def coordinate_figure(
@@ -80,6 +84,27 @@ def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
         figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
     dots = f" Dots are every {every}th point." if every > 1 else ""
     return figure, f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate.{dots}"
+
+
+def view_figure(views: Sequence[Mapping[str, Any]], width: float, height: float) -> Figure:
+    """The views that the page's script draws too, one panel each; the true motion lies wide and pale under the rest."""
+    figure = new_figure(width, height)
+    for axes, view in zip(figure.subplots(1, len(views), squeeze=False)[0], views, strict=True):
+        for line in view["lines"]:
+            is_true = line["colour"] == "ink"
+            points = (np.asarray(line[key], dtype=float) for key in "xy")
+            look_of_line = {"linestyle": "none", "marker": ".", "markersize": 3} if view.get("dots") else {
+                "linestyle": DASHES[line["dash"]], "linewidth": 4 if is_true else 1.3}  # fmt: skip
+            colour = PALE if is_true else line["colour"]
+            axes.plot(*points, color=colour, label=plain(line["label"]), zorder=1 if is_true else 2, **look_of_line)
+        axes.set(
+            title=view["label"], xlabel=view["x"], ylabel=view["y"], yscale="log" if view.get("log_y") else "linear"
+        )
+        if view.get("equal"):
+            axes.set_aspect("equal", adjustable="datalim")
+        if view["label"]:
+            axes.legend()
+    return figure
 
 
 def _finding(result: Mapping[str, Any]) -> str:

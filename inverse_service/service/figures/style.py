@@ -35,6 +35,15 @@ SETTINGS: Any = {
     "svg.hashsalt": "inverse-service",
     "svg.fonttype": "path",
 }
+# A small picture that is read on light and on dark.
+INK = "#747d8d"
+SMALL: Any = {
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
+    "grid.color": INK,
+    "grid.alpha": 0.3,
+}
 RESOLUTION = 160
 CAPTION_SIZE = 9
 

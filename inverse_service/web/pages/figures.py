@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -15,6 +16,7 @@ TRUE = ("exact", "reference")
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
 MOST_POINTS = 2001
+MOST_CORNERS = 200  # of a line in a small picture
 DIGITS = 7
 ROUNDING = 1e-13
 SERIES = {
@@ -92,11 +94,7 @@ def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, A
         precise = [_precision_line(k, method) for k, method in enumerate(methods)]
         return [_view(title, "steady time in s", "relative error", precise, log_x=True, log_y=True)]
     if name == "path":
-        a, b = result["circle_coordinates"]
-        lines = _lines(methods, partial(_column, a), partial(_column, b))
-        # Lines between every k-th step would fill a circle to a ring.
-        thinned = any((m.get("points") or {}).get("every", 1) > result.get("record_every", 1) for m in methods)
-        return [_view(title, greek_letter(a) or a, greek_letter(b) or b, lines, equal=True, dots=thinned)]
+        return [_plane_view(title, result, result["circle_coordinates"])]
     if name == "coordinates":
         return [view for c in result["system"]["coordinates"] for view in _views_of(c, methods)]
     if name == "section":
@@ -130,17 +128,18 @@ def _sections(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     return views
 
 
-def _section_picture(result: Mapping[str, Any]) -> Any:
-    from inverse_service.service.figures.style import new_figure
+def _plane_view(title: str, result: Mapping[str, Any], pair: Sequence[str], equal: bool = True) -> dict[str, Any]:
+    """One coordinate over another."""
+    a, b = pair
+    lines = _lines(result["methods"], partial(_column, a), partial(_column, b))
+    dots = is_thinned(result)
+    return _view(title, greek_letter(a) or a, greek_letter(b) or b, lines, equal=equal, dots=dots)
 
-    views = _sections(result)[:MOST_PANELS]
-    figure = new_figure(4.0 * len(views), 3.6)
-    for axes, view in zip(figure.subplots(1, len(views), squeeze=False)[0], views, strict=True):
-        for line in view["lines"]:
-            axes.plot(line["x"], line["y"], ".", markersize=3, label=line["label"])
-        axes.set(title=view["label"], xlabel=view["x"], ylabel=view["y"])
-        axes.legend()
-    return figure
+
+def is_thinned(result: Mapping[str, Any]) -> bool:
+    """Whether points were left out: lines between every k-th step would fill a circle to a ring."""
+    every = result.get("record_every", 1)
+    return any((method.get("points") or {}).get("every", 1) > every for method in result["methods"])
 
 
 def _signed_views(name: str, result: Mapping[str, Any], methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -282,17 +281,40 @@ def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
     return stream.getvalue() or None
 
 
+def small_picture(result: Mapping[str, Any], name: str, pair: Sequence[str], equal: bool) -> str | None:
+    """A series by its name, else one coordinate over another, small, for light and dark; None without points."""
+    import matplotlib
+
+    from inverse_service.service.figures.drawing import view_figure
+    from inverse_service.service.figures.style import SETTINGS, SMALL
+
+    view = _views(name, "", result)[0] if name else _plane_view("", result, pair, equal)
+    if not view["lines"]:
+        return None
+    view["label"] = ""  # the page has title and legend
+    for line in view["lines"]:
+        every = math.ceil(len(line["x"]) / MOST_CORNERS)
+        line |= {key: line[key][::every] for key in "xy"}
+    stream = io.StringIO()
+    with matplotlib.rc_context(SETTINGS | SMALL):
+        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        view_figure([view], 4.0, 2.7).savefig(stream, format="svg", transparent=True, metadata=nothing)
+    # A tenth of a point is a third of a pixel.
+    return re.sub(r"\d+\.\d\d+", lambda place: f"{float(place[0]):.1f}", stream.getvalue())
+
+
 def _figure_of(result: Mapping[str, Any], name: str) -> Any:
     import numpy as np
 
-    from inverse_service.service.figures.drawing import coordinate_figure
+    from inverse_service.service.figures.drawing import coordinate_figure, view_figure
     from inverse_service.service.figures.paths import path_figure
     from inverse_service.service.figures.series import precision_figure, series_figure
 
     if name == "work-precision":
         return precision_figure(result)[0]
     if name == "section":
-        return _section_picture(result)
+        views = _sections(result)[:MOST_PANELS]
+        return view_figure(views, 4.0 * len(views), 3.6)
     tables = {
         method["label"]: {column: np.asarray(values, dtype=float) for column, values in columns_of(method).items()}
         for method in result["methods"]

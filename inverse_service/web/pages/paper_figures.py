@@ -1,11 +1,10 @@
 """Pictures of the gallery, drawn from scenes that the service runs when they are first looked at.
 
-The figures of section 3 of the paper, and a small one of each constrained system: two methods on one path.
+The figures of section 3 of the paper, a small one of each constrained system, two methods on one path, and sketches.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,19 +14,18 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
 from inverse_service import catalogue
+from inverse_service.service.documents.answers import value_of
+from inverse_service.web.clients import client_of
+from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.pages.calls import call
-from inverse_service.web.pages.figures import SERIES, columns_of, series
-from inverse_service.web.pages.plots import PlotLine, plot
 from inverse_service.web.pages.rendering import can_simulate, sent
-from inverse_service.web.pages.results import missing, result_address
+from inverse_service.web.pages.result_tasks import sketch_task, small_picture_task
+from inverse_service.web.pages.results import made, missing, result_address
 from inverse_service.web.pages.scenes import PLANE, scene_document, scene_form
 
 router = APIRouter()
 WAIT = "wait=20"
-MOST_POINTS = 200
-TRUE_LOOK = ("#9aa3b2", "", 5.0)
-# Told apart by colour and by dashes, on light and on dark; by the method's place among those that are not the truth.
-LOOKS = (("#3b82d0", "", 2.0), ("#d9772b", "7 4", 2.0), ("#2f9e6e", "2 4", 2.0), ("#b5659b", "9 3 2 3", 2.0))
+KEPT = {"Cache-Control": "private, max-age=3600"}
 
 
 def _both(*alphas: str) -> list[dict[str, str]]:
@@ -80,19 +78,20 @@ class PaperFigure:
     is_to_scale: bool = True
 
 
+DISK_LINES = "Solid: variational. Dashes: nonholonomic. Pale: exact. Dashes and dots: modified."
 LINES = "Solid: variational. Dashes: nonholonomic. Pale: exact."
 FIGURES = (
-    PaperFigure("disk-paths", "Rolling disk, \u03b1 = 0: paths", f"{LINES} Dots: modified.", DISK),
+    PaperFigure("disk-paths", "Rolling disk, \u03b1 = 0: paths", DISK_LINES, DISK),
     PaperFigure(
-        "disk-energy", "Rolling disk, \u03b1 = 0: energy error", f"{LINES} Dots: modified.", DISK, series="energy"
+        "disk-energy", "Rolling disk, \u03b1 = 0: energy error", DISK_LINES, DISK, series="energy"
     ),
     PaperFigure(
-        "disk-constraints", "Rolling disk, \u03b1 = 0: constraint defect", f"{LINES} Dots: modified.", DISK,
+        "disk-constraints", "Rolling disk, \u03b1 = 0: constraint defect", DISK_LINES, DISK,
         series="constraints",
     ),
     PaperFigure(
         "disk-alphas", "Rolling disk: the nonholonomic path for four \u03b1",
-        "Solid: \u03b1 = 0. Dashes: 1/3. Dots: 1/2. Dashes and dots: 1.", ALPHAS,
+        "Solid: \u03b1 = 0. Dashes: 1/3. Dashes and dots: 1/2. Dots: 1.", ALPHAS,
     ),
     PaperFigure("knife-edge-paths", "Knife edge, \u03b1 = 0: paths", LINES, KNIFE_EDGE),
     PaperFigure(
@@ -119,13 +118,27 @@ async def thumbnail(request: Request, name: str) -> Response:
     return await _drawn(request, PaperFigure(name, "", "", scene, plane_of(name)))
 
 
+@router.get("/gallery/sketches/{name}.svg")
+async def sketch(request: Request, name: str) -> Response:
+    """A motion of a system that is given by its equations."""
+    if name not in catalogue.names():
+        return missing()
+    engine: Engine = request.app.state.engine
+    outcome = await engine.run_quick(client_of(request), sketch_task, name, seconds=LONG_DEADLINE)
+    drawn = value_of(outcome)
+    return missing() if drawn is None else sent(drawn, "image/svg+xml", KEPT)
+
+
 async def _drawn(request: Request, figure: PaperFigure) -> Response:
     answer = await call(request, "POST", "/v1/simulate", dict(figure.scene), {"Prefer": WAIT})
-    if answer.status != 200 or not any(_points(figure, method) for method in answer.value["methods"]):
+    drawn = None
+    if answer.status == 200:
+        identifier = result_address(answer).rpartition("/")[2]
+        drawn = await made(request, identifier, small_picture_task, figure.series, figure.plane, figure.is_to_scale)
+    if drawn is None:
         # Not kept by the browser: the next look at the page asks again.
         return Response(status_code=503, headers={"Retry-After": "5"})
-    headers = {"Cache-Control": "private, max-age=3600"}
-    return sent(drawing(figure, answer.value), "image/svg+xml", headers)
+    return sent(drawn, "image/svg+xml", KEPT)
 
 
 def has_thumbnail(name: str) -> bool:
@@ -151,23 +164,3 @@ async def opened(request: Request, name: str) -> Response:
 
 def _figure(name: str) -> PaperFigure | None:
     return next((figure for figure in FIGURES if figure.name == name), None)
-
-
-def drawing(figure: PaperFigure, result: Mapping[str, Any]) -> str:
-    """The plot of a simulated scene; the true motion is drawn first, under the others."""
-    truth = [m for m in result["methods"] if m["method"] == "exact"]
-    others = [m for m in result["methods"] if m["method"] != "exact"]
-    looks = [(m, TRUE_LOOK) for m in truth if not figure.series] + list(zip(others, LOOKS, strict=False))
-    lines = [PlotLine(_points(figure, method), *look) for method, look in looks]
-    if figure.series:
-        return plot(lines, "t", SERIES[figure.series][1], logarithmic=True)
-    return plot(lines, *figure.plane, equal=figure.is_to_scale)
-
-
-def _points(figure: PaperFigure, method: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
-    columns = columns_of(method)
-    a = columns.get("t" if figure.series else figure.plane[0], [])
-    b = series(figure.series, method) if figure.series else columns.get(figure.plane[1], [])
-    every = max(1, math.ceil(len(a) / MOST_POINTS))
-    pairs = zip(a[::every], b[::every], strict=False)
-    return tuple((x, y) for x, y in pairs if x is not None and y is not None)

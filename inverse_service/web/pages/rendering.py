@@ -115,4 +115,4 @@ def sent(text: str, media_type: str, headers: Mapping[str, str], status: int = 2
     if VISITOR.get().takes_gzip and len(body) > WORTH_COMPRESSING:
         # What is sent holds no secret that its length could give away.
         body, more = gzip.compress(body, 5, mtime=0), more | {"Content-Encoding": "gzip"}
-    return HTMLResponse(body, status, {**headers, **more}, media_type)
+    return HTMLResponse(body, status, {**more, **headers}, media_type)

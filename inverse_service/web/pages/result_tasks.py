@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +56,16 @@ def figure_data_task(store: str, id: str) -> Outcome:
 def picture_task(store: str, id: str, name: str, ending: str) -> Outcome:
     """A figure as a file; None where the result does not have it."""
     return guard(lambda: figures.picture(_result(store, id), name, ending))
+
+
+def small_picture_task(store: str, id: str, name: str, pair: Sequence[str], equal: bool) -> Outcome:
+    """A picture of the gallery; None where there are no points."""
+    return guard(lambda: figures.small_picture(_result(store, id), name, pair, equal))
+
+
+def sketch_task(name: str) -> Outcome:
+    """The sketch of a system of the catalogue; None where there is none."""
+    return guard(lambda: importlib.import_module("inverse_service.web.pages.starts").sketch(name))
 
 
 def file_task(store: str, id: str, label: str, ending: str) -> Outcome:

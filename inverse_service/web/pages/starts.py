@@ -1,22 +1,25 @@
-"""A start from which a system can be run: the first of some that stays where its formulas have values."""
+"""A start from which a system can be run: the first of some that stays where its formulas have values; sketches."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.integrators.trajectory import Array
+from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.formulas import walls
 from inverse_service.web.pages.preview import accelerations_of
-from inverse_service.web.pages.scenes import SceneForm, scene_document
+from inverse_service.web.pages.scenes import SceneForm, scene_document, scene_form
 
 # Positions and velocities in turn of the first coordinates, the last of each for all further ones.
 STARTS = (
@@ -32,6 +35,8 @@ LARGEST = 50.0  # of accelerations and of places
 NEAR = 0.02  # a condition of the domain that comes closer to zero
 LEAST_PART = 0.1  # of the determinant of the Hessian at the start
 SHARE = 0.8
+LONGEST_TRIAL = 3.0  # s
+SIDE, MOST_CORNERS = 320, 200  # of a sketch
 
 
 def with_good_start(form: SceneForm, system: Mapping[str, Any], answer: Mapping[str, Any]) -> SceneForm:
@@ -50,18 +55,82 @@ def with_good_start(form: SceneForm, system: Mapping[str, Any], answer: Mapping[
         return form
     if found is None or scene.constraints:
         return form
-    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
-    watched += tuple(dict.fromkeys(wall for tree in found for wall in walls(tree, moving)))
-    q, v = (np.array([[part[min(k, len(part) - 1)] for k in range(len(scene.coordinates))] for part in parts])
-            for parts in zip(*STARTS, strict=True))  # fmt: skip
+    watched += _walls(scene, found)
+    q, v = _starts(len(scene.coordinates))
     with np.errstate(all="ignore"):
-        lasted, evenness = _lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
+        lasted, evenness, _ = _lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
     best = int(np.argmax(lasted + evenness))
     if not lasted[best]:
         return form
     steps = int(form.steps) if lasted[best] == int(form.steps) else max(1, int(SHARE * lasted[best]))
-    return replace(form, positions=_texts(scene.coordinates, q[best]), velocities=_texts(scene.coordinates, v[best]),
-                   steps=str(steps))  # fmt: skip
+    return _as_long_as_it_runs(
+        replace(
+            form,
+            positions=_texts(scene.coordinates, q[best]),
+            velocities=_texts(scene.coordinates, v[best]),
+            steps=str(steps),
+        ),
+        system,
+    )
+
+
+def _as_long_as_it_runs(form: SceneForm, system: Mapping[str, Any]) -> SceneForm:
+    """The form with fewer steps where a method ends before the motion does: its steps are tried."""
+    methods = simulate(scene_document(form, system), time_limit=LONGEST_TRIAL)["methods"]
+    ended = [method["steps"] for method in methods if method["outcome"] not in ("completed", "unavailable")]
+    return replace(form, steps=str(max(1, int(SHARE * min(ended))))) if ended else form
+
+
+def _walls(scene: Any, accelerations: Sequence[Expression]) -> tuple[Expression, ...]:
+    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
+    return tuple(dict.fromkeys(wall for tree in accelerations for wall in walls(tree, moving)))
+
+
+def _starts(n: int) -> Array:
+    """Positions and velocities (2, m, n) of all starts."""
+    return np.array([[[part[min(k, len(part) - 1)] for k in range(n)] for part in parts]
+                     for parts in zip(*STARTS, strict=True)])  # fmt: skip
+
+
+@lru_cache(maxsize=256)
+def sketch(name: str) -> str | None:
+    """A motion of a system of the catalogue as a small SVG without axes; None where it has none.
+
+    The two coordinates that are least proportional to each other, of a single one its velocity over it.
+    """
+    form = scene_form(catalogue.document(name), "")
+    scene, found = accelerations_of(scene_document(form, {"catalogue": name}))
+    if found is None:
+        return None
+    q, v = _starts(len(scene.coordinates))
+    with np.errstate(all="ignore"):
+        lasted, _, motion = _lasted(scene, (*found, *_walls(scene, found)), (), q, v, int(form.steps))
+    longest = int(lasted.max())
+    starts = [motion[:longest, :, k] for k in np.flatnonzero(lasted == longest)]
+    plane = min((_least_alike(start) for start in starts), key=lambda found: found[0])[1]
+    return _drawn(plane[:: 1 + longest // MOST_CORNERS]) if longest > 1 else None
+
+
+def _least_alike(motion: Array) -> tuple[float, Array]:
+    """The two columns (m, 2) of a motion (m, 2, n) that are least proportional to each other, and how much they are."""
+    columns = motion[:, 0] if motion.shape[2] > 1 else motion[:, :, 0]
+    with np.errstate(all="ignore"):
+        alike = np.nan_to_num(np.abs(np.corrcoef(columns.T)), nan=1.0)
+    pair = sorted(divmod(int(np.argmin(alike)), len(alike)))
+    return float(alike.min()), columns[:, pair]
+
+
+def _drawn(plane: Array) -> str:
+    """A line through points (m, 2) in a square; a direction in which nothing happens is not magnified."""
+    low, high = plane.min(axis=0), plane.max(axis=0)
+    size = high - low
+    size = np.where(size > 1e-6 * size.max(), size, size.max() or 1.0)
+    corners = SIDE / 2 + 0.9 * SIDE * (plane - (low + high) / 2) / size * (1, -1)
+    points = " ".join(f"{x:.0f},{y:.0f}" for x, y in corners)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {SIDE} {SIDE}"><polyline fill="none" stroke="#3b82d0" '
+        f'stroke-width="8" stroke-linejoin="round" points="{points}"/></svg>'
+    )
 
 
 def _texts(names: Sequence[str], values: Array) -> dict[str, str]:
@@ -79,10 +148,10 @@ def _left(condition: str, names: Names) -> Expression:
 
 def _lasted(
     scene: Any, formulas: Sequence[Expression], hessian: Sequence[Expression], q: Array, v: Array, steps: int
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """For how many steps the classical Runge-Kutta method stays within bounds from each start (m,).
 
-    And how even the determinant of the Hessian is on the way, from 0 to below 1.
+    And how even the determinant of the Hessian is on the way, from 0 to below 1; and the motions (steps, 2, m, n).
     """
     n, h = len(scene.coordinates), float(scene.grid.step)
 
@@ -96,6 +165,7 @@ def _lasted(
     floor = np.full_like(first[:, n:], NEAR)
     floor[:, -1] = LEAST_PART * np.abs(first[:, -1])
     least = most = np.abs(first[:, -1])
+    motion = []
     for _ in range(steps):
         a = values(q, v)
         alive &= np.isfinite(a).all(1) & (np.abs(a[:, :n]) < LARGEST).all(1) & (np.abs(q) < LARGEST).all(1)
@@ -104,10 +174,11 @@ def _lasted(
             break
         least = np.where(alive, np.minimum(least, np.abs(a[:, -1])), least)
         most = np.where(alive, np.maximum(most, np.abs(a[:, -1])), most)
+        motion.append((q, v))
         b = values(q + h / 2 * v, v + h / 2 * a[:, :n])
         c = values(q + h / 2 * (v + h / 2 * a[:, :n]), v + h / 2 * b[:, :n])
         d = values(q + h * (v + h / 2 * b[:, :n]), v + h * c[:, :n])
         q = q + h * v + h * h / 6 * (a + b + c)[:, :n]
         v = v + h / 6 * (a + 2 * b + 2 * c + d)[:, :n]
         lasted += alive
-    return lasted, np.nan_to_num(0.9 * least / most)
+    return lasted, np.nan_to_num(0.9 * least / most), np.array(motion)
