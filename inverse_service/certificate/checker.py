@@ -87,8 +87,8 @@ class Question:
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
         (self.generator, self.deadline), self.timed, claim = tools, timed, claim or {}
         self.read_system(document)
-        self.content = (self.coordinates, {*self.parameters}, self.functions, self.force_texts, self.bound)
-        self.contains_time = any("t" in force for force in self.force_texts)
+        self.content = (self.coordinates, {*self.parameters}, self.functions, self.motion, self.bound)
+        self.contains_time = any("t" in force for force in self.motion)
         require(timed or not self.contains_time, "f contains t: the question has to be time_dependent.")
         self.variables = ["t"] * timed + self.coordinates + [name + "'" for name in self.free]
         self.names = {"t", *self.variables, *self.parameters}
@@ -111,6 +111,12 @@ class Question:
         require(good, "system has to declare names once, none with a meaning of its own, and an equation for each.")
         self.force_texts = [read_tokens(forces[name], f"system.equations.{name}") for name in self.free]
         self.force_texts += [read_tokens(rates[name], f"system.velocities.{name}") for name in self.bound]
+        self.letters, self.unsolved = {name + "''" for name in self.coordinates}, list[tuple[str, ...]]()
+        if not all(map(self.letters.isdisjoint, self.force_texts)):  # E(t, q, q', q'') = 0
+            require(not self.bound, "The equations of a motion on constraints have to be solved.")
+            self.parameters = [*self.parameters, *sorted(self.letters)]
+            self.unsolved, self.force_texts = self.force_texts, [(name + "''", "") for name in self.coordinates]
+        self.motion = [*self.force_texts, *self.unsolved]
 
     def listed_rows(self) -> KindsOfRows:
         """The rows that a certificate may have."""
@@ -133,10 +139,12 @@ class Question:
             check_shape(entry, {"root": TEXT, "is": TEXT}, "roots")
             self.roots.append((read_tokens(entry["root"], "roots.root"), read_tokens(entry["is"], "roots.is")))
             require(is_root(self.roots[-1][0]), "A root has to be sqrt(w) or (w)^(a/k).")
+        sides = (side for pair in (*self.conditions, *self.roots) for side in pair)
+        require(all(map(self.letters.isdisjoint, sides)), "The set of the claim is one of t, q, q' and parameters.")
 
     def texts(self) -> list[tuple[str, ...]]:
         """The formulas of the system and of the set of the claim."""
-        return [*self.force_texts, *(side for pair in (*self.conditions, *self.roots) for side in pair)]
+        return [*self.motion, *(side for pair in (*self.conditions, *self.roots) for side in pair)]
 
     def check_time(self) -> None:
         if not time.thread_time() < self.deadline:
@@ -323,15 +331,17 @@ class Question:
         """All conditions on L itself hold, and the matrix L_(v_i v_j) is regular."""
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
         tokens = formula + self.read_integrals(document.get("integrals") or {})
+        require(self.letters.isdisjoint(tokens), "The Lagrangian contains accelerations.")
         require(self.timed or "t" not in tokens, "The Lagrangian contains t, but the question does not.")
 
         def claims(ring: Expansion) -> Claims:
             lagrangian = Reader(ring, formula).value
-            zeros = [(ring.settle(value), sentence) for value, sentence in self.residuals(ring, lagrangian)]
+            found = self.residuals(ring, lagrangian)
+            zeros = [(ring.settle(v), text) for v, text in (self.against(ring, found) if self.unsolved else found)]
             singular = f"The Hessian of the Lagrangian is singular{self.where}."
             return Claims(zeros, [(ring.hessian(lagrangian), singular)])
 
-        self.prepare(lambda ring: Reader(ring, formula).value, [tokens])
+        self.prepare(lambda ring: [Reader(ring, text).value for text in (formula, *self.unsolved)], [tokens])
         self.settle(self.jet, claims, 3 if self.rational else 2)
         there = self.where and " there"
         return f"The Euler-Lagrange equations of the Lagrangian hold{self.where} and its Hessian is regular{there}."
@@ -342,6 +352,12 @@ class Question:
             for i, name in enumerate(names):
                 sentence = f"The Euler-Lagrange equation of {name} does not hold{self.where}."
                 yield ring.value(ring.terms(kind, i), lagrangian), sentence
+
+    def against(self, ring: Expansion, residuals: Iterable[tuple[Series, str]]) -> Iterator[tuple[Series, str]]:
+        """Where the equations are not solved: what is zero if the residual is E or -E, for all q''."""
+        for (residual, sentence), equation in zip(residuals, self.unsolved, strict=True):
+            own = {0: Reader(ring, equation).value.get(0, 0)}
+            yield ring.multiply(ring.add([residual, own], [1, -1]), ring.add([residual, own]), 0), sentence
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
         """The functions that are known by one derivative, which may hold those before them; the tokens of all."""
@@ -564,6 +580,8 @@ def certified(document: Any, tools: Tools, everywhere: bool = False) -> str:
     require(not moving or among is None, "A motion on constraints is asked about with all Lagrangians.")
     about = Motion if moving else Question if among is None else Definite if among == "positive_definite" else OfKind
     asked = about(tools, document["system"], document["question"] == "time_dependent", document)
+    plain = kind == "lagrangian" and about is Question
+    require(plain or not asked.unsolved, "Equations that are not solved for q'' are proven variational by an L alone.")
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
     sentence = checks[kind](document)
     if everywhere and not asked.rational:

@@ -97,3 +97,8 @@ def _side(tokens: list[Token], end_column: int, names: Names) -> Expression:
 def read_formula(tokens: Sequence[Token], end_column: int, names: Names) -> Expression:
     """The tokens as one formula, line ends counting as spaces."""
     return _side([token for token in tokens if token.kind != "newline"], end_column, names)
+
+
+def equation_line(name: str, text: str) -> str:
+    """x'' = f, or E = 0 for an equation that is not solved for the accelerations."""
+    return f"{text} = 0" if "''" in text else f"{name}'' = {text}"

@@ -24,11 +24,13 @@ from inverse_service.inverse_problem.explanation.finding import (
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Step
 from inverse_service.inverse_problem.search.further import is_multiple, with_squared_energies
-from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
+from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome, describe
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
+# The family of Lagrangians that hold squares of energies.
+OF_ENERGIES = "functions of energies"
 log = logging.getLogger(__name__)
 
 
@@ -70,8 +72,8 @@ def is_confirmed(work: Work, tree: Expression, with_time: bool) -> bool:
     return found.verdict == "valid"
 
 
-def completed(work: Work, answer: Answer, others: list[Expression], with_time: bool) -> Answer:
-    """With the Hamiltonian, and those other Lagrangians that the checker confirms."""
+def completed(work: Work, answer: Answer, others: Found | None, with_time: bool) -> Answer:
+    """With the Hamiltonian, and those Lagrangians besides its own that were found and the checker confirms."""
     assert answer.lagrangian is not None
     began = now()
     work.progress("Hamiltonian")
@@ -79,15 +81,16 @@ def completed(work: Work, answer: Answer, others: list[Expression], with_time: b
     hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
     steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
-    raised = with_squared_energies(answer.lagrangian.expression, names)
+    raised = None if work.analysis.system.is_unsolved else with_squared_energies(answer.lagrangian.expression, names)
+    families = {} if others is None else dict.fromkeys(others.lagrangians, others.family)
     if raised is not None:
-        others, steps = [*others, tidied(raised, work.analysis.system)], (*steps, energy_step())
+        families, steps = {**families, tidied(raised, work.analysis.system): OF_ENERGIES}, (*steps, energy_step())
     valid: list[Expression] = []
-    for other in others:
+    for other in families:
         known = (answer.lagrangian.expression, *valid)
         if not any(is_multiple(one, other, names, work.analysis.real_point) for one in known):
             valid += [other] if is_confirmed(work, other, with_time) else []
-    described = tuple(describe(work.analysis, other, answer.lagrangian.family) for other in valid)
+    described = tuple(describe(work.analysis, other, families[other]) for other in valid)
     return replace(answer, hamiltonian=hamiltonian, other_lagrangians=described, explanation=steps)
 
 

@@ -35,7 +35,7 @@ from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.integrating import is_free_of_divergence
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.members import reading_class
-from inverse_service.inverse_problem.search.protocol import SearchOutcome
+from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.linear_pde.deciding import MOST_UNKNOWNS, Limits
 from inverse_service.mechanics.branches import MOST_BRANCHES, MOST_COUNTED, branches_of, on_branch
@@ -43,6 +43,10 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # Of the time left after the decision, the part that the search for a closed form may take.
 _SEARCH_SHARE = 0.5
+_UNSOLVED = (
+    "the accelerations, solved for, are too long to decide about, and the equations as given have no Lagrangian of "
+    "their own that answers this"
+)
 AS_GIVEN = "the equations as given"
 # Nodes of f up to which the space of all multipliers is computed even where L is known already.
 _SHORT = 2_000
@@ -87,8 +91,8 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
         reason = f"an acceleration, solved for, has more than {MAX_TEXT:,} characters, too many for a certificate"
         return _unreduced(system, options, None, reason)
     report = progress or (lambda _: None)
-    printed, left_out = None, ""
-    if options.conditions:
+    printed, left_out = None, "the equations are not solved for the accelerations" if system.is_unsolved else ""
+    if options.conditions and not left_out:
         report("conditions")
         printed, left_out = printed_conditions(system)
     seconds = {"conditions": now() - began}
@@ -150,23 +154,22 @@ def _as_given(work: Work) -> Answer | None:
         if with_time and work.options.time_dependent is False and not system.depends_on_time:
             return None
         if is_confirmed(work, form, with_time):
-            short = sum(1 for f in system.accelerations for _ in walk(f)) <= _SHORT
+            short = not system.is_unsolved and sum(1 for f in system.accelerations for _ in walk(f)) <= _SHORT
             decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
             found = of_lagrangian(work.analysis, with_time, form, AS_GIVEN, as_given_steps(form), decision)
-            others = _with_other_matrices(work, with_time) if short else []
+            others = _with_other_matrices(work, with_time) if short else None
             return completed(work, replace(found, checked="valid"), others, with_time)
     return None
 
 
-def _with_other_matrices(work: Work, with_time: bool) -> list[Expression]:
+def _with_other_matrices(work: Work, with_time: bool) -> Found | None:
     """Lagrangians for which another constant matrix stands in the multiplier of the one that is known."""
     if len(work.analysis.system.coordinates) == 1:
-        return []
+        return None
     with until(now() + _SEARCH_SHARE * work.left()):
-        found = search(
+        return search(
             work.analysis, with_time, work.options.seed, math.inf, work.progress, highest=_CONSTANT_MATRIX
         ).found
-    return [] if found is None else list(found.lagrangians)
 
 
 def _holds_time(answer: Answer) -> bool:
@@ -229,7 +232,7 @@ def _without_time(work: Work, answer: Answer) -> Answer | None:
     found = _proposed(work, work.autonomous, answer.lagrangian.expression)
     if check(work, found.certificate or {}).verdict != "valid":
         return None
-    return completed(work, replace(found, checked="valid"), [], with_time=False)
+    return completed(work, replace(found, checked="valid"), None, with_time=False)
 
 
 def _answer(work: Work, with_time: bool) -> Answer:
@@ -243,6 +246,8 @@ def _answer(work: Work, with_time: bool) -> Answer:
 
 
 def _decide(work: Work, with_time: bool, unknowns: int = MOST_UNKNOWNS) -> Decision:
+    if work.analysis.system.is_unsolved:
+        return Decision("undetermined", with_time, 0, _UNSOLVED)
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
     limits = Limits(deadline=work.deadline, unknowns=unknowns)
@@ -287,8 +292,9 @@ def _by_lagrangian(work: Work, decision: Decision, highest: float = math.inf) ->
     work.outcome = _searched(work, decision, highest)
     if work.outcome.found is None:
         return None
-    first, *others = work.outcome.found.lagrangians
-    return completed(work, replace(_proposed(work, decision, first), checked="valid"), others, decision.with_time)
+    found = work.outcome.found
+    answer = replace(_proposed(work, decision, found.lagrangians[0]), checked="valid")
+    return completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]), decision.with_time)
 
 
 def _proposed(work: Work, decision: Decision, tree: Expression) -> Answer:

@@ -83,7 +83,9 @@ def equations_agree(
         table, zeros = _table(ring, coordinates, ring.names), list[tuple[Value, str]]()
         for number, equation in enumerate(equations, 1):
             value = _value(equation, ring, table)
-            zeros.append((value, f"The accelerations do not satisfy equation {number} as given."))
+            zeros.append(
+                (_against(value, number, ring), f"The accelerations do not satisfy equation {number} as given.")
+            )
             second = _second_reading(texts[number - 1], ring, table) if texts else None
             if second is not None:
                 difference = ring.add([second, value], [1, -1])
@@ -94,6 +96,14 @@ def equations_agree(
     wrong = "The equations as given do not determine the accelerations."
     plain = _is_rational(equations) and not any(_is_irrational(text) for text in texts if text is not None)
     return _examined(canonical, parts, plain, (found, wrong), time_limit)
+
+
+def _against(value: Value, number: int, ring: Ring) -> Value:
+    """What is zero where E is that of the certificate or -E, if its equations are not solved: q'' are letters there."""
+    if not ring.question.unsolved:
+        return value
+    own = Reader(ring, ring.question.unsolved[number - 1]).value
+    return ring.multiply(ring.add([value, own], [1, 1]), ring.add([value, own], [1, -1]), 0)
 
 
 def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:

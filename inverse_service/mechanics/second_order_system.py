@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from inverse_service.expressions.names import Names
@@ -20,12 +21,14 @@ class FunctionDeclaration:
 class Branch:
     """Where the accelerations of a system are those of other formulas, `given`: where all of `positive` are > 0.
 
+    Where they are `unsolved`, `given` are the equations E(t, q, q', q'') = 0 that determine them.
     `roots` pairs each root of them with what it is there; one within another comes before it.
     """
 
     given: tuple[Expression, ...]
     positive: tuple[Expression, ...] = ()
     roots: tuple[tuple[Expression, Expression], ...] = ()
+    unsolved: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,16 @@ class SecondOrderSystem:
         return any(node == TIME for f in (*self.accelerations, *self.given) for node in walk(f))
 
     @property
+    def letters(self) -> tuple[Symbol, ...]:
+        """The accelerations where they are letters, as in a system that is too long to be solved for them."""
+        return tuple(f for f in self.accelerations if isinstance(f, Symbol)) if self.is_unsolved else ()
+
+    @property
+    def is_unsolved(self) -> bool:
+        """Whether only the equations are known that determine the accelerations."""
+        return self.branch is not None and self.branch.unsolved
+
+    @property
     def positive(self) -> tuple[Expression, ...]:
         """What is positive on the branch, of what names this system has."""
         names = {"t", "pi", *self.coordinates, *self.parameters}
@@ -64,6 +77,14 @@ class SecondOrderSystem:
     def given(self) -> tuple[Expression, ...]:
         """f as it was given, before its roots of squares were rewritten."""
         return self.accelerations if self.branch is None else self.branch.given
+
+
+def unsolved_system(names: Names, equations: Sequence[Expression], name: str = "") -> SecondOrderSystem:
+    """The system of E(t, q, q', q'') = 0, its accelerations letters that are named like x''."""
+    letters = tuple(Symbol(f"{coordinate}''") for coordinate in names.coordinates)
+    functions = tuple(FunctionDeclaration(function, arguments) for function, arguments in names.functions.items())
+    branch = Branch(tuple(equations), unsolved=True)
+    return SecondOrderSystem(names.coordinates, letters, names.parameters, functions, name, branch)
 
 
 def _name(node: Expression) -> str:

@@ -180,8 +180,10 @@ class Answer(dict[str, Any]):
 
     @cached_property
     def equations(self) -> dict[Any, Any]:
-        """q'' = f: the acceleration of each coordinate."""
+        """q'' = f: the acceleration of each coordinate; ValueError where f would be too long to be written."""
         table, texts = self._table, self._system.get("equations", {})
+        if any("''" in text for text in texts.values()):
+            raise ValueError("the accelerations are too long to be solved for: the equations are those that were given")
         return {table.acceleration(name): self._expression(text) for name, text in texts.items()}
 
 

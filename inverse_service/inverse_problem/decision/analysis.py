@@ -38,12 +38,13 @@ class Analysis:
 
 
 def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:
-    """t, q, v and the parameters."""
+    """t, q, v and the parameters, and accelerations that are letters."""
     return (
         TIME,
         *(Symbol(name) for name in system.coordinates),
         *(Velocity(name) for name in system.coordinates),
         *(Symbol(name) for name in system.parameters),
+        *system.letters,
     )
 
 

@@ -263,4 +263,5 @@ def _near(system: SecondOrderSystem, table: RealTable | None) -> dict[str, str]:
     names: list[tuple[str, Symbol | Velocity]] = [(name, Symbol(name)) for name in (*system.coordinates, "t")]
     names += [(f"{name}'", Velocity(name)) for name in system.coordinates]
     names += [(name, Symbol(name)) for name in system.parameters]
+    names += [(letter.name, letter) for letter in system.letters]
     return {name: mpmath.nstr(table[key], _DIGITS) for name, key in names if key in table}

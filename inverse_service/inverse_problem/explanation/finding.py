@@ -169,7 +169,7 @@ def search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
 
 def verification_steps(analysis: Analysis, lagrangian: Lagrangian) -> tuple[Step, ...]:
     """The Helmholtz conditions for its multiplier, worked out where they are short."""
-    return explain_positive(analysis.system, lagrangian.multiplier).steps
+    return () if analysis.system.is_unsolved else explain_positive(analysis.system, lagrangian.multiplier).steps
 
 
 def hamiltonian_of(

@@ -137,7 +137,10 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> t
     """
     lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates]
     if any(sum(1 for tree in line for _ in walk(tree)) > _LONGEST for line in lines):
-        return (said("Put into `d/dt(dL/dq') - dL/dq = 0`, `L` gives equations that `f` satisfies identically."),)
+        those = (
+            "the equations as they are written" if system.is_unsolved else "equations that `f` satisfies identically"
+        )
+        return (said(f"Put into `d/dt(dL/dq') - dL/dq = 0`, `L` gives {those}."),)
     sentences = [_sentence(name, *line) for name, line in zip(system.coordinates, lines, strict=True)]
     concluded = [*sentences[-1], " ", *_conclusion(system, [line[3] for line in lines])]
     return tuple(said(*pieces) for pieces in (*sentences[:-1], concluded))
@@ -164,6 +167,8 @@ def _sentence(
 
 
 def _conclusion(system: SecondOrderSystem, equations: Sequence[Expression]) -> list[Piece]:
+    if system.is_unsolved:
+        return ["These are the equations as they are written."]
     pairs = list(zip(system.coordinates, system.accelerations, strict=True))
     motion: list[Formula] = [row(Acceleration(name), " = ", f) for name, f in pairs]
     if len(pairs) > 1:

@@ -213,7 +213,7 @@ def _answers_all(result: dict[str, Any], given: object) -> CheckResult | None:
         if is_nonholonomic(document) or is_motion(document):
             return None
         schema = translate.to_schema(document)
-        system = translate.to_system(schema)
+        system = translate.to_solvable(schema)
         kinds = {kind.name: translate.plain(kind.among) for kind in to_kinds(schema, system)}
     except InputError:
         return CheckResult("invalid", ("The document as given cannot be read.",))

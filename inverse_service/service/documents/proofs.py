@@ -67,6 +67,8 @@ def _certificate(result: dict[str, Any]) -> dict[str, Any]:
 def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]:
     given = certificate["system"]
     functions = {name: tuple(arguments) for name, arguments in (given.get("functions") or {}).items()}
+    if any("''" in text for text in given["equations"].values()):
+        raise NoTheorem("the equations are not solved for the accelerations")
     system = read_system(given["coordinates"], given["equations"], given.get("parameters") or (), functions)
     budget = Budget(TERM_LIMIT, now() + TIME_LIMIT)
     if certificate["kind"] == "nonexistence":

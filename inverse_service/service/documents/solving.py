@@ -40,7 +40,7 @@ def solve_document(
     """
     end = now() + options.time_limit
     schema = translate.to_schema(document)
-    system = translate.to_system(schema)
+    system = translate.to_solvable(schema)
     share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
@@ -106,7 +106,7 @@ def with_special_cases(
 
 def parse(schema: SystemDocument) -> ParseAnswer:
     """What was understood of a System document; raises InputError."""
-    system = translate.to_system(schema)
+    system = translate.to_solvable(schema)
     translate.to_ansatz(schema, system)
     _kinds(schema, system), _clock(schema, system)
     return translate.to_parse_answer(system, schema)

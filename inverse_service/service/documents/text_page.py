@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
@@ -188,7 +189,7 @@ def _system(system: dict[str, Any] | None) -> Iterator[str]:
         return
     if system["name"]:
         yield system["name"]
-    yield from (f"  {coordinate}'' = {text}" for coordinate, text in system["equations"].items())
+    yield from (f"  {equation_line(*pair)}" for pair in system["equations"].items())
     yield ""
 
 

@@ -23,7 +23,8 @@ from api_schemas.result import (
 )
 from api_schemas.system import NamedDocument, SystemDocument
 from inverse_service import __version__
-from inverse_service.errors import InputError
+from inverse_service.algebra.sign_cases import sign_cases
+from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.inequalities import inequality_text, is_plainly_nonzero, is_plainly_positive
 from inverse_service.expressions.names import Names, declared_name
 from inverse_service.expressions.printing import to_text
@@ -33,10 +34,11 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Number, Product, Sum, walk
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Hamiltonian, Lagrangian, Matrix, Solution, Step
+from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.reading import read_given, read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, unsolved_system
 from inverse_service.service.documents.refusals import validated
 
 if TYPE_CHECKING:
@@ -47,6 +49,10 @@ if TYPE_CHECKING:
 
     AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
     Asking = SystemDocument | NonholonomicDocument | MotionDocument
+
+
+# Nodes of all accelerations, beyond which nobody reads them.
+_MOST_NODES = 20_000
 
 
 def to_schema(document: Any) -> SystemDocument:
@@ -64,6 +70,29 @@ def to_system(schema: SystemDocument) -> SecondOrderSystem:
         name=schema.name,
         where=schema.where,
     )
+
+
+def to_solvable(schema: SystemDocument) -> SecondOrderSystem:
+    """The system of a document to be solved; its equations as given where these are Euler-Lagrange equations already.
+
+    That is where the accelerations, solved for, are too long to be written, or fill pages. InputError as `to_system`.
+    """
+    if schema.special_cases or schema.kinds or schema.clock or schema.near or isinstance(schema.equations, Mapping):
+        return to_system(schema)
+    system = None
+    try:
+        system = to_system(schema)
+        if sum(1 for f in system.accelerations for _ in walk(f)) <= _MOST_NODES:
+            return system
+    except LimitError:
+        pass
+    given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
+    found = unsolved_system(given.names, given.residuals, schema.name)
+    own = zip(found.coordinates, found.given, strict=True)
+    plain = all(Acceleration(name) in walk(f) for name, f in own) and not next(sign_cases(given.residuals)).roots
+    if plain and lagrangian_as_given(found, given.residuals) is not None:
+        return found
+    return system or to_system(schema)
 
 
 def to_given(schema: SystemDocument) -> tuple[Expression, ...]:
@@ -101,12 +130,13 @@ def _term(text: str, names: Names, schema: Asking, pointer: str) -> Expression:
 
 def to_parse_answer(system: SecondOrderSystem, schema: AnyDocument) -> ParseAnswer:
     """What was understood, for a reader to compare with what was meant."""
+    shown = system.given if system.is_unsolved else system.accelerations
     return ParseAnswer(
         name=system.name,
         coordinates=list(system.coordinates),
         parameters=list(system.parameters),
         functions=function_fields(system),
-        equations={name: parsed(f) for name, f in zip(system.coordinates, system.accelerations, strict=True)},
+        equations={name: parsed(f) for name, f in zip(system.coordinates, shown, strict=True)},
         depends_on_time=system.depends_on_time,
         guessed=guessed_names(schema, system),
     )
@@ -143,7 +173,10 @@ def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
     pairs = list(zip(system.coordinates, system.given, strict=True))
     return {
         "equations": {name: to_text(f) for name, f in pairs},
-        "latex": {name: f"{to_latex(Acceleration(name))} = {to_latex(f)}" for name, f in pairs},
+        "latex": {
+            name: f"{to_latex(f)} = 0" if system.is_unsolved else f"{to_latex(Acceleration(name))} = {to_latex(f)}"
+            for name, f in pairs
+        },
     }
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from inverse_service.certificate.formulas import FORMAT
+from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
 from inverse_service.service.documents.text_page import QUESTIONS as QUESTION
 from inverse_service.service.documents.text_page import answers_of, regular_where
@@ -227,16 +228,16 @@ def own_of(check: Mapping[str, Any], names: Names) -> OwnLagrangian:
 
 
 def equations_of(system: Mapping[str, Any]) -> list[Markup]:
-    """The equations of motion, solved for the accelerations."""
+    """The equations of motion, as a rule solved for the accelerations."""
     names = typesetting.names_of(system)
-    return [typesetting.formula(f"{name}'' = {f}", names) for name, f in system["equations"].items()]
+    return [typesetting.formula(equation_line(*pair), names) for pair in system["equations"].items()]
 
 
 def title_of(result: Mapping[str, Any]) -> str:
     """What tells this result from others in tabs and bookmarks: its name or first equation, and the verdict."""
     system = result["system"] or {}
     lines = list((system.get("equations") or {}).items())
-    first = f"{lines[0][0]}'' = {lines[0][1]}" if lines else "A system"
+    first = equation_line(*lines[0]) if lines else "A system"
     given = (system.get("given") or {}).get("lagrangian")
     constrained = f"L = {given} with constraints" if given else ""
     named = constrained or system.get("name") or (first if len(lines) < 2 else f"{first}, \u2026")

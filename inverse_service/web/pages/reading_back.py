@@ -10,6 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import Acceleration, Symbol
@@ -89,8 +90,9 @@ def _equations(answer: Mapping[str, Any]) -> list[Line]:
     for coordinate, found in answer["equations"].items():
         left = to_mathml(Acceleration(coordinate)).partition(">")[2].removesuffix("</math>")
         right = str(typesetting.parsed(found["mathml"])).partition(">")[2].removesuffix("</math>")
-        math = typesetting.math(f"<mrow>{left}<mo>=</mo>{right}</mrow>")
-        lines.append(Line(f"{coordinate}'' = {found['text']}", math))
+        solved = "''" not in found["text"]
+        line = f"{left}<mo>=</mo>{right}" if solved else f"{right}<mo>=</mo><mn>0</mn>"
+        lines.append(Line(equation_line(coordinate, found["text"]), typesetting.math(f"<mrow>{line}</mrow>")))
     return lines
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from starlette.responses import HTMLResponse
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.equations import equation_line
 from inverse_service.service.documents import documents
 from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.opening import stored_answer
@@ -178,7 +179,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         check=check,
         own=answers.own_of(check, typesetting.names_of(system)) if check and "lagrangian" in check else None,
         equations=[] if system is None else answers.equations_of(system),
-        texts=[f"{name}'' = {f}" for name, f in (system or {"equations": {}})["equations"].items()],
+        texts=[equation_line(*pair) for pair in (system or {"equations": {}})["equations"].items()],
         main=main,
         other=other,
         branches=[answers.shown_of(branch, found) for branch in found.get("branches", ())[1:]],

@@ -155,7 +155,9 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
     if "result" in system:
         shown = system["result"]["system"]
         kept = ("coordinates", "parameters", "functions", "equations")
-        form = scene_form({key: shown[key] for key in kept if key in shown}, shown["name"] or UNNAMED, **address)
+        solved = {key: shown[key] for key in kept if key in shown}
+        unsolved = any("''" in text for text in shown["equations"].values())
+        form = scene_form(shown["given"] if unsolved else solved, shown["name"] or UNNAMED, **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretise but the equations.
         return form if any(a.get("lagrangian") for a in answers) else replace(form, methods=WITHOUT_LAGRANGIAN)

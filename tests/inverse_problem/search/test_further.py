@@ -9,9 +9,10 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ZERO, subtract
+from inverse_service.inverse_problem.confirming import OF_ENERGIES
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.further import with_squared_energies
-from inverse_service.inverse_problem.solving import solve
+from inverse_service.inverse_problem.solving import AS_GIVEN, solve
 from inverse_service.mechanics.reading import read_given, read_system
 
 # Currie and Saletan, J. Math. Phys. 7 (1966); Hojman and Harleston, J. Math. Phys. 22 (1981).
@@ -72,3 +73,14 @@ def test_multiples_of_what_is_shown_are_not_shown_again() -> None:
     equations = ["x'' = -exp(y^2)*sin(x)/(3*y'^2)", "y'' = (3*x'*y'^3*y + 2*exp(y^2)*sin(x))/(3*x'*y')"]
     _, others, _ = _others(equations, [])
     assert others == []
+
+
+def test_each_of_the_other_lagrangians_says_where_it_comes_from() -> None:
+    system = read_system(["x", "y"], {"x": "-x", "y": "-4*y"})
+    answer = solve(system, SolveOptions()).autonomous
+    assert answer is not None
+    assert answer.lagrangian is not None
+    assert answer.lagrangian.family == AS_GIVEN
+    assert answer.other_lagrangians
+    assert AS_GIVEN not in {other.family for other in answer.other_lagrangians}
+    assert answer.other_lagrangians[-1].family == OF_ENERGIES
