@@ -95,7 +95,7 @@ class ConditionsPart(Document):
 class UnderstoodSystem(Document):
     """The system as understood: canonical equations, one text and one LaTeX line a coordinate.
 
-    As a rule `equations` are the accelerations; a text with x'' in it is an equation E = 0 that was not solved for them.
+    As a rule `equations` are the accelerations; a text with x'' in it is an equation E = 0, not solved for them.
 
     `given` is the document as it was given; `time` is what it calls the time.
     """

@@ -12,12 +12,23 @@ from mpmath import mp, mpf
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate_once
-from inverse_service.expressions.tree import PI, Arbitrary, Expression, Number, Product, Sum, Symbol, Velocity, walk
+from inverse_service.expressions.tree import (
+    PI,
+    Arbitrary,
+    Expression,
+    Number,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    distinct_nodes,
+)
 
 DIGITS = 60
 AGREEING_DIGITS = 40
 _ROUGH_DIGITS, _MOST_DIGITS = 2, 300
-_MOST_POINTS = 20
+_MOST_POINTS, _FEWER_POINTS = 20, 8
+_MANY_NAMES = 100
 _MOST_POSITIVE = 6
 _FEWEST_POINTS = 3
 _ATTEMPTS = 500
@@ -47,7 +58,7 @@ class Judgement:
 
 
 def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = ()) -> list[Point]:
-    """Up to 20 points at which every tree is real, six of them with all names positive, parameters too.
+    """Up to 20 points (8 of many names) at which every tree is real, six of them with all names positive, parameters too.
 
     All trees of `positive` are so at each of them.
 
@@ -55,6 +66,7 @@ def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = 
     """
     leaves, calls = _leaves((*trees, *positive))
     source, boxes = random.Random(_SEED), _boxes(positive)
+    most = _MOST_POINTS if len(leaves) <= _MANY_NAMES else _FEWER_POINTS
     found: list[Point] = []
     in_all = 0
     with mp.workdps(DIGITS):
@@ -72,14 +84,16 @@ def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = 
             if inside and all(value(tree, point) is not None for tree in trees):
                 found.append(point)
                 in_all += in_quadrant
-            if len(found) == _MOST_POINTS:
+            if len(found) == most:
                 break
     return found
 
 
 def _leaves(trees: Sequence[Expression]) -> tuple[list[Expression], dict[Expression, Expression]]:
     """What is drawn, and for every call of an arbitrary function its canonical form, which is drawn too."""
-    nodes = dict.fromkeys(node for tree in (*trees, *map(collect, trees)) for node in walk(tree))
+    nodes = dict.fromkeys(distinct_nodes(trees))
+    if any(isinstance(node, Arbitrary) for node in nodes):  # calls that only collecting brings to light
+        nodes |= dict.fromkeys(distinct_nodes(map(collect, trees)))
     calls: dict[Expression, Expression] = {node: collect(node) for node in nodes if isinstance(node, Arbitrary)}
     drawn = [node for node in nodes if isinstance(node, Symbol | Velocity) and node != PI]
     return [*drawn, *dict.fromkeys(calls.values())], calls
