@@ -18,6 +18,7 @@ from inverse_service.expressions.tree import (
     Power,
     Product,
     Sum,
+    Symbol,
     Velocity,
     add,
     multiply,
@@ -66,10 +67,19 @@ def shortest(forms: Sequence[Expression]) -> Expression:
 def simplified(tree: Expression) -> Expression:
     """The shortest of: the tree as it is, collected, as one quotient; with sin^2 = 1 - cos^2 where both occur."""
     collected = collect(tree)
-    forms = [collected, merge_powers(tree), quotient(collected)]
+    forms = [collected, merge_powers(tree)]
+    if _is_monomial(collected):  # as momenta and energies of many masses are
+        return shortest(forms)
+    forms.append(quotient(collected))
     for other in _without_squares(collected):
         forms += [collect(other), quotient(other)]
     return shortest(forms)
+
+
+def _is_monomial(tree: Expression) -> bool:
+    factors = tree.factors if isinstance(tree, Product) else (tree,)
+    bases = (factor.base if isinstance(factor, Power) else factor for factor in factors)
+    return all(isinstance(base, Number | Symbol | Velocity) for base in bases)
 
 
 def trigonometric(tree: Expression) -> Expression:

@@ -58,7 +58,7 @@ class Judgement:
 
 
 def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = ()) -> list[Point]:
-    """Up to 20 points (8 of many names) at which every tree is real, six of them with all names positive, parameters too.
+    """Up to 20 points (8 of many names) at which every tree is real, up to six of them with all names positive.
 
     All trees of `positive` are so at each of them.
 
