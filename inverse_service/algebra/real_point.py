@@ -40,6 +40,7 @@ from inverse_service.expressions.tree import (
 _DIGITS = 40
 _TRIES_PER_SCALE = 60
 _SCALES = ("1.7", "0.9", "0.4", "0.1", "5", "0.01", "30")
+_LARGEST = 10_000
 # By how much a point is inside, where there is one.
 _MARGIN = Fraction(1, 4)
 _TINY = mpmath.mpf(10) ** -12
@@ -57,13 +58,19 @@ def find_real_point(
     with mpmath.workdps(_DIGITS):
         for margin in (_MARGIN, 0) if positive else (0,):
             inside = [subtract(tree, number(margin)) for tree in positive]
-            for scale in map(mpmath.mpf, _SCALES):
+            for scale in map(mpmath.mpf, [*_SCALES, *_sizes(positive)]):
                 for attempt in range(_TRIES_PER_SCALE):
                     table: RealTable = {name: _draw(generator, scale, attempt % 2 == 0) for name in names}
                     table[RADIAN] = mpmath.mpf(1)
                     if are_positive(inside, table) and is_defined(expressions, table):
                         return table
     return None
+
+
+def _sizes(trees: Iterable[Expression]) -> list[int]:
+    """Sizes of points beyond the numbers in the trees: abs(x + 40) has a side beyond -40."""
+    numbers = {abs(node.value) for tree in trees for node in walk(tree) if isinstance(node, Number)}
+    return [3 * math.ceil(value) for value in sorted(numbers) if 10 < value < _LARGEST]
 
 
 def table_at(near: Mapping[str, str]) -> RealTable:

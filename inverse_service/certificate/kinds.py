@@ -16,6 +16,7 @@ from .formulas import MAX_NAMES, NUMBER, TEXT, Ended, Reader, check_shape, is_ir
 from .numbers import Arithmetic, Series, Unsettled
 from .series import Elimination, Expansion, Term
 
+KINDS = "natural|riemannian|finsler|positive_definite|rayleigh|rayleigh_general"
 NATURAL, HOMOGENEOUS = ("natural", "riemannian", "rayleigh"), ("riemannian", "finsler")
 Rationals = list[list[Fraction]]
 Derivation = tuple[dict[int, Series], int, bool]  # its components, c of Y(L) = c L, and whether that holds exactly
@@ -141,7 +142,7 @@ class OfKind(Question):
 def named(kind: Any) -> Any:
     """The name of a kind, which may have vector fields."""
     if not isinstance(kind, dict):
-        check_shape(kind, "natural|riemannian|finsler|positive_definite|rayleigh|rayleigh_general", "among")
+        check_shape(kind, KINDS, "among")
         return kind
     check_shape(kind, {"invariant": [{}, MAX_NAMES]}, "among")
     require(len(kind) == 1, "among has to name one kind.")

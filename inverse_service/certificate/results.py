@@ -8,7 +8,7 @@ from typing import Any
 
 from .checker import Question, Tools, certified, check_certificate_shape, read_condition
 from .formulas import MAX_LISTED, RESULT, TEXT, VERDICTS, Ended, check_shape, read_tokens, require
-from .kinds import named
+from .kinds import KINDS, named
 
 DIFFERENT = "The {} of an answer is not the one that its certificate proves."
 
@@ -21,6 +21,14 @@ class Shown:
     verdict: str | None
     question: str
     kind: str = ""
+
+
+def each_branch(result: Any) -> list[Any]:
+    """The result, and for each of its further branches the same with the answer of this branch."""
+    listed = result.get("branches") if isinstance(result, dict) else None
+    further = [one for one in (listed[1:9] if isinstance(listed, list) else []) if isinstance(one, dict)]
+    others = ("certificate", "lagrangian", "with_time", "verdict_with_time", "kinds", "instead", "branches")
+    return [result, *({**result, **dict.fromkeys(others), **one} for one in further)]
 
 
 def compared(result: Any, tools: Tools) -> list[str]:
@@ -53,6 +61,7 @@ def compared(result: Any, tools: Tools) -> list[str]:
 def of_kinds(result: Any, system: Question) -> Iterator[Shown]:
     """The answers about kinds of Lagrangians; what there is instead of L(q, q') is a yes about a kind."""
     kinds, instead = result.get("kinds") or {}, result.get("instead")
+    check_shape(list(kinds), [KINDS + "|invariant", MAX_LISTED], "kinds")
     check_shape(kinds, {kind: {"verdict": VERDICTS} for kind in kinds}, "kinds")
     listed = [*kinds.items()]
     if instead is not None:
@@ -104,7 +113,11 @@ def agreed(shown: Shown, system: Question, tools: Tools) -> Any:
         return None
     check_certificate_shape(certificate)
     among, no = certificate.get("among"), shown.verdict == "not_variational"
-    whole = shown.kind in ("", "time") or (no and shown.kind != "rayleigh")  # no Lagrangian is none of any kind
+    friction = shown.kind in (
+        "rayleigh",
+        "rayleigh_general",
+    )  # with which there may be a Lagrangian where none is without
+    whole = shown.kind in ("", "time") or (no and not friction)
     good = named(among) == shown.kind if among is not None else whole
     good = good and proves(certificate, shown.question, shown.verdict)
     require(good, "A certificate does not claim the verdict that it stands beside.")
@@ -116,7 +129,8 @@ def agreed(shown: Shown, system: Question, tools: Tools) -> Any:
     for holder in (answer, part if isinstance(part, dict) else {}):
         listed = holder.get("domain")
         check_shape(listed or [], [TEXT, MAX_LISTED], "domain")
-        same = listed is None or {read_condition(text) for text in listed if "!=" not in text} == {*held}
+        told = [text for text in listed or [] if "!=" not in text or {*text} & {*"<>"}]
+        same = listed is None or {*map(read_condition, told)} == {*held}
         require(same, "The domain of an answer is not that of its certificate.")
     near = certificate.get("near")
     good = answer.get("checked") in (None, "valid") and (answer.get("near") or near) == near

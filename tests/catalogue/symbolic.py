@@ -53,6 +53,8 @@ def value(expression: sympy.Expr, point: Point) -> Any:
         return point[expression]
     if expression == sympy.pi:
         return +mpmath.pi
+    if expression == sympy.E:
+        return +mpmath.e
     if expression.is_Rational:
         return mpmath.mpf(expression.p) / expression.q
     parts = [value(part, point) for part in expression.args]

@@ -159,3 +159,11 @@ def test_the_case_with_positive_parameters_is_shown_first(force: str) -> None:
     first = [text.split() for text in result["domain"]]
     assert len(result["branches"]) > 1
     assert not [text for text in first if text[1:] == ["<", "0"]]
+
+
+@pytest.mark.parametrize("border", [40, 1000, 9999])
+def test_cases_with_a_border_far_away_have_an_answer_each(border: int) -> None:
+    u = f"(x + {border})"
+    result = solved({"x": f"abs({u})*y' - y^2", "y": f"-{u}*x' - 2*x*y"})
+    assert cases(result) == {f"x > -{border}": "variational", f"x < -{border}": "not_variational"}
+    assert check_plain(result)["verdict"] == "valid"

@@ -27,7 +27,6 @@ OPEN_MOTION = "Whether this motion can be hamiltonised by any associated system 
 NEVER_CHECKED = "LaTeX, names and sentences of any part, where det g is 0 (conditions A != 0), the branch that H has"
 NOT_COMPARED = "The equations as given were not compared."
 _SYSTEM: Final[dict[str, Any]] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
-_NOTHING: Final = dict.fromkeys(("certificate", "lagrangian", "with_time", "verdict_with_time"))  # of another branch
 # What the check compares with the certificates, as FORMAT.md says.
 _COVERED: Final = {
     "format", "system", "question", "verdict", "verdict_with_time", "certificate", "certificate_with_time", "checked",
@@ -132,19 +131,7 @@ def _open(part: dict[str, Any], why: str) -> dict[str, Any]:
     return dict.fromkeys(part, None) | {"image": [], "freedom": "", "explanation": []} | kept
 
 
-def _with_branches(alone: CheckResult, result: Any) -> CheckResult:
-    """The worst of the verdicts on a result and on each of its branches, which are shown to the checker one by one."""
-    listed = _object(result).get("branches")
-    found = alone
-    for branch in listed[1:] if isinstance(listed, list) else []:
-        other = check_result({**result, **_NOTHING, **_object(branch), "branches": []})
-        if _FROM_BEST.index(other.verdict) > _FROM_BEST.index(found.verdict):
-            found = other
-    return found
-
-
 def _with_comparison(alone: CheckResult, result: Any, document: object, end: float) -> CheckResult:
-    alone = _with_branches(alone, result)
     if alone.verdict == "invalid":
         return alone
     given = _object(result.get("system")).get("given") if document is None else document
