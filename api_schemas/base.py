@@ -1,8 +1,13 @@
-"""What all documents have in common: strictness, and sizes; formulas have further limits where they are read."""
+"""What all documents have in common: strictness, sizes, problem documents (RFC 9457), and small answers.
+
+Formulas have further limits where they are read.
+"""
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
 
 MAX_COORDINATES = 12
 MAX_SIMULATED = 32  # coordinates of a scene
@@ -22,3 +27,91 @@ class Document(BaseModel):
 
     # Built at the first use: a single call needs few of them, and all take 0.02 s.
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
+
+
+class ProblemPlace(Document):
+    """One fault: RFC 6901 pointer, column from 1 in the string there, and what to write instead.
+
+    `instead` lists texts, each of which may have been meant in the place of the name at the column.
+    """
+
+    pointer: str
+    column: int | None = None
+    detail: str
+    instead: list[str] = Field(default_factory=list)
+
+
+class ProblemDocument(Document):
+    """`type` is stable and names the kind of problem; raw input is never part of the text."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    errors: list[ProblemPlace] = Field(default_factory=list)
+
+
+class ParsedFormula(Document):
+    """A formula in the three written forms."""
+
+    text: str
+    latex: str
+    mathml: str
+
+
+class ParseAnswer(Document):
+    """What was understood: each acceleration, and the names by what they stand for; `guessed` were not declared."""
+
+    name: str
+    coordinates: list[str]
+    parameters: list[str]
+    functions: dict[str, list[str]]
+    equations: dict[str, ParsedFormula]
+    depends_on_time: bool
+    guessed: list[str] = Field(default_factory=list)
+
+
+class CheckAnswer(Document):
+    """The independent checker's verdict on a result, or on a Lagrangian of the user for given equations.
+
+    For the latter, `residual` has d/dt(dL/dq') - dL/dq along the equations for each coordinate, all zero where L is
+    right, and `equations` the accelerations that L gives instead where it is regular and wrong.
+    """
+
+    verdict: Literal["valid", "incomplete", "invalid"]
+    reasons: list[str]
+    residual: dict[str, dict[str, str]] | None = None
+    equations: dict[str, dict[str, str]] | None = None
+
+
+class LimitsAnswer(Document):
+    """Every limit that a refusal can name; seconds, MiB, bytes, counts."""
+
+    document: dict[str, int]
+    formula: dict[str, int]
+    service: dict[str, float]
+
+
+class CatalogueEntry(Document):
+    """One named system with what is known about it."""
+
+    name: str
+    title: str
+    group: str = ""
+    source: str = ""
+    document: dict[str, Any]
+    expected: dict[str, Any] = Field(default_factory=dict)
+
+
+class CatalogueLine(Document):
+    """One line of the list of named systems."""
+
+    name: str
+    title: str
+    group: str = ""
+
+
+class CatalogueList(Document):
+    """All named systems."""
+
+    systems: list[CatalogueLine]

@@ -6,8 +6,7 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from api_schemas.base import Document
-from api_schemas.problem import ProblemDocument
+from api_schemas.base import Document, ProblemDocument
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
 FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})

@@ -6,8 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from api_schemas.base import MAX_COORDINATES, MAX_EQUATIONS, Document
-from api_schemas.problem import ParseAnswer, ParsedFormula
+from api_schemas.base import MAX_COORDINATES, MAX_EQUATIONS, Document, ParseAnswer, ParsedFormula
 from api_schemas.result import (
     Checked,
     ClockPart,

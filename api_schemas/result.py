@@ -1,12 +1,13 @@
-"""The Result document."""
+"""The Result document, and the answer to a Lagrangian without constraints: the forward problem."""
 
 from __future__ import annotations
 
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from api_schemas.base import Document
+from api_schemas.base import MAX_FORWARD, Document, ParseAnswer, ParsedFormula
+from api_schemas.system import Name, NamedDocument, Text
 
 FORMAT: Final = "inverse-service/result/1"
 Verdict = Literal["variational", "not_variational", "undetermined"]
@@ -255,3 +256,38 @@ class ResultDocument(OtherAnswer):
     advice: AdvicePart | None = None
     guessed: list[str] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)
+
+
+FORWARD_FORMAT: Final = "inverse-service/forward/1"
+
+
+class LagrangianDocument(NamedDocument):
+    """A Lagrangian L(t, q, q') alone: its equations of motion, momenta and Hamiltonian are asked for."""
+
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_FORWARD)] | None = None
+    lagrangian: Text
+
+
+class ForwardParseAnswer(ParseAnswer):
+    """What was understood; `equations` are the accelerations of the motion."""
+
+    lagrangian: ParsedFormula
+
+
+class ConservedQuantity(Formula):
+    """A function that is constant along the motion."""
+
+    name: str
+
+
+class ForwardResult(Document):
+    """The equations q'' = f of a Lagrangian, p_i = dL/dv_i, H, and what the symmetries of its letters conserve."""
+
+    format: Literal["inverse-service/forward/1"] = FORWARD_FORMAT
+    system: UnderstoodSystem
+    lagrangian: Formula
+    equations: dict[str, Formula]
+    momenta: dict[str, Formula]
+    hamiltonian: HamiltonianPart
+    conserved: list[ConservedQuantity]
+    guessed: list[str] = Field(default_factory=list)

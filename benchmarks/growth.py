@@ -14,7 +14,7 @@ from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
-from inverse_service.linear_pde.prolongation import LocalEquations, advance, start
+from inverse_service.linear_pde.emission import LocalEquations, advance, start
 
 Report = Callable[[str], None]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
-from inverse_service.integrators.compositions import composition
+from inverse_service.integrators.tableaux import composition
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Start
 

@@ -18,8 +18,7 @@ import numpy as np
 from benchmarks.families import cubic_chain
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import HelmholtzAt
-from inverse_service.linear_pde.emission import rows_of_degree
-from inverse_service.linear_pde.prolongation import LocalEquations, advance, start
+from inverse_service.linear_pde.emission import LocalEquations, advance, rows_of_degree, start
 from inverse_service.linear_pde.unknowns import width_below
 from inverse_service.mechanics.reading import read_system
 

@@ -136,8 +136,7 @@ def lambdify_and_fsolve(case: SpeedCase) -> Runner:
 def _sympy_equations(case: SpeedCase, sympy: Any) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
     """(residuals, unknowns, state, increments) of the whole step before anything is eliminated."""
     from inverse_service.codegen.algebra import STEP
-    from inverse_service.integrators.nonholonomic import lagrange_dalembert_step
-    from inverse_service.integrators.variational import hamiltonian_step
+    from inverse_service.integrators.variational import hamiltonian_step, lagrange_dalembert_step
     from inverse_service.simulation.formulas import Formulas
     from inverse_service.simulation.schemes import alpha_of, parts_of
 

@@ -1,8 +1,56 @@
 """The named systems, as data: documents, expected verdicts, known Lagrangians, sources.
 
-Tests, benchmarks, the command line and the web form draw from it; the solver never does.
+Tests, benchmarks, the command line and the web form draw from it; the solver never does. An entry is a JSON object:
+`name` (a slug), `kind` ("system" or "nonholonomic"), `title`, `group`, `document` (what a user would send), `expected`
+(`verdict`, `verdict_with_time`, `sure`, `lagrangians`), `source`, `note`; an associated system names its nonholonomic
+system in `associated_with`, a system of the literature keeps its original `id`.
 """
 
-from inverse_service.catalogue.reading import document, entry, names
+from __future__ import annotations
+
+import copy
+import json
+from functools import lru_cache
+from importlib import resources
+from typing import Any, Literal
+
+Kind = Literal["system", "nonholonomic"]
+
+FILES = ("paper.json", "nonholonomic.json", "known.json")
+
+
+def names(kind: Kind = "system") -> tuple[str, ...]:
+    """The slugs of all entries of one kind, the systems of the paper first."""
+    return tuple(name for name, found in _entries().items() if found["kind"] == kind)
+
+
+def entry(name: str) -> dict[str, Any]:
+    """A copy of the whole entry; KeyError, with the names that look alike, if there is none."""
+    entries = _entries()
+    if name not in entries:
+        raise KeyError(f"no system of this name in the catalogue{_suggestion(name)}")
+    return copy.deepcopy(entries[name])
+
+
+def document(name: str) -> dict[str, Any]:
+    """A copy of the document of an entry, as a user would send it; KeyError if there is none."""
+    found: dict[str, Any] = entry(name)["document"]
+    return found
+
+
+@lru_cache(maxsize=1)
+def _entries() -> dict[str, dict[str, Any]]:
+    folder = resources.files("inverse_service.catalogue") / "entries"
+    texts = [(folder / file).read_text(encoding="utf-8") for file in FILES]
+    return {found["name"]: found for text in texts for found in json.loads(text)}
+
+
+def _suggestion(name: str) -> str:
+    # difflib only where it is needed: it costs 3 ms of every start of the command line
+    import difflib
+
+    near = difflib.get_close_matches(name[:80].lower(), list(_entries()), n=3)
+    return f"; near: {', '.join(near)}" if near else ""
+
 
 __all__ = ["document", "entry", "names"]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inverse_service.cli.files import write
+from inverse_service.cli.exits import write
 from inverse_service.errors import InputError
 
 if TYPE_CHECKING:

@@ -9,16 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service.cli.batching import NAMES, progress
-from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.files import read_bytes, write
+from inverse_service.cli.exits import ExitCode, read_bytes, write
 from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import decode, read_document, read_json
 from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.alone import run_alone
 from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
 from inverse_service.service.jobs.batch_files import open_source, read_lines
-from inverse_service.service.jobs.identity import write_json
-from inverse_service.service.jobs.options import JobOptions, split_options
+from inverse_service.service.jobs.identity import JobOptions, split_options, write_json
+from inverse_service.service.jobs.isolation import run_alone
 from inverse_service.settings import read_settings
 
 MAX_RESULT_BYTES = 200_000_000

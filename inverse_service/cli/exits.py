@@ -1,4 +1,4 @@
-"""Exit codes of the contract, and how a command ends with one."""
+"""Where a command reads and writes, and how it ends: the exit codes of the contract."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import os
 import sys
 from collections.abc import Iterator
 from enum import IntEnum
+from pathlib import Path
 
-from inverse_service.errors import InputError, InverseServiceError
+from inverse_service.errors import InputError, InverseServiceError, LimitError
 
 
 class ExitCode(IntEnum):
@@ -54,3 +55,43 @@ def _place(error: InputError) -> str:
         column = ""
     place = ", ".join(part for part in (error.pointer, column) if part)
     return f"{place}: " if place else ""
+
+
+MAX_BYTES = 10_000_000
+
+
+def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
+    """The bytes of a file or of standard input; raises InputError where there is none or too much."""
+    try:
+        if name == "-" and sys.stdin is None:
+            raise InputError("Standard input is closed; name a file.")
+        if name == "-":
+            data = sys.stdin.buffer.read(limit + 1)
+        else:
+            with Path(name).open("rb") as stream:
+                data = stream.read(limit + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "the name is not a file name"
+        shown = "".join(c if c.isprintable() else "?" for c in name[:200])
+        raise InputError(
+            f"The file '{shown}' cannot be read: {reason}; name a file, or - for standard input."
+        ) from None
+    if len(data) > limit:
+        raise LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
+    return data
+
+
+def write(text: str, target: Path | None = None) -> None:
+    """Write to standard output, or to a file; raises InputError where it takes no more: a full disk, or closed."""
+    if target is None and sys.stdout is None:
+        raise InputError("Standard output is closed; send it to a file.")
+    try:
+        if target is not None:
+            target.write_text(text, encoding="utf-8")
+            return
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise InputError(f"The output cannot be written: {(error.strerror or 'it is closed').lower()}.") from None

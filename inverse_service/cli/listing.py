@@ -8,11 +8,10 @@ import json
 from pathlib import Path
 
 from inverse_service import catalogue
-from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.files import write
+from inverse_service.cli.exits import ExitCode, write
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch_files import open_source, read_lines
-from inverse_service.sympy.many import row_of
+from inverse_service.sympy.result import row_of
 
 
 def list_catalogue(name: str | None, form: str | None) -> ExitCode:

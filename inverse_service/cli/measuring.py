@@ -8,12 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.files import read_bytes, write
+from inverse_service.cli.exits import ExitCode, read_bytes, write
 from inverse_service.cli.simulating import made_folder, value_in_time
 from inverse_service.cli.solving import time_limit_or
 from inverse_service.service.documents.reading import read_document
-from inverse_service.service.scenes import simulation_tasks
+from inverse_service.service.jobs import tasks
 
 DEFAULT_SECONDS = 300.0
 COLUMNS = (
@@ -27,7 +26,7 @@ def measure_file(name: str, output: Path | None, time_limit: float | None) -> Ex
     limit = time_limit_or(DEFAULT_SECONDS, time_limit)
     document = read_document(read_bytes(name), name)
     folder = None if output is None else made_folder(output)
-    result = value_in_time(simulation_tasks.work_precision_task, document, limit)
+    result = value_in_time(tasks.work_precision_task, document, limit)
     if folder is None:
         write(json.dumps(result, ensure_ascii=False, indent=2) + "\n")
         return ExitCode.DONE

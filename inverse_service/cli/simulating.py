@@ -9,13 +9,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.files import read_bytes, write
+from inverse_service.cli.exits import ExitCode, read_bytes, write
 from inverse_service.cli.solving import time_limit_or
 from inverse_service.errors import InputError, WorkerFailed
 from inverse_service.service.documents.reading import read_document
-from inverse_service.service.jobs.alone import run_alone
-from inverse_service.service.scenes import simulation_tasks
+from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.isolation import run_alone
 from inverse_service.settings import read_settings
 
 DEFAULT_SECONDS = 600.0
@@ -30,7 +29,7 @@ def simulate_file(name: str, output: Path | None, time_limit: float | None, figu
     limit = time_limit_or(DEFAULT_SECONDS, time_limit)
     document = read_document(read_bytes(name), name)
     folder = None if output is None else made_folder(output)
-    found = value_in_time(simulation_tasks.simulate_task, document, limit)
+    found = value_in_time(tasks.simulate_task, document, limit)
     summary = without_points(found["result"])
     if folder is None:
         write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")

@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service import catalogue
-from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.files import read_bytes, write
+from inverse_service.cli.exits import ExitCode, read_bytes, write
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.document_names import AND_GUESS, GUESS
 from inverse_service.service.documents.reading import read_document
 from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.alone import run_alone
-from inverse_service.service.jobs.options import JobOptions, read_options, split_options
+from inverse_service.service.jobs.identity import JobOptions, read_options, split_options
+from inverse_service.service.jobs.isolation import run_alone
 from inverse_service.service.jobs.warming import PATIENCE, warm_first, warm_task
 from inverse_service.settings import read_settings
 

@@ -7,8 +7,10 @@
 """
 
 from inverse_service.client.clients import AsyncClient, Client
-from inverse_service.client.failures import (
+from inverse_service.client.reading import (
+    BatchAnswer,
     ClientError,
+    Event,
     JobDismissed,
     JobFailed,
     RequestRefused,
@@ -17,7 +19,6 @@ from inverse_service.client.failures import (
     UnexpectedAnswer,
     WaitedTooLong,
 )
-from inverse_service.client.reading import BatchAnswer, Event
 
 __all__ = [
     "AsyncClient",

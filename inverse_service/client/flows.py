@@ -14,8 +14,8 @@ from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 from urllib.parse import quote, urlencode
 
+from api_schemas.base import CheckAnswer
 from api_schemas.job import FINAL, Batch, Job, JobList
-from api_schemas.problem import CheckAnswer
 from api_schemas.result import ResultDocument
 from inverse_service.client.calls import (
     BUSY,
@@ -34,20 +34,18 @@ from inverse_service.client.calls import (
     pauses,
     retry_after,
 )
-from inverse_service.client.failures import (
+from inverse_service.client.reading import (
+    BatchAnswer,
     ClientError,
+    Event,
+    EventReader,
     JobDismissed,
     JobFailed,
     RequestRefused,
+    Result,
     ServiceBusy,
     ServiceUnreachable,
     WaitedTooLong,
-)
-from inverse_service.client.reading import (
-    BatchAnswer,
-    Event,
-    EventReader,
-    Result,
     batch_answer,
     problem_from,
     problem_of,

@@ -7,9 +7,19 @@ from dataclasses import dataclass
 from typing import Literal
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.characters import GREEK, OPERATORS, PRIMES, SCRIPT_L, SPACES, describe
 from inverse_service.expressions.tokenizer import check_length
-from inverse_service.expressions.tokens import LIMITS, Limits, limit_passed, refusal
+from inverse_service.expressions.tokens import (
+    GREEK,
+    LIMITS,
+    OPERATORS,
+    PRIMES,
+    SCRIPT_L,
+    SPACES,
+    Limits,
+    describe,
+    limit_passed,
+    refusal,
+)
 
 RawKind = Literal["command", "letter", "digit", "character", "condition", "end"]
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")

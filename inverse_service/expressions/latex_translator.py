@@ -7,13 +7,21 @@ from dataclasses import replace
 from fractions import Fraction
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.characters import LETTER_COMMANDS
 from inverse_service.expressions.latex_derivatives import LatexDerivatives
 from inverse_service.expressions.latex_scanner import Raw, scan
 from inverse_service.expressions.latex_words import FONTS, MARKED, open_brackets, role_before, time_argument
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tokenizer import NUMBER, number_token
-from inverse_service.expressions.tokens import FACTOR, LIMITS, Limits, Token, limit_passed, refusal, shorten
+from inverse_service.expressions.tokens import (
+    FACTOR,
+    LETTER_COMMANDS,
+    LIMITS,
+    Limits,
+    Token,
+    limit_passed,
+    refusal,
+    shorten,
+)
 from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED
 
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")

@@ -5,10 +5,9 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-from inverse_service.expressions.characters import LETTER_COMMANDS
 from inverse_service.expressions.latex_scanner import Raw
 from inverse_service.expressions.names import Names, Role
-from inverse_service.expressions.tokens import Limits, Token, refusal
+from inverse_service.expressions.tokens import LETTER_COMMANDS, Limits, Token, refusal
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS, REFUSED
 
 _TIME_ARGUMENT = ["{", "left", "(", "t", "right", ")", "}"]

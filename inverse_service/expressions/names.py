@@ -9,8 +9,17 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.characters import ALIKE, GREEK, LETTER_COMMANDS, SCRIPT_L, letter
-from inverse_service.expressions.tokens import LIMITS, joined, refusal, shorten
+from inverse_service.expressions.tokens import (
+    ALIKE,
+    GREEK,
+    LETTER_COMMANDS,
+    LIMITS,
+    SCRIPT_L,
+    joined,
+    letter,
+    refusal,
+    shorten,
+)
 from inverse_service.expressions.vocabulary import FUNCTIONS, RESERVED, reason_against
 
 Role = Literal["coordinate", "parameter", "function"]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from inverse_service.expressions.characters import greek_letter, written
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.printing_layout import Ratio, has_plain_arguments, signed, variables
+from inverse_service.expressions.tokens import greek_letter, written
 from inverse_service.expressions.tree import (
     HALF,
     TIME,

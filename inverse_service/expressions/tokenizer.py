@@ -13,16 +13,20 @@ import re
 from fractions import Fraction
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.characters import (
+from inverse_service.expressions.tokens import (
+    LIMITS,
     OPERATORS,
     PRIMES,
     SPACES,
     SUPERSCRIPT_MINUS,
     SUPERSCRIPTS,
+    Limits,
+    Token,
     describe,
     letter,
+    limit_passed,
+    refusal,
 )
-from inverse_service.expressions.tokens import LIMITS, Limits, Token, limit_passed, refusal
 
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")

@@ -27,8 +27,7 @@ from inverse_service.inverse_problem.explanation.finding import (
 )
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import explain_negative
-from inverse_service.inverse_problem.explanation.steps import said, with_shared_letters
-from inverse_service.inverse_problem.explanation.wording import printed_conditions
+from inverse_service.inverse_problem.explanation.wording import printed_conditions, said, with_shared_letters
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
@@ -38,8 +37,13 @@ from inverse_service.inverse_problem.search.members import reading_class
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.linear_pde.deciding import MOST_UNKNOWNS, Limits
-from inverse_service.mechanics.branches import MOST_BRANCHES, MOST_COUNTED, branches_of, on_branch
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import (
+    MOST_BRANCHES,
+    MOST_COUNTED,
+    SecondOrderSystem,
+    branches_of,
+    on_branch,
+)
 
 # Of the time left after the decision, the part that the search for a closed form may take.
 _SEARCH_SHARE = 0.5

@@ -12,14 +12,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
+import numpy as np
+import numpy.typing as npt
+
 from inverse_service.algebra.echelon import Flags
+from inverse_service.algebra.point import Point
 from inverse_service.algebra.series import SingularPoint
-from inverse_service.algebra.series_program import TooLarge
+from inverse_service.algebra.series_program import Registers, SeriesProgram, TooLarge, constants_at, run
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.linear_pde import involution
+from inverse_service.linear_pde.emission import LocalEquations, Prolongation, RowName, advance, start
 from inverse_service.linear_pde.involution import Matrix
-from inverse_service.linear_pde.prolongation import LocalEquations, Prolongation, RowName, advance, start
 from inverse_service.linear_pde.unknowns import Unknowns, count_of_degree
 
 # Most negative verdicts fall at order 1, most positive ones at order 3: series are made for these first.
@@ -217,3 +221,34 @@ def _positive(run: _Run, prolongation: Prolongation, seed: int) -> Finding | Non
         if symbol.involutive:
             return Finding(True, order, symbol=symbol, degree=degree)
     return None
+
+
+Integers = npt.NDArray[np.int64]
+
+
+@dataclass(slots=True)
+class Coefficients:
+    """Series at random points; `write(order)` makes the program and its instructions for series to that order.
+
+    To prolong to an order takes series to `degree` of it. `written` is the order of prolongation that the
+    program serves, `constants` holds (prime, constants) for each seed.
+    """
+
+    write: Callable[[int], tuple[SeriesProgram, Integers]]
+    draw: Callable[[int], Point]
+    degree: Callable[[int], int] = lambda order: order + 2
+    program: tuple[SeriesProgram, Integers] | None = None
+    written: int = 0
+    constants: dict[int, tuple[int, npt.NDArray[np.uint64]]] = field(default_factory=dict)
+
+    def at(self, seed: int, order: int) -> tuple[int, Registers]:
+        """The prime and all registers; SingularPoint where a denominator vanishes, TooLarge for too many words."""
+        if self.program is None or order > self.written:
+            self.written, self.constants = max(order, SECOND_ORDER), {}
+            self.program = self.write(self.degree(self.written))
+        series, instructions = self.program
+        if seed not in self.constants:
+            point = self.draw(seed)
+            self.constants[seed] = (point.prime, constants_at(series, point))
+        prime, constants = self.constants[seed]
+        return prime, run(series, instructions, constants, prime, self.degree(order))

@@ -14,7 +14,7 @@ from inverse_service.algebra import modular
 from inverse_service.algebra.echelon import Echelon, SparseRows
 from inverse_service.algebra.echelon_kernels import Indices, Words
 from inverse_service.algebra.modular import GOLDEN, compiled, mixed, multiply
-from inverse_service.linear_pde.prolongation import Prolongation
+from inverse_service.linear_pde.emission import Prolongation
 from inverse_service.linear_pde.unknowns import Derivative, Unknowns, column_of, count_of_degree, raised_unknowns
 
 Rows = list[dict[int, int]]

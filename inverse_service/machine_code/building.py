@@ -16,8 +16,7 @@ from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
 from inverse_service.machine_code.kernels import Kinds, array_of
-from inverse_service.machine_code.loading import ENTRY, target_machine
-from inverse_service.machine_code.sources import Unstorable, used
+from inverse_service.machine_code.loading import ENTRY, Unstorable, target_machine, used
 
 _NUMBERS = {"int64": types.int64, "uint64": types.uint64, "bool": types.boolean}
 _ANSWERS = {types.none: "none", types.int64: "int64", types.uint64: "uint64", types.boolean: "bool"}

@@ -110,7 +110,7 @@ class Kernel:
             return self._made
 
     def _entry(self, kinds: Kinds) -> Callable[..., Any]:
-        from inverse_service.machine_code.sources import Unstorable  # LLVM takes 0.03 s to import
+        from inverse_service.machine_code.loading import Unstorable  # LLVM takes 0.03 s to import
 
         try:
             return self._from_store(kinds) or self._built(kinds)
@@ -118,8 +118,7 @@ class Kernel:
             return cast(Callable[..., Any], self.made())
 
     def _from_store(self, kinds: Kinds) -> Callable[..., Any] | None:
-        from inverse_service.machine_code.loading import load
-        from inverse_service.machine_code.sources import kernel_digest
+        from inverse_service.machine_code.loading import kernel_digest, load
 
         found = store.read(kernel_digest(self.py_func, kinds), _KIND, with_program=True)
         try:
@@ -129,8 +128,7 @@ class Kernel:
 
     def _built(self, kinds: Kinds) -> Callable[..., Any]:
         from inverse_service.machine_code.building import object_code
-        from inverse_service.machine_code.loading import load
-        from inverse_service.machine_code.sources import kernel_digest
+        from inverse_service.machine_code.loading import kernel_digest, load
 
         code, answer = object_code(self.made(), kinds)
         noted = {"kernel": repr(self), "kinds": kinds, "answer": answer}

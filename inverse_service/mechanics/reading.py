@@ -36,8 +36,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.document_names import Declared, Parameters, bounded, escaped, known_names
 from inverse_service.mechanics.guessing import derived_stem, inferred_coordinates, key_coordinate
-from inverse_service.mechanics.implicit_equations import solve_accelerations
-from inverse_service.mechanics.linear_parts import has_acceleration, linear_equation
+from inverse_service.mechanics.implicit_equations import has_acceleration, linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 
 NOT_PAIRS = (

@@ -13,7 +13,7 @@ import numpy as np
 from inverse_service.codegen.algebra import free_names, real_value
 from inverse_service.codegen.compiled import Compiled, compiled
 from inverse_service.errors import InputError
-from inverse_service.integrators.compositions import ORDERS, composition
+from inverse_service.integrators.tableaux import ORDERS, composition
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.formulas import MOMENT, Formulas

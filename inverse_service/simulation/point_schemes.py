@@ -9,9 +9,7 @@ from inverse_service.codegen.algebra import ALPHA, STEP, WHOLE_STEP, Formula, nu
 from inverse_service.codegen.planning import plan, used_only
 from inverse_service.codegen.program import Assign, Iterate, Program, Solve, Statement, Watch
 from inverse_service.errors import InputError
-from inverse_service.integrators.gauss_legendre import collocation
-from inverse_service.integrators.rosenbrock import RODAS
-from inverse_service.integrators.runge_kutta import DOP853_ERRORS, TABLEAUX
+from inverse_service.integrators.tableaux import DOP853_ERRORS, RODAS, TABLEAUX, collocation
 from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.scene import MethodChoice, Observation
 from inverse_service.simulation.watches import SMALLEST, moment_at, rank_watches, resolution_watches, with_clock

@@ -8,10 +8,10 @@ from inverse_service.codegen.algebra import ALPHA, HALF, STEP, Formula, contains
 from inverse_service.codegen.planning import plan, used_only
 from inverse_service.codegen.program import Assign, Program, Statement, Watch
 from inverse_service.errors import InputError
-from inverse_service.integrators.nonholonomic import lagrange_dalembert_step
 from inverse_service.integrators.variational import (
     between,
     hamiltonian_step,
+    lagrange_dalembert_step,
     raw_step,
     symmetrised_hamiltonian_step,
 )

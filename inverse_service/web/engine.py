@@ -17,11 +17,10 @@ from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch_files import BatchTerms
 from inverse_service.service.jobs.finishing import LIMITS
-from inverse_service.service.jobs.identity import Viewer, batch_id
+from inverse_service.service.jobs.identity import JobOptions, Viewer, batch_id
 from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.model import NO_BOUND, Batch, BatchLine, Bounds, Job, JobRequest, StoreUnavailable
 from inverse_service.service.jobs.opening import open_store
-from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor

@@ -14,9 +14,8 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from inverse_service.service.documents.answers import value_of
+from inverse_service.service.documents.answers import as_bytes, problem_document, value_of
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.problem_documents import as_bytes, problem_document
 from inverse_service.service.documents.text_page import text_page
 from inverse_service.service.jobs.batch_output import answer_line, line_head
 from inverse_service.service.jobs.finishing import LIMITS

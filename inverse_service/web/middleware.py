@@ -10,7 +10,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from inverse_service.service.documents.problem_documents import as_bytes, problem_document
+from inverse_service.service.documents.answers import as_bytes, problem_document
 
 HEADERS = {
     "Content-Security-Policy": (

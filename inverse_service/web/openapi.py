@@ -13,14 +13,13 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from api_schemas.forward import ForwardParseAnswer, ForwardResult, LagrangianDocument
+from api_schemas.base import ParseAnswer, ProblemDocument
 from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
-from api_schemas.problem import ParseAnswer, ProblemDocument
-from api_schemas.result import ResultDocument
+from api_schemas.result import ForwardParseAnswer, ForwardResult, LagrangianDocument, ResultDocument
 from api_schemas.scene import SceneDocument
 from api_schemas.system import SystemDocument
 from inverse_service import catalogue
-from inverse_service.service.documents.problem_documents import TITLES
+from inverse_service.service.documents.answers import TITLES
 from inverse_service.web.problems import MEDIA_TYPE
 
 

@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from inverse_service.errors import InputError, NoWorker, WorkerFailed
-from inverse_service.service.documents.problem_documents import as_bytes, problem_document
+from inverse_service.service.documents.answers import as_bytes, problem_document
 from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
 from inverse_service.service.jobs.outcome import Place, faults_of
 from inverse_service.service.jobs.tasks import UNREADABLE

@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from api_schemas import base
-from api_schemas.problem import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer
+from api_schemas.base import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer
 from inverse_service import catalogue
 from inverse_service.expressions.tokens import LIMITS
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES

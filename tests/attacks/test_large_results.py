@@ -11,10 +11,9 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.identity import batch_id
+from inverse_service.service.jobs.identity import JobOptions, batch_id
 from inverse_service.service.jobs.kinds import request_of
 from inverse_service.service.jobs.model import BatchLine
-from inverse_service.service.jobs.options import JobOptions
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.scenes.simulating import simulate

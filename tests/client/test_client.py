@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import pytest
 
-from api_schemas.problem import CheckAnswer
+from api_schemas.base import CheckAnswer
 from api_schemas.result import ResultDocument
 from inverse_service.client import (
     AsyncClient,

@@ -24,7 +24,7 @@ MODULES = (
     "inverse_service.errors",
 )
 # What stands in a module for others of the package and not for its users.
-INNER = frozenset(("result_of", "find", "names_for"))
+INNER = frozenset(("result_of", "find", "names_for", "answers_to_many", "row_of", "table_of"))
 
 
 def fields(description: dict[str, Any]) -> str:

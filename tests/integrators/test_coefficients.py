@@ -7,11 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from inverse_service.integrators.compositions import ORDERS, composition
-from inverse_service.integrators.gauss_legendre import STAGES, collocation
-from inverse_service.integrators.nonholonomic import lagrange_dalembert_step
-from inverse_service.integrators.runge_kutta import TABLEAUX
-from inverse_service.integrators.variational import hamiltonian_step, raw_step, symmetrised_hamiltonian_step
+from inverse_service.integrators.tableaux import ORDERS, STAGES, TABLEAUX, collocation, composition
+from inverse_service.integrators.variational import (
+    hamiltonian_step,
+    lagrange_dalembert_step,
+    raw_step,
+    symmetrised_hamiltonian_step,
+)
 
 
 @pytest.mark.parametrize("order", ORDERS)

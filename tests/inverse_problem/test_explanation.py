@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 import pytest
 from mpmath import mp, mpf
 
-from inverse_service.catalogue.reading import document, entry, names
+from inverse_service.catalogue import document, entry, names
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse

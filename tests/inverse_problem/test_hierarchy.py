@@ -8,7 +8,7 @@ import pytest
 
 from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient
-from inverse_service.catalogue.reading import document, entry, names
+from inverse_service.catalogue import document, entry, names
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse

@@ -16,11 +16,9 @@ from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
 from inverse_service.inverse_problem.kinds import helmholtz
-from inverse_service.linear_pde import coefficients
 from inverse_service.linear_pde import deciding as settling
-from inverse_service.linear_pde.coefficients import Coefficients
-from inverse_service.linear_pde.emission import rows_of_degree
-from inverse_service.linear_pde.prolongation import Equations
+from inverse_service.linear_pde.deciding import Coefficients
+from inverse_service.linear_pde.emission import Equations, rows_of_degree
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -104,12 +102,12 @@ def test_decisions_do_not_depend_on_how_series_are_kept(
 
 def test_a_denominator_that_vanishes_everywhere_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     system = system_of({"x": "y/(k-x)", "y": "x"}, ["k"])
-    real = coefficients.constants_at
+    real = settling.constants_at
 
     def zeros(program: object, point: object) -> np.typing.NDArray[np.uint64]:
         return np.zeros_like(real(program, point))  # type: ignore[arg-type]
 
-    monkeypatch.setattr(coefficients, "constants_at", zeros)
+    monkeypatch.setattr(settling, "constants_at", zeros)
     found = decide(system, False)
     assert found.verdict == "undetermined"
     assert "denominator vanishes" in found.reason
@@ -122,7 +120,6 @@ def test_a_program_is_written_anew_for_a_higher_order(
     """Arbitrary functions are expanded to the order a program is written for, and no further."""
     system = system_of(equations_of, parameters)
     expected = decide(system, with_time)
-    monkeypatch.setattr(coefficients, "SECOND_ORDER", 1)
     monkeypatch.setattr(settling, "SECOND_ORDER", 1)
     assert told(decide(system, with_time)) == told(expected)
 

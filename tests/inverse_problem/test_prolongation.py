@@ -25,8 +25,8 @@ from inverse_service.inverse_problem.decision.local_system import (
     local_system,
     matrix_product,
 )
-from inverse_service.linear_pde import prolongation as room
-from inverse_service.linear_pde.prolongation import Prolongation, advance, start
+from inverse_service.linear_pde import emission as room
+from inverse_service.linear_pde.emission import Prolongation, advance, start
 from inverse_service.linear_pde.unknowns import count_of_degree, unknown_names
 from inverse_service.mechanics.reading import read_system
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from inverse_service.inverse_problem.explanation.steps import with_shared_letters
+from inverse_service.inverse_problem.explanation.wording import with_shared_letters
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution, Step
 from inverse_service.inverse_problem.solving import solve

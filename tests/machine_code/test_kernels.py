@@ -17,7 +17,7 @@ from numba.core.errors import TypingError
 
 from inverse_service.machine_code import building, kernels, store
 from inverse_service.machine_code.kernels import Kernel, compiled, kinds_of
-from inverse_service.machine_code.sources import Unstorable, kernel_digest
+from inverse_service.machine_code.loading import Unstorable, kernel_digest
 
 WEIGHT = 3
 

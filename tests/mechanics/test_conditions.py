@@ -15,7 +15,7 @@ os.environ.setdefault("SYMPY_GROUND_TYPES", "python")
 import sympy
 
 from inverse_service.algebra.rational_functions import Budget, Quotient
-from inverse_service.catalogue.reading import document, names
+from inverse_service.catalogue import document, names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     PI,

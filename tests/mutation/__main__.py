@@ -41,7 +41,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     },
     "inverse_service.linear_pde.deciding": DECISION_TESTS,
     "inverse_service.linear_pde.involution": DECISION_TESTS,
-    "inverse_service.linear_pde.prolongation": DECISION_TESTS,
+    "inverse_service.linear_pde.emission": DECISION_TESTS,
 }
 
 

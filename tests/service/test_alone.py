@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from inverse_service.service.jobs.alone import run_alone
+from inverse_service.service.jobs.isolation import run_alone
 from inverse_service.service.jobs.outcome import Outcome
 
 MEMORY = 1024

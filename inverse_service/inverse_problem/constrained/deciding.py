@@ -18,10 +18,9 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.kinds import bivectors, constrained
 from inverse_service.inverse_problem.kinds.constrained import Shape
-from inverse_service.linear_pde.coefficients import Coefficients
-from inverse_service.linear_pde.deciding import Finding, Limits, settle
+from inverse_service.linear_pde.deciding import Coefficients, Finding, Limits, settle
+from inverse_service.linear_pde.emission import LocalEquations
 from inverse_service.linear_pde.involution import Matrix
-from inverse_service.linear_pde.prolongation import LocalEquations
 from inverse_service.linear_pde.unknowns import Unknowns
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 

@@ -18,11 +18,11 @@ from inverse_service.inverse_problem.decision.power_series import (
     reconstructed,
     solution,
 )
-from inverse_service.inverse_problem.explanation.steps import said, separated
+from inverse_service.inverse_problem.explanation.wording import said, separated
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.linear_pde.deciding import Finding
+from inverse_service.linear_pde.emission import advance, start
 from inverse_service.linear_pde.involution import matrix_at
-from inverse_service.linear_pde.prolongation import advance, start
 from inverse_service.linear_pde.unknowns import unknown_names
 
 _POINTS, _MOST_TERMS = 4, 400

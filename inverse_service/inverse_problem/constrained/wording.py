@@ -9,7 +9,7 @@ from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion
 from inverse_service.inverse_problem.constrained.lagrangian import JetOnConstraints
-from inverse_service.inverse_problem.explanation.steps import said, separated
+from inverse_service.inverse_problem.explanation.wording import said, separated
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.linear_pde.deciding import Finding
 

@@ -14,8 +14,7 @@ from inverse_service.algebra.tower import Tower
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity, substitute
-from inverse_service.mechanics.branches import branches_of
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
 
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.search.sample_points import KnownTower

@@ -18,11 +18,10 @@ from inverse_service.inverse_problem.decision.local_system import LocalSystem, R
 from inverse_service.inverse_problem.kinds import helmholtz
 from inverse_service.inverse_problem.kinds.restricted import ANY_FRICTION, Among, added_equations
 from inverse_service.inverse_problem.outcome import SolutionSpace, Verdict
-from inverse_service.linear_pde.coefficients import Coefficients
-from inverse_service.linear_pde.deciding import Finding, Limits, settle
+from inverse_service.linear_pde.deciding import Coefficients, Finding, Limits, settle
+from inverse_service.linear_pde.emission import LocalEquations
 from inverse_service.linear_pde.involution import Matrix
 from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
-from inverse_service.linear_pde.prolongation import LocalEquations
 from inverse_service.linear_pde.unknowns import Unknowns
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -46,8 +46,8 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
 from inverse_service.inverse_problem.kinds.helmholtz import matrix_of
+from inverse_service.linear_pde.emission import Prolongation, advance, start
 from inverse_service.linear_pde.involution import matrix_at
-from inverse_service.linear_pde.prolongation import Prolongation, advance, start
 from inverse_service.linear_pde.unknowns import unknown_names
 
 _ATTEMPTS = 8

@@ -13,8 +13,8 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.decision.power_series import as_tree, count, rational_series
-from inverse_service.inverse_problem.explanation.steps import Piece, said, separated
 from inverse_service.inverse_problem.explanation.verification import euler_lagrange_steps, explain_positive
+from inverse_service.inverse_problem.explanation.wording import Piece, said, separated
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
 from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
 from inverse_service.inverse_problem.search.rungs import REASONS

@@ -37,7 +37,6 @@ from inverse_service.inverse_problem.explanation.hierarchy import (
 )
 from inverse_service.inverse_problem.explanation.numbers_at_a_point import numbers_at_a_point
 from inverse_service.inverse_problem.explanation.point_explanation import steps_in_derivatives, steps_in_numbers
-from inverse_service.inverse_problem.explanation.steps import said
 from inverse_service.inverse_problem.explanation.wording import (
     SINGULAR,
     Explanation,
@@ -46,6 +45,7 @@ from inverse_service.inverse_problem.explanation.wording import (
     equation_step,
     factor_steps,
     opening,
+    said,
     summary_steps,
     tensor_steps,
 )

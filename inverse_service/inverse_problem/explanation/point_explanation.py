@@ -29,8 +29,16 @@ from inverse_service.inverse_problem.explanation.differentiated_equations import
 from inverse_service.inverse_problem.explanation.elimination import Unknown
 from inverse_service.inverse_problem.explanation.hierarchy import ConditionName, EquationName, SufficientSet, unknowns
 from inverse_service.inverse_problem.explanation.numbers_at_a_point import NumbersAtAPoint, whole_multiple
-from inverse_service.inverse_problem.explanation.steps import Piece, enumerated, said, separated
-from inverse_service.inverse_problem.explanation.wording import SINGULAR, equation_name, indices, opening
+from inverse_service.inverse_problem.explanation.wording import (
+    SINGULAR,
+    Piece,
+    enumerated,
+    equation_name,
+    indices,
+    opening,
+    said,
+    separated,
+)
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -23,8 +23,7 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.inverse_problem.explanation.steps import Piece, said, separated
-from inverse_service.inverse_problem.explanation.wording import Explanation
+from inverse_service.inverse_problem.explanation.wording import Explanation, Piece, said, separated
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.mechanics.conditions import MotionInRing, connection, jacobi_endomorphism, motion_in_ring
 from inverse_service.mechanics.quotient_matrices import determinant

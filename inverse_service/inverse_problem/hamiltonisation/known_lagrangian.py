@@ -14,8 +14,7 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import existence_steps, legendre_steps, verification_steps
-from inverse_service.inverse_problem.explanation.steps import said
-from inverse_service.inverse_problem.explanation.wording import printed_conditions
+from inverse_service.inverse_problem.explanation.wording import printed_conditions, said
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Solution, Step
 from inverse_service.inverse_problem.search.protocol import describe

@@ -22,8 +22,7 @@ from inverse_service.algebra import series_kernels as machine
 from inverse_service.algebra.monomials import products
 from inverse_service.algebra.series_program import Registers, SeriesProgram, run_again
 from inverse_service.inverse_problem.kinds.constrained import Shape
-from inverse_service.linear_pde.emission import NO_DERIVATIVE, TermTable
-from inverse_service.linear_pde.prolongation import Equations
+from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, TermTable
 from inverse_service.linear_pde.unknowns import Unknowns
 
 Integers = npt.NDArray[np.int64]

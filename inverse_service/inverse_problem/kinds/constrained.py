@@ -27,9 +27,8 @@ from inverse_service.algebra import series_kernels as machine
 from inverse_service.algebra.point import Variable
 from inverse_service.algebra.series_program import Registers, SeriesProgram
 from inverse_service.expressions.tree import Expression
-from inverse_service.linear_pde.emission import NO_DERIVATIVE, TermTable
+from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, LocalEquations, TermTable
 from inverse_service.linear_pde.involution import Matrix
-from inverse_service.linear_pde.prolongation import Equations, LocalEquations
 from inverse_service.linear_pde.unknowns import Function, Unknowns
 
 Integers = npt.NDArray[np.int64]

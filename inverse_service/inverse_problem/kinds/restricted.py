@@ -37,8 +37,7 @@ from inverse_service.algebra.series import Series
 from inverse_service.expressions.derivative import differentiate_in_time
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, number
 from inverse_service.inverse_problem.kinds.helmholtz import pairs_of
-from inverse_service.linear_pde.emission import NO_DERIVATIVE, Term, term_table
-from inverse_service.linear_pde.prolongation import Equations
+from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, Term, term_table
 from inverse_service.linear_pde.unknowns import Unknowns
 
 

@@ -34,11 +34,10 @@ from inverse_service.inverse_problem.decision.analysis import variables_of
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.of_kind.any_friction import collected
 from inverse_service.linear_pde.deciding import Limits
-from inverse_service.mechanics.branches import branches_of
 from inverse_service.mechanics.nonholonomic.geometry import ORDERS, TERM_LIMIT, Frame, Geometry, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.integrals import measure_density
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
-from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem
+from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, branches_of
 
 # Of a factor of f, and of the density of an invariant measure for n coordinates, the powers that are tried.
 _POWERS = tuple(Fraction(k, 2) for k in (-1, 1, -2, 2, -4, 4))

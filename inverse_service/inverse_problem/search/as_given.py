@@ -25,7 +25,7 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
-from inverse_service.mechanics.linear_parts import linear_equation
+from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 

@@ -34,10 +34,9 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
-from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix
+from inverse_service.inverse_problem.search.linear_systems import reading as matrices
 from inverse_service.inverse_problem.search.linear_systems.modes import Branch, Multipliers, all_branches, asymmetry
-from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE, LinearSystem
+from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE, LinearSystem, Matrix
 from inverse_service.inverse_problem.search.linear_systems.time_dependent import choose
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
 from inverse_service.inverse_problem.search.motion import MotionTerms

@@ -1,17 +1,19 @@
-"""From the outcome of a task to what the caller gets: a document, or an error of the tree."""
+"""From the outcome of a task to what the caller gets: a document, an error, or a problem document (RFC 9457)."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import logging
+from collections.abc import Sequence
 from typing import Any
 
 from api_schemas.result import ResultDocument, UnderstoodSystem
 from inverse_service import __version__
-from inverse_service.errors import NoWorker, WorkerFailed
+from inverse_service.errors import InputError, NoWorker, WorkerFailed
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.refusals import DocumentRefused
-from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.outcome import Outcome, Place, faults_of
 
 log = logging.getLogger(__name__)
 UNDERSTAND_DEADLINE = 2.0
@@ -69,3 +71,72 @@ def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[st
         },
     )
     return result.model_dump(mode="json")
+
+
+PREFIX = "urn:inverse-service:problem:"
+TITLES = {
+    400: "The document cannot be read",
+    401: "A key is needed",
+    404: "There is nothing at this address",
+    405: "This address does not take this method",
+    410: "The job was dismissed",
+    413: "The body is too large",
+    415: "The body has another content type",
+    421: "Another host is meant",
+    422: "The document cannot be accepted",
+    429: "Too much at a time",
+    431: "The header is too large",
+    500: "A fault of the service",
+    503: "The service is busy",
+}
+
+# Status and kind of a task that ended so; all others are faults.
+ENDS = {
+    "deadline": (422, "time-limit"),
+    "memory": (422, "memory-limit"),
+    "killed": (422, "memory-limit"),
+    "cancelled": (410, "dismissed"),
+    "unstarted": (503, "not-ready"),
+}
+
+
+def problem_document(status: int, kind: str, detail: str, places: Sequence[Place] = ()) -> dict[str, Any]:
+    """`kind` is the stable end of the type; the texts are ours, never the caller's."""
+    return {
+        "type": PREFIX + kind,
+        "title": TITLES.get(status, "The request cannot be answered"),
+        "status": status,
+        "detail": detail,
+        "errors": [
+            {"pointer": p.pointer, "column": p.column, "detail": p.detail, "instead": list(p.instead)} for p in places
+        ],
+    }
+
+
+def as_bytes(document: dict[str, Any]) -> bytes:
+    """JSON in ASCII, without NaN."""
+    return json.dumps(document, ensure_ascii=True, allow_nan=False).encode("ascii")
+
+
+def of_input_error(error: InputError) -> dict[str, Any]:
+    """The problem of a document that is refused."""
+    places = faults_of(error)
+    return problem_document(422, places[0].code, error.detail, places)
+
+
+def of_outcome(outcome: Outcome, time_limit: float, memory_limit: int) -> dict[str, Any]:
+    """The problem of a task that ended without a value; its details stay in the log."""
+    if outcome.status == "refused":
+        return problem_document(422, outcome.places[0].code, outcome.places[0].detail, outcome.places)
+    sentences = {
+        "deadline": f"The work was stopped at its time limit of {time_limit:g} s; ask for less or for more time.",
+        "memory": f"The work was stopped at its memory limit of {memory_limit} MiB; ask for less.",
+        "killed": "The worker process was killed repeatedly, most likely because it ran out of memory; ask for less.",
+        "crash": "The worker process died repeatedly on this document; that is a fault of the program.",
+        "cancelled": "The job was dismissed.",
+        "unstarted": "No worker process could be started for a long time; submit the request again.",
+    }
+    kind = f" ({outcome.value})" if isinstance(outcome.value, str) and outcome.value else ""
+    fault = f"The program failed on this document{kind}; that is a fault of the program."
+    status, short = ENDS.get(outcome.status, (500, "fault"))
+    return problem_document(status, short, sentences.get(outcome.status, fault))

@@ -57,7 +57,7 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     """
     from inverse_service.inverse_problem.constrained.ansatz import first_system
     from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
-    from inverse_service.service.documents.motion import look_motion, read
+    from inverse_service.service.documents.reduced import look_motion, read
 
     try:
         document, claimed = prepared(document).document, _claimed(certificate["system"])

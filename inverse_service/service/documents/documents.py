@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
-from api_schemas.problem import ParseAnswer
+from api_schemas.base import ParseAnswer
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -108,9 +108,9 @@ class UseCases:
 def use_cases(document: Any) -> UseCases:
     """Those of the kind that a prepared document is of, imported now."""
     if is_motion(document):
-        from inverse_service.service.documents import motion
+        from inverse_service.service.documents import reduced
 
-        return UseCases(motion.look_motion, motion.parse, motion.system_of, motion.solve_motion)
+        return UseCases(reduced.look_motion, reduced.parse, reduced.system_of, reduced.solve_motion)
     if is_forward(document):
         from inverse_service.service.documents import forward as alone
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from api_schemas.base import MAX_FORWARD
-from api_schemas.forward import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
+from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import (
@@ -24,9 +24,8 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, momenta
-from inverse_service.mechanics.implicit_equations import solve_accelerations
+from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.legendre.transform import legendre
-from inverse_service.mechanics.linear_parts import linear_equation
 from inverse_service.mechanics.nonholonomic.reading import read_lagrangian
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 from inverse_service.service.documents import translate

@@ -22,8 +22,7 @@ from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
-from inverse_service.mechanics.branches import on_branch
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
 from inverse_service.service.documents.translate import formula, formula_about, lagrangian_part, plain
 
 # Of the time for a Lagrangian with friction, what the search for one without may take.

@@ -28,8 +28,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import solving, translate
 from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.instead import of_reduced
-from inverse_service.service.documents.motion import ONLY_THE_MOTION
-from inverse_service.service.documents.reduced import reduced_of_report
+from inverse_service.service.documents.reduced import ONLY_THE_MOTION, reduced_of_report
 from inverse_service.service.documents.translate_nonholonomic import (
     to_any_associated,
     to_families,

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.characters import greek_letter
 from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.printing_latex import name_latex
+from inverse_service.expressions.tokens import greek_letter
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from api_schemas.problem import ParseAnswer
+from api_schemas.base import ParseAnswer
 from api_schemas.result import ResultDocument
 from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import check_result
@@ -96,7 +96,7 @@ def with_special_cases(
     """The result with the tree of special cases, found in the time that is left."""
     # Loaded when asked for, so that others start sooner.
     from inverse_service.inverse_problem.special_cases.tree import special_cases
-    from inverse_service.service.documents.translate_special_cases import to_special_cases
+    from inverse_service.service.documents.translate import to_special_cases
 
     end, progress = limits
     deadline = now() + SHARE_OF_SOLVER * (end - now())

@@ -16,13 +16,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from inverse_service.errors import InputError
-from inverse_service.service.documents.problem_documents import of_input_error
+from inverse_service.service.documents.answers import of_input_error
 from inverse_service.service.jobs.batch_files import Line, open_source, read_lines
 from inverse_service.service.jobs.batch_output import Known, Output, answer_line, error_line, key_of, open_output
+from inverse_service.service.jobs.identity import JobOptions, read_options, split_options
 from inverse_service.service.jobs.kinds import request_of
 from inverse_service.service.jobs.locks import DATABASE, temporary_folder
 from inverse_service.service.jobs.model import BULK, BatchAnswer, Job
-from inverse_service.service.jobs.options import JobOptions, read_options, split_options
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.workers import Executor, Workers

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from inverse_service.errors import InputError
-from inverse_service.service.documents.problem_documents import as_bytes, problem_document
+from inverse_service.service.documents.answers import as_bytes, problem_document
 from inverse_service.service.jobs.batch_files import STANDARD, Line
 from inverse_service.service.jobs.kinds import label_of
 from inverse_service.service.jobs.locks import lock

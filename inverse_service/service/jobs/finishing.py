@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 from inverse_service.errors import InverseServiceError
-from inverse_service.service.documents import problem_documents
+from inverse_service.service.documents import answers
 from inverse_service.service.documents.answers import result_document
+from inverse_service.service.jobs.identity import JobOptions, stored_options
 from inverse_service.service.jobs.kinds import KINDS, label_of, solve_options
 from inverse_service.service.jobs.model import MAX_CRASHES, MAX_UNSTARTED, TRANSIENT, Job
-from inverse_service.service.jobs.options import JobOptions, stored_options
 from inverse_service.service.jobs.outcome import Outcome, Usage
 from inverse_service.service.jobs.store import JobStore
 
@@ -58,23 +58,23 @@ def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
         return label_of(result)
     if outcome.status in ("crash", "fault", "unstarted"):
         log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
-    problem = problem_documents.of_outcome(outcome, options.time_limit, options.memory_limit)
+    problem = answers.of_outcome(outcome, options.time_limit, options.memory_limit)
     kept = None if outcome.status == "refused" else TRANSIENT
-    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), usage, kept)
+    store.fail(job.id, job.attempt, answers.as_bytes(problem), usage, kept)
     return outcome.status
 
 
 def give_up(store: JobStore, job: Job) -> None:
     """Fail a job that saw the service die again and again while it ran."""
     detail = f"The service died {job.restarts} times while this job ran; it is not tried again."
-    problem = problem_documents.problem_document(500, "fault", detail)
-    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage(), TRANSIENT)
+    problem = answers.problem_document(500, "fault", detail)
+    store.fail(job.id, job.attempt, answers.as_bytes(problem), Usage(), TRANSIENT)
 
 
 def lose(store: JobStore, job: Job) -> None:
     """Fail a job whose answer cannot be stored by a fault of ours."""
-    problem = problem_documents.problem_document(500, "fault", "The answer was computed and could not be stored.")
-    store.fail(job.id, job.attempt, problem_documents.as_bytes(problem), Usage(), TRANSIENT)
+    problem = answers.problem_document(500, "fault", "The answer was computed and could not be stored.")
+    store.fail(job.id, job.attempt, answers.as_bytes(problem), Usage(), TRANSIENT)
 
 
 def undetermined(outcome: Outcome, options: JobOptions) -> dict[str, Any]:

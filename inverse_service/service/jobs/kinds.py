@@ -8,9 +8,8 @@ from typing import Any, Final
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.jobs.identity import job_id, write_json
+from inverse_service.service.jobs.identity import JobOptions, job_id, write_json
 from inverse_service.service.jobs.model import INTERACTIVE, JobRequest
-from inverse_service.service.jobs.options import JobOptions
 
 Report = Callable[[Any], None]
 Work = Callable[[Any, JobOptions, Report], Any]

@@ -15,9 +15,9 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.reading import decode, read_json
 from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.batch_files import BatchTerms, batch_lines, lines_of_array, lines_of_ndjson
+from inverse_service.service.jobs.identity import JobOptions, read_options, split_options, stored_options
 from inverse_service.service.jobs.kinds import KINDS, label_of, request_of
 from inverse_service.service.jobs.model import BatchLine, JobRequest
-from inverse_service.service.jobs.options import JobOptions, read_options, split_options, stored_options
 from inverse_service.service.jobs.outcome import Outcome, Place, faults_of
 
 ENGINE = tuple(
@@ -174,3 +174,17 @@ def _read(body: bytes) -> Any:
     except InputError as error:
         place = Place(error.detail, error.pointer, error.column, UNREADABLE)
         raise DocumentRefused((place,)) from None
+
+
+MODULE = "inverse_service.service.scenes.simulating"
+PRECISION = "inverse_service.service.scenes.work_precision"
+
+
+def simulate_task(document: Any, time_limit: float) -> Outcome:
+    """A scene to its result document and the tables of all recorded points."""
+    return guard(lambda: importlib.import_module(MODULE).simulate_tables(document, None, time_limit))
+
+
+def work_precision_task(document: Any, time_limit: float) -> Outcome:
+    """A scene to its work-precision document."""
+    return guard(lambda: importlib.import_module(PRECISION).work_precision(document, None, time_limit))

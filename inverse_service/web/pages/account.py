@@ -9,8 +9,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service.web.clients import COOKIE, LARGEST_KEY, cookie_of_key
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages.calls import SMALL_FORM, read_form
-from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.visitor import THEME_COOKIE, THEMES, local_address
+from inverse_service.web.pages.rendering import THEME_COOKIE, THEMES, local_address, page
 
 router = APIRouter()
 A_YEAR = 365 * 86_400

@@ -10,8 +10,7 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
-from inverse_service.service.jobs.identity import write_json
-from inverse_service.service.jobs.options import split_options
+from inverse_service.service.jobs.identity import split_options, write_json
 from inverse_service.service.jobs.outcome import Outcome, faults_of
 from inverse_service.service.jobs.tasks import guard
 from inverse_service.web.pages import reading_back

@@ -1,28 +1,90 @@
-"""Pages, pictures and files of results, made inside worker processes, which read the result in the store themselves."""
+"""Pages, pictures and files of results, made inside worker processes, which read the result in the store themselves.
+
+With them: what to try next where an answer stayed open, the tree of special cases, and the texts to take along.
+"""
 
 from __future__ import annotations
 
 import importlib
 import json
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.equations import equation_line
+from inverse_service.expressions.names import Names
 from inverse_service.service.documents import documents
+from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.tasks import guard
-from inverse_service.web.pages import answers, cases, constrained, exports, figures, simulations, typesetting
-from inverse_service.web.pages.advice import advice_for
+from inverse_service.web.pages import answers, constrained, figures, simulations, typesetting
 from inverse_service.web.pages.documents import lean_fields, question_address
 from inverse_service.web.pages.glossary import TERMS
-from inverse_service.web.pages.rendering import can_simulate, page
-from inverse_service.web.pages.visitor import VISITOR, Visitor
+from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
+
+OFFER_TERMS = (
+    "Offer terms that L may contain: \u201cChange the system\u201d, then \u201cTerms to try first in L\u201d under "
+    "\u201cNames and questions\u201d, for example y'^2/x'."
+)
+ONE_QUESTION = "Ask one question instead of two: under \u201cNames and questions\u201d, L(q, q\u2032) alone."
+# Of a time limit; what comes after the search takes the rest.
+MUCH_OF = 0.8
+LONG_RUN = "inverse-service solve --time-limit 3600 system.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """A sentence, the code line that belongs to it, and a button that asks again where `longer` seconds are given."""
+
+    text: str
+    code: str = ""
+    longer: float | None = None
+
+
+def advice_for(result: Mapping[str, Any], largest: float) -> list[Advice]:
+    """What may settle it; `largest` is the time limit of this service in s. Empty where nothing is open."""
+    if result["verdict"] == "undetermined":
+        return [*_about_time(result, largest), *_about_size(result)]
+    if result["verdict"] == "variational" and result["lagrangian"] is None:
+        return [Advice(OFFER_TERMS), *_about_time(result, largest)]
+    return []
+
+
+def _about_time(result: Mapping[str, Any], largest: float) -> list[Advice]:
+    limit = _limit_that_was_hit(result)
+    if limit is None:
+        return []
+    if limit < MUCH_OF * largest:
+        return [Advice(f"Ask again with more time: this answer had {limit:.2g} s, and they ran out.", longer=largest)]
+    return [Advice("Time ran out. This service gives no more; a machine of your own can.", LONG_RUN)]
+
+
+def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
+    """The seconds that the work had, where it used them up; None where it ended by itself."""
+    provenance = result["provenance"]
+    stopped = (provenance.get("options") or {}).get("time_limit")
+    if isinstance(stopped, int | float):
+        return stopped if "limit" in result["reason"] else None
+    limit, used = provenance.get("time_limit"), (provenance.get("seconds") or {}).values()
+    return limit if isinstance(limit, int | float) and sum(used) >= MUCH_OF * limit else None
+
+
+def _about_size(result: Mapping[str, Any]) -> list[Advice]:
+    system, found = result["system"] or {}, []
+    if system.get("functions"):
+        found.append(Advice("Put one function in the place of each arbitrary one."))
+    if system.get("parameters"):
+        found.append(Advice("Give values to parameters, such as k = 1/2: numbers are decided faster than letters."))
+    if result["verdict_with_time"] is not None and result["question"] == "L(q, q')":
+        found.append(Advice(ONE_QUESTION))
+    return found or [Advice("Write the equations in other coordinates, or leave out what does not couple.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,14 +246,14 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         other=other,
         branches=[answers.shown_of(branch, found) for branch in found.get("branches", ())[1:]],
         further=answers.further_of(found),
-        cases=cases.cases_of(found),
+        cases=cases_of(found),
         motion=constrained.motion_of(found),
         constrained=constrained.constrained_of(found),
         also=answers.other_question(found, main),
         advice=advice_for(found, look.time_limit),
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
-        languages=exports.LANGUAGES,
-        exports=exports.exports(found, address),
+        languages=LANGUAGES,
+        exports=exports(found, address),
         timing=answers.timing(found["provenance"]),
         can_simulate=can_simulate() and system is not None,
     )
@@ -201,3 +263,94 @@ def other_result(job: Mapping[str, Any]) -> HTMLResponse:
     """A job whose result has no page of its own: its JSON."""
     text = json.dumps(job["result"], indent=1, ensure_ascii=False)
     return page("plain.html", active="", job=job, text=text)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A case with its conditions, verdict and the cases inside it."""
+
+    conditions: list[Markup]
+    verdict: str
+    statement: str
+    children: list[Case]
+
+
+@dataclass(frozen=True, slots=True)
+class Cases:
+    """The tree, and where a Lagrangian exists: conditions with the exceptions inside them."""
+
+    tree: Case
+    variational_when: list[tuple[list[Markup], list[list[Markup]]]]
+    complete: bool
+    examined: int
+    reasons: list[str]
+
+
+def cases_of(result: Mapping[str, Any]) -> Cases | None:
+    """The special cases of a result, None where they were not asked for."""
+    part = result.get("special_cases")
+    if not part:
+        return None
+    names = typesetting.names_of(result["system"])
+    when = [
+        (_conditions(case["conditions"], names), [_conditions(exception, names) for exception in case["exceptions"]])
+        for case in part["variational_when"]
+    ]
+    return Cases(_case(part["tree"], names), when, part["complete"], part["examined"], part["reasons"])
+
+
+def _case(node: Mapping[str, Any], names: Names) -> Case:
+    children = [_case(child, names) for child in node["children"]]
+    statement = node["statement"] or node["reason"]
+    return Case(_conditions(node["conditions"], names), node["verdict"], statement, children)
+
+
+def _conditions(conditions: Sequence[Mapping[str, str]], names: Names) -> list[Markup]:
+    return [typesetting.formula(condition["text"], names) for condition in conditions]
+
+
+# Languages of inverse_service.sympy.code, and the endings of their files.
+LANGUAGES = {
+    "sympy": "py", "python": "py", "julia": "jl", "matlab": "m", "octave": "m", "mathematica": "wl", "maple": "mpl",
+    "maxima": "mac", "c": "c", "cpp": "cpp", "fortran": "f90", "rust": "rs", "javascript": "js",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """A text to copy; `key` names it in addresses."""
+
+    key: str
+    label: str
+    text: str
+
+
+def exports(result: Mapping[str, Any], address: str) -> list[Export]:
+    """Every form that this result has; the JSON is a link of its own, being long."""
+    found = [Export("latex", "LaTeX", latex_page(dict(result), explain=True))]
+    if result["system"] is not None:
+        given = result["system"]["given"]
+        found.append(Export("python", "Python", python_call(given, address)))
+        found.append(Export("curl", "curl", curl_of(given, address)))
+    return found
+
+
+def python_call(document: Mapping[str, Any], address: str) -> str:
+    """The call with the client of this package."""
+    return (
+        "from inverse_service.client import Client\n\n"
+        f"with Client({address!r}) as client:\n"
+        f"    result = client.solve({_python(document)})\n"
+        "print(result.verdict, result.lagrangian)\n"
+    )
+
+
+def _python(document: Mapping[str, Any]) -> str:
+    lines = [f"        {key!r}: {value!r},\n" for key, value in document.items()]
+    return "{\n" + "".join(lines) + "    }"
+
+
+def curl_of(document: Mapping[str, Any], address: str) -> str:
+    """The call from a shell."""
+    body = json.dumps(document, ensure_ascii=False, indent=1)
+    return f"curl -s {shlex.quote(address + '/v1/solve')} -H 'Content-Type: application/json' -d {shlex.quote(body)}\n"

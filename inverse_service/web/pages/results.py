@@ -22,9 +22,9 @@ from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import figures, simulations
 from inverse_service.web.pages.calls import SMALL_FORM, Answer, call, read_form
-from inverse_service.web.pages.exports import LANGUAGES
-from inverse_service.web.pages.rendering import POLICY, page
+from inverse_service.web.pages.rendering import POLICY, VISITOR, page
 from inverse_service.web.pages.result_tasks import (
+    LANGUAGES,
     Look,
     check_stored_task,
     code_task,
@@ -35,7 +35,6 @@ from inverse_service.web.pages.result_tasks import (
     page_task,
     picture_task,
 )
-from inverse_service.web.pages.visitor import VISITOR
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()

@@ -19,8 +19,7 @@ from inverse_service.web.pages import (
     simulate,
     solve,
 )
-from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.visitor import note_visitor, note_visitor_of, require_visitor
+from inverse_service.web.pages.rendering import note_visitor, note_visitor_of, page, require_visitor
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from inverse_service.web.pages.advice import advice_for
 from inverse_service.web.pages.documents import document_of, fields_from, lean_fields
 from inverse_service.web.pages.forms import Form
+from inverse_service.web.pages.result_tasks import advice_for
 
 OPEN: dict[str, Any] = {
     "verdict": "undetermined", "verdict_with_time": None, "question": "L(q, q')", "lagrangian": None,

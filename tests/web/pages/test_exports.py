@@ -8,7 +8,7 @@ import shlex
 from inverse_service import catalogue
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
-from inverse_service.web.pages.exports import curl_of, exports, python_call
+from inverse_service.web.pages.result_tasks import curl_of, exports, python_call
 
 
 def test_calls_hold_the_document() -> None:

@@ -35,9 +35,14 @@ from inverse_service.expressions.tree import (
     power,
     square_root,
 )
-from inverse_service.inverse_problem.search.linear_systems import matrices as matrices
-from inverse_service.inverse_problem.search.linear_systems.matrices import Matrix, Vector, characteristic_polynomial
-from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE, LinearSystem
+from inverse_service.inverse_problem.search.linear_systems import reading as matrices
+from inverse_service.inverse_problem.search.linear_systems.reading import (
+    EIGENVALUE,
+    LinearSystem,
+    Matrix,
+    Vector,
+    characteristic_polynomial,
+)
 
 _LARGEST_FACTORED = 10**15
 

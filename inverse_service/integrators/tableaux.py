@@ -1,0 +1,200 @@
+"""Coefficients of one-step methods: explicit and implicit Runge-Kutta, Rosenbrock, and compositions.
+
+Explicit, with a fixed step, orders 4, 5 and 8: Kutta (1901); J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6
+(1980) 19; the twelve stages of DOP853, E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I
+(1993).
+
+Gauss-Legendre collocation, the implicit methods of order 2 s, our own reference: J. C. Butcher, Math. Comp. 18 (1964)
+50. Nodes and weights are computed to forty digits and rounded once.
+
+RODAS of order 4 (3), L-stable, for stiff equations; linear systems replace Newton's method. With J = df/dy and
+increments u_i of y' = f(t, y), where u_6 is the estimate of the error (E. Hairer, G. Wanner, Solving Ordinary
+Differential Equations II (1996), IV.7 and table IV.10):
+
+    u_i/(h gamma) - J u_i = f(t + c_i h, y + sum_j a_ij u_j) + sum_j (c_ij/h) u_j + h d_i f_t
+    y_new = y + sum_j a_6j u_j + u_6
+
+Compositions: substeps that lift a symmetric method of order 2 to order 4 (five; M. Suzuki, Phys. Lett. A 146 (1990)
+319), 6 or 8 (nine and seventeen; W. Kahan, R.-C. Li, Math. Comp. 66 (1997) 1089). Required: a step that is its own
+inverse with -h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from mpmath import mp
+
+
+@dataclass(frozen=True, slots=True)
+class Tableau:
+    """Strictly lower triangular `rows` (stage by stage) and `weights`."""
+
+    rows: tuple[tuple[float, ...], ...]
+    weights: tuple[float, ...]
+
+
+_KUTTA = Tableau(((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
+_DORMAND_PRINCE = Tableau(
+    (
+        (),
+        (1 / 5,),
+        (3 / 40, 9 / 40),
+        (44 / 45, -56 / 15, 32 / 9),
+        (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+        (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    ),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+)
+_DOP853 = Tableau(
+    (
+        (),
+        (0.05260015195876773,),
+        (0.0197250569845379, 0.0591751709536137),
+        (0.02958758547680685, 0.0, 0.08876275643042054),
+        (0.2413651341592667, 0.0, -0.8845494793282861, 0.924834003261792),
+        (0.037037037037037035, 0.0, 0.0, 0.17082860872947386, 0.12546768756682242),
+        (0.037109375, 0.0, 0.0, 0.17025221101954405, 0.06021653898045596, -0.017578125),
+        (
+            0.03709200011850479, 0.0, 0.0, 0.17038392571223998, 0.10726203044637328, -0.015319437748624402,
+            0.008273789163814023,
+        ),
+        (
+            0.6241109587160757, 0.0, 0.0, -3.3608926294469414, -0.868219346841726, 27.59209969944671,
+            20.154067550477894, -43.48988418106996,
+        ),
+        (
+            0.47766253643826434, 0.0, 0.0, -2.4881146199716677, -0.590290826836843, 21.230051448181193,
+            15.279233632882423, -33.28821096898486, -0.020331201708508627,
+        ),
+        (
+            -0.9371424300859873, 0.0, 0.0, 5.186372428844064, 1.0914373489967295, -8.149787010746927,
+            -18.52006565999696, 22.739487099350505, 2.4936055526796523, -3.0467644718982196,
+        ),
+        (
+            2.273310147516538, 0.0, 0.0, -10.53449546673725, -2.0008720582248625, -17.9589318631188,
+            27.94888452941996, -2.8589982771350235, -8.87285693353063, 12.360567175794303, 0.6433927460157636,
+        ),
+    ),
+    (
+        0.054293734116568765, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
+        0.3111643669578199, -0.1521609496625161, 0.20136540080403034, 0.04471061572777259,
+    ),
+)  # fmt: skip
+TABLEAUX = {4: _KUTTA, 5: _DORMAND_PRINCE, 8: _DOP853}
+
+_OF_ORDER_5 = (
+    0.01312004499419488, 0.0, 0.0, 0.0, 0.0, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
+    -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
+)  # fmt: skip
+_OF_ORDER_3 = tuple(
+    weight - {0: 0.2440944881889764, 8: 0.7338466882816118, 11: 0.022058823529411766}.get(place, 0.0)
+    for place, weight in enumerate(_DOP853.weights)
+)
+# Weights of the two estimates of the error of DOP853; the one of order 5 is damped by that of order 3.
+DOP853_ERRORS = (_OF_ORDER_5, _OF_ORDER_3)
+
+
+_SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
+_HALVES: dict[int, tuple[float, ...]] = {
+    2: (),
+    4: (_SUZUKI, _SUZUKI),
+    6: (0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981, 0.082213596293550800230),
+    8: (
+        0.13020248308889008088, 0.56116298177510838456, -0.38947496264484728641, 0.15884190655515560090,
+        -0.39590389413323757734, 0.18453964097831570709, 0.25837438768632204729, 0.29501172360931029887,
+    ),
+}  # fmt: skip
+ORDERS = tuple(_HALVES)
+
+
+def composition(order: int) -> tuple[float, ...]:
+    """Symmetric weights that add up to 1; KeyError for an order that is not in ORDERS."""
+    half = _HALVES[order]
+    middle = 1.0 - 2.0 * sum(half)
+    return (*half, middle, *reversed(half))
+
+
+STAGES = 6
+Rows = tuple[tuple[float, ...], ...]
+
+
+@lru_cache(maxsize=8)
+def collocation(stages: int = STAGES) -> tuple[Rows, Rows, tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """(A, A A, b, b A, c): the last forms serve q'' = f(q, q') without a detour."""
+    with mp.workdps(40):
+        nodes = _nodes(stages)
+        powers = mp.matrix(stages, stages)
+        integrals = mp.matrix(stages, stages)
+        for i, node in enumerate(nodes):
+            for k in range(stages):
+                powers[i, k] = node**k
+                integrals[i, k] = node ** (k + 1) / (k + 1)
+        inverse = powers**-1
+        matrix = integrals * inverse
+        weights = mp.matrix([[mp.mpf(1) / (k + 1) for k in range(stages)]]) * inverse
+        return (
+            _rounded(matrix), _rounded(matrix * matrix), _rounded(weights)[0], _rounded(weights * matrix)[0],
+            tuple(float(node) for node in nodes),
+        )  # fmt: skip
+
+
+def _nodes(stages: int) -> list[Any]:
+    """Zeros of the Legendre polynomial by Newton, moved to [0, 1]."""
+    zeros = [mp.cos(mp.pi * (mp.mpf(k) + 0.75) / (stages + 0.5)) for k in range(stages)]
+    for _ in range(8):
+        zeros = [zero - _newton_step(zero, stages) for zero in zeros]
+    return sorted((1 + zero) / 2 for zero in zeros)
+
+
+def _newton_step(x: Any, stages: int) -> Any:
+    before, value = mp.mpf(1), x
+    for k in range(2, stages + 1):
+        before, value = value, ((2 * k - 1) * x * value - (k - 1) * before) / k
+    return value * (x * x - 1) / (stages * (x * value - before))
+
+
+def _rounded(matrix: Any) -> Rows:
+    return tuple(tuple(float(matrix[i, j]) for j in range(matrix.cols)) for i in range(matrix.rows))
+
+
+Row = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Rosenbrock:
+    """`rows` a_ij, `mixed` c_ij, `nodes` c_i, `slopes` d_i, stage by stage; the last stage ends the step."""
+
+    gamma: float
+    rows: tuple[Row, ...]
+    mixed: tuple[Row, ...]
+    nodes: Row
+    slopes: Row
+    order: int
+
+
+_FIFTH = (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950)
+RODAS = Rosenbrock(
+    gamma=0.25,
+    rows=(
+        (),
+        (1.544,),
+        (0.9466785280815826, 0.2557011698983284),
+        (3.314825187068521, 2.896124015972201, 0.9986419139977817),
+        _FIFTH,
+        (*_FIFTH, 1.0),
+    ),
+    mixed=(
+        (),
+        (-5.6688,),
+        (-2.430093356833875, -0.2063599157091915),
+        (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
+        (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
+        (8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054),
+    ),
+    nodes=(0.0, 0.386, 0.21, 0.63, 1.0, 1.0),
+    slopes=(0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0),
+    order=4,
+)
