@@ -27,9 +27,9 @@ from inverse_service.integrators.trajectory import Array
 _NUMPY = {name: f"arc{name[1:]}" for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")}
 
 
-def _function(name: str, values: Any) -> Any:
+def array_function(name: str, values: Any) -> Any:
     below = RECIPROCALS.get(name)
-    return 1 / _function(below, values) if below else getattr(np, _NUMPY.get(name, name))(values)
+    return 1 / array_function(below, values) if below else getattr(np, _NUMPY.get(name, name))(values)
 
 
 class NoValue(InputError):
@@ -88,7 +88,7 @@ def _computed(expression: Expression, known: dict[Expression, Any]) -> Any:
         case Power(base, exponent):
             return _power(_value(base, known), exponent, known)
         case Apply(function, argument):
-            return _function(function, _value(argument, known))
+            return array_function(function, _value(argument, known))
         case _ if expression == PI:
             return np.pi
         case _:

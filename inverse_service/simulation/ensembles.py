@@ -9,7 +9,7 @@ import os
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,14 +19,16 @@ from numpy.typing import NDArray
 from inverse_service.codegen.algebra import closure
 from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.codegen.kernel import CONTROL
-from inverse_service.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.codegen.program import HIDDEN, NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.machine_code.loading import processor_features
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
+from inverse_service.simulation.between_steps import hidden_in_members
 from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
 from inverse_service.simulation.execution import stopped
 from inverse_service.simulation.formulas import MOMENT, Formulas
+from inverse_service.simulation.impulses import Ways
 from inverse_service.simulation.methods import check, kernel_of, weights_of
 from inverse_service.simulation.observing import energy, point_velocities, why_energy_varies
 from inverse_service.simulation.outcomes import unknown_names
@@ -245,6 +247,7 @@ class EnsembleRun:
     series: Mapping[str, Array] = field(default_factory=dict)
     numbers: Mapping[str, Array] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
+    between: str = ""
 
 
 def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop | None) -> EnsembleRun:
@@ -269,11 +272,39 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
     except InputError as error:
         return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
     ran = time.perf_counter()
+    between = "" if many.cancelled else _mark_hidden(scene, problem, requested.choice, many, values, momenta, stop)
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
     kind = "cancelled" if many.cancelled else "completed" if many.completed.all() else "partly"
-    return EnsembleRun(requested, Outcome(kind, scene.grid.steps), many, velocities, series, numbers, seconds)
+    return EnsembleRun(requested, Outcome(kind, scene.grid.steps), many, velocities, series, numbers, seconds, between)
+
+
+def _mark_hidden(
+    scene: Scene, problem: Problem, choice: MethodChoice, many: Many, values: Mapping[str, float | Array],
+    momenta: Array | None, stop: Stop | None,
+) -> str:  # fmt: skip
+    """End the members that went by something between two points where they did; what was looked at."""
+    members, grid = scene.ensemble, replace(scene.grid, record_every=1)
+    assert members is not None
+
+    def paths(rows: NDArray[np.int64]) -> tuple[Array, Ways]:
+        own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
+        begun = None if momenta is None else momenta[rows]
+        again = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], grid, own, begun)
+        starts = again.positions[:, :-1].reshape(-1, len(scene.coordinates))
+        moves = np.diff(again.positions, axis=1).reshape(starts.shape)
+        each = {name: np.repeat(value, grid.steps) if np.ndim(value) else value for name, value in own.items()}
+        return again.positions, Ways(starts, moves, np.tile(again.times[:-1], len(rows)), grid.step, each)
+
+    found, sentence = hidden_in_members(scene, choice, len(many.positions), paths, stop)
+    status, at, value = (many.memory[many.card.layout.place(name)] for name in (STATUS, STOPPED_AT, STOPPED_VALUE))
+    for member, (step, impulse) in found.items():
+        if status[member] == 0:
+            status[member], at[member], value[member] = HIDDEN, step, impulse
+            lost = many.times > grid.begin + (step + 0.5) * grid.step
+            many.positions[member, lost] = many.rates[member, lost] = np.nan
+    return sentence
 
 
 def _momenta(free: FreeLagrangian | None, members: Members, values: Mapping[str, float | Array]) -> Array | None:

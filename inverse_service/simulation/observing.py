@@ -143,11 +143,17 @@ def point_energy(scene: Scene, positions: Array, velocities: Array, times: Array
     return array_value(energy(lagrangian, scene.coordinates), table)
 
 
-def point_kinetic(scene: Scene, positions: Array, velocities: Array, times: Array) -> Array:
+def point_kinetic(
+    scene: Scene,
+    positions: Array,
+    velocities: Array,
+    times: Array,
+    values: Mapping[str, float | Array] | None = None,
+) -> Array:
     """|v dL/dv| / 2 at the recorded points, (m,): the kinetic energy where L has masses."""
     lagrangian = lagrangian_of_energy(scene)
     assert lagrangian is not None
-    table = table_of(scene.coordinates, positions, velocities, scene.values, times)
+    table = table_of(scene.coordinates, positions, velocities, values or scene.values, times)
     powers = [
         v * array_value(p, table) for v, p in zip(velocities.T, momenta(lagrangian, scene.coordinates), strict=True)
     ]

@@ -91,7 +91,8 @@ def _propagated(
         integrator.pars[:] = [float(values[name]) for name in used_parameters(problem)]
         integrator.time = times[0]
         compiled = time.perf_counter()
-        limits: dict[str, Any] = {"max_steps": MOST_STEPS}
+        # No longer than the grid: a far step has no term of a force that is narrow and still ahead.
+        limits: dict[str, Any] = {"max_steps": MOST_STEPS, "max_delta_t": float(np.abs(np.diff(times)).max())}
         if stop is not None:
             limits["callback"] = lambda _: not stop()
         code, *_, rows = integrator.propagate_grid(times, **limits)

@@ -1,7 +1,7 @@
 """Whether the steps of a run saw what it moves through: a run to the end that leapt over something is `unresolved`.
 
-In one step: the energy, a constant, changes by half of the kinetic energy; or the potential between two points rises
-far above it. Over the whole run: a force changes with t faster than the steps, and the end is far from the true motion.
+In one step: the energy, a constant, changes by half of the kinetic energy. Over the whole run: a force changes with t
+faster than the steps, and the end is far from the true motion. What lies between two points: `between_steps`.
 """
 
 from __future__ import annotations
@@ -9,23 +9,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Velocity, walk
+from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.between_steps import greatest_near
 from inverse_service.simulation.observing import point_kinetic, wall_of_energy, why_energy_varies
 from inverse_service.simulation.quantities import Observed, velocities_at_points
-from inverse_service.simulation.scene import OWN_STEPS, SCIPY, Scene
+from inverse_service.simulation.scene import OWN_STEPS, SCIPY
 from inverse_service.simulation.truth import Truth, places_of
 from inverse_service.simulation.watches import RESOLVE
 
 _JUMPS = "the change of the energy, a constant, in one step: more than half of the kinetic energy"
-_LEAPT = "the rise of the potential inside one step, which no step met: more than {:g} times the kinetic energy"
 _NOISE = 1e-6
-_RISE, _PLACES = 2.5, 2**15  # how much of the kinetic energy is too much; places looked at on the whole way
-_STRAIGHT = 1e-3  # a change of the velocity over itself
-_NEAR = 5  # steps
 UNSEEN = "the error at the end: the force changes with t within each step, which its ends do not show"
 # A change with t is lost between steps where half of the steps do not show this share of it; then so large an error,
 # over the size of the motion, is too large.
@@ -46,75 +42,13 @@ def jump_of_energy(run: Observed, series: Mapping[str, Array]) -> Outcome | None
     if velocities is None or wall_of_energy(run.scene, run.trajectory.positions, velocities):
         return None
     kinetic = point_kinetic(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
-    allowed = _nearby(kinetic)[1:] / 2 + kinetic.max() / 20 + _NOISE * np.abs(energies[1:])
+    allowed = greatest_near(kinetic)[1:] / 2 + kinetic.max() / 20 + _NOISE * np.abs(energies[1:])
     places = np.flatnonzero(np.abs(np.diff(energies)) > allowed)
     if not len(places):
         return None
     step = int(places[0])
     change = float(energies[step + 1] - energies[step])
     return Outcome("unresolved", step + 1, float(run.trajectory.times[step + 1]), _JUMPS, change, RESOLVE)
-
-
-def leap(run: Observed) -> Outcome | None:
-    """The outcome where a step jumps over a barrier that its motion has not the energy to pass.
-
-    The potential on the straight way between two points, against the kinetic energy of that way; with steps of its own
-    a method may have gone another way, unless its velocity is the same at both. Polynomials are not looked at: they
-    have no barrier that is narrow and high. With forces, or t, the energy may come from elsewhere.
-    """
-    scene, at, choice = run.scene, run.trajectory, run.requested.choice
-    if choice is None or not choice.guard:
-        return None
-    count = min(_PLACES // max(len(at.times) - 1, 1), 512)
-    if scene.grid.record_every > 1 or len(at.times) < 2 or count < 2 or not _may_have_barriers(scene):
-        return None
-    rise, kinetic = _heights(scene, at, count)
-    highest = np.fmax.reduce(rise, axis=1)
-    if choice.method in OWN_STEPS | set(SCIPY):
-        if at.velocities is None:
-            return None
-        bends = np.abs(np.diff(at.velocities, axis=0)).max(axis=1)
-        highest[bends > _STRAIGHT * np.abs(at.velocities[1:]).max(axis=1)] = 0.0
-    found = np.flatnonzero(highest > _RISE * (_nearby(kinetic) + kinetic.max() / 20))
-    if not len(found):
-        return None
-    step = int(found[0])
-    return Outcome("unresolved", step, float(at.times[step]), _LEAPT.format(_RISE), float(highest[step]), RESOLVE)
-
-
-def _may_have_barriers(scene: Scene) -> bool:
-    """Whether a potential, or a force of the place alone, is there and is no polynomial."""
-    forces = scene.accelerations or ()
-    trees = forces if scene.lagrangian is None else (scene.lagrangian,)
-    nodes = {node for tree in trees for node in walk(tree)}
-    if why_energy_varies(scene) or (forces and any(isinstance(node, Velocity) or node == TIME for node in nodes)):
-        return False
-    return any(isinstance(node, Apply) or (isinstance(node, Power) and not _is_count(node.exponent)) for node in nodes)
-
-
-def _is_count(exponent: Expression) -> bool:
-    return isinstance(exponent, Number) and exponent.value.denominator == 1 and exponent.value > 0
-
-
-def _heights(scene: Scene, at: Trajectory, count: int) -> tuple[Array, Array]:
-    """(V(s) - V(0) on the way of each step, (steps, count); the kinetic energy of that way, (steps,))."""
-    moves = np.diff(at.positions, axis=0)
-    rates = moves / scene.grid.step
-    places = at.positions[:-1, None] + np.linspace(0, 1, count)[:, None] * moves[:, None]
-    flat = places.reshape(-1, len(scene.coordinates))
-    table = table_of(scene.coordinates, flat, np.zeros_like(flat), scene.values)
-    if scene.lagrangian is not None:
-        potential = -array_value(scene.lagrangian, table).reshape(len(moves), count)
-        kinetic = point_kinetic(scene, at.positions[:-1], rates, at.times[:-1])
-        return potential - potential[:, :1] - _NOISE * np.abs(potential[:, :1]), kinetic
-    pulls = np.column_stack([array_value(tree, table) for tree in scene.accelerations or ()]).reshape(places.shape)
-    return -np.cumsum((pulls * moves[:, None]).sum(axis=2), axis=1) / count, (rates**2).sum(axis=1) / 2
-
-
-def _nearby(kinetic: Array) -> Array:
-    """The greatest of the few steps about each: where the motion turns or begins, a single one may be round-off."""
-    found: Array = sliding_window_view(np.pad(kinetic, _NEAR, "edge"), 2 * _NEAR + 1).max(axis=1)
-    return found
 
 
 def changes_unseen(run: Observed) -> bool:

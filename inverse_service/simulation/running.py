@@ -24,6 +24,7 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, 
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.advice import COST, Means, part_costs
 from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.between_steps import MOST_STEPS, POLYNOMIAL, forces, hidden_in, without_hidden
 from inverse_service.simulation.derivation import (
     COMPARED,
     USES_EXACT,
@@ -41,7 +42,7 @@ from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.quantities import Observed, observed_quantities
-from inverse_service.simulation.resolution import UNSEEN, changes_unseen, jump_of_energy, leap, lost_to_time
+from inverse_service.simulation.resolution import UNSEEN, changes_unseen, jump_of_energy, lost_to_time
 from inverse_service.simulation.scene import (
     EXACT,
     FreeLagrangian,
@@ -110,6 +111,8 @@ def run_scene(
     if USES_EXACT & set(scene.observe) and scene.ensemble is None:
         tell("true motion")
         truth = _truth(scene, derived, compared_until or stop)
+        if isinstance(truth, Truth):
+            truth = without_hidden(scene, derived, truth, compared_until or stop)
     runs: list[MethodRun] = []
     members: list[EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
@@ -177,16 +180,24 @@ def run_method(
     if isinstance(found, Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
+    values, hidden, looked = values_of(scene, requested, known), None, POLYNOMIAL
+    if found.outcome.completed and forces(scene):
+        with timed(seconds, "between steps"):
+            whole = Observed(scene, requested, found, problem, values, truth)
+            hidden, looked = hidden_in(whole, derived, stop)
+    if requested.method != EXACT and whole_grid(scene) != scene.grid:
+        found = thinned(scene, found)
     events: tuple[Found, ...] = ()
     if scene.events and len(found.times) > 1:
-        motion, values = with_accelerations(scene, derived), values_of(scene, requested, known)
+        motion = with_accelerations(scene, derived)
         with timed(seconds, "events"):
             found, events = with_events(scene, requested, problem, found, motion, values)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
-    observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
+    observed = Observed(scene, requested, found, problem, values, truth)
     numbers, series = observed_quantities(observed, seconds)
-    outcome = (found.outcome.completed and (jump_of_energy(observed, series) or leap(observed))) or found.outcome
+    outcome = (found.outcome.completed and (jump_of_energy(observed, series) or hidden)) or found.outcome
+    numbers |= {"between_points": looked} if requested.method != EXACT and outcome.completed else {}
     if COST in scene.observe and problem is not None:
         with timed(seconds, COST):
             numbers[COST] = _costs(scene, requested, derived, known, stop, find)
@@ -205,9 +216,26 @@ def _integrated(
             return Unavailable("The energy has no finite value at the start: start somewhere else.")
     try:
         start = start_of(scene, requested, free, values)
-        return run(problem, requested.choice, start, scene.grid, values, observation, stop)
+        return run(problem, requested.choice, start, whole_grid(scene), values, observation, stop)
     except InputError as error:
         return Unavailable(error.detail)
+
+
+def whole_grid(scene: Scene) -> Grid:
+    """With every point recorded, where something may lie between them."""
+    looked = scene.grid.steps <= MOST_STEPS and bool(forces(scene))
+    return replace(scene.grid, record_every=1) if looked else scene.grid
+
+
+def thinned(scene: Scene, found: Trajectory) -> Trajectory:
+    """The points that the grid of the scene records, of a run with all points: every so many, and the end."""
+    rows = np.arange(0, len(found.times), scene.grid.record_every)
+    if found.outcome.completed and rows[-1] != len(found.times) - 1:
+        rows = np.append(rows, len(found.times) - 1)
+    momenta, velocities = (None if table is None else table[rows] for table in (found.momenta, found.velocities))
+    series = {name: column[rows] for name, column in found.series.items()}
+    times, positions = found.times[rows], found.positions[rows]
+    return replace(found, times=times, positions=positions, momenta=momenta, velocities=velocities, series=series)
 
 
 def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observation]:

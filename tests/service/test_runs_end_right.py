@@ -262,7 +262,7 @@ def test_a_narrow_barrier_that_no_step_lands_in_ends_the_run() -> None:
 
 
 def test_a_narrow_barrier_that_is_low_is_passed() -> None:
-    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - exp(-(1000*(x - 1.03))^2)/10"}
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - exp(-(1000*(x - 1.03))^2)/100"}
     start = {"positions": {"x": 0}, "velocities": {"x": 1}}
     found = outcomes(OSCILLATOR | {"system": system, "initial": start, "steps": 30, "methods": ["variational"]})
     assert found == {"variational-0.5": "completed"}

@@ -1,0 +1,138 @@
+"""A force that lies between two points of a run, however narrow, does not let the run end as if it were not there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import Symbol
+from inverse_service.service.scenes.simulating import simulate
+from inverse_service.simulation.array_values import array_value
+from inverse_service.simulation.bounds import bounds
+
+FIXED = ["variational", "stormer-verlet", "runge-kutta", "reference"]
+START = {"initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "step": 0.1, "steps": 30}
+FREE = {"coordinates": ["x"], "lagrangian": "x'^2/2"}
+
+
+def barrier(height: float, sharpness: str) -> dict[str, Any]:
+    return {"coordinates": ["x"], "lagrangian": f"x'^2/2 - {height}*exp(-({sharpness}*(x - 1.03))^2)"}
+
+
+def outcomes(scene: dict[str, Any]) -> dict[str, str]:
+    return {method["label"]: method["outcome"] for method in simulate(scene)["methods"]}
+
+
+@pytest.mark.parametrize("every", [1, 10])
+@pytest.mark.parametrize("sharpness", ["1000", "10^6", "10^12"])
+def test_a_barrier_of_any_width_is_not_leapt_over(sharpness: str, every: int) -> None:
+    """Ten widths down to the round-off of x; few points recorded hide nothing."""
+    scene = START | {"system": barrier(0.3, sharpness), "methods": FIXED, "record_every": every}
+    found = simulate(scene)["methods"]
+    assert {method["outcome"] for method in found} == {"unresolved"}
+    assert {len(method["points"]["columns"]["t"]) for method in found} == {30 // every + 1}
+
+
+def test_friction_and_forces_are_looked_at_too() -> None:
+    spike = "5000*exp(-(1000*(x - 1.03))^2)"
+    with_force = START | {
+        "system": FREE,
+        "forces": {"x": f"-x'/10 - {spike}"},
+        "methods": ["variational", "runge-kutta"],
+    }
+    with_drag = START | {"system": {"equations": {"x": f"-x'/10 - {spike}"}}, "methods": ["runge-kutta", "reference"]}
+    assert set(outcomes(with_force).values()) == set(outcomes(with_drag).values()) == {"unresolved"}
+
+
+def test_a_force_across_the_way_is_seen() -> None:
+    """The potential is 0 on the way itself, and a wall beside it throws the motion aside."""
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - 1000*y*exp(-(1000*(x - 1.03))^2)"}
+    start = {"positions": {"x": 0, "y": 0}, "velocities": {"x": 1, "y": 0}}
+    scene = START | {"system": system, "initial": start, "methods": ["variational", "runge-kutta"]}
+    assert set(outcomes(scene).values()) == {"unresolved"}
+
+
+def test_a_truth_that_leapt_is_no_truth() -> None:
+    """All references pass a barrier of width 1e-6 alike; where one comes back the others are not believed."""
+    found = simulate(START | {"system": barrier(10, "10^6"), "methods": ["adaptive", "heyoka"], "observe": ["error"]})
+    assert {method["outcome"] for method in found["methods"]} <= {"unresolved", "unavailable"}
+    assert all(method.get("max_error") is None for method in found["methods"])
+    assert "too narrow" in found["truth"]["reason"]
+
+
+def test_a_method_with_steps_of_its_own_that_saw_the_barrier_goes_on() -> None:
+    """DOP853 in steps of 0.1 or less comes back from a barrier 0.02 wide; those of heyoka are no longer."""
+    pytest.importorskip("heyoka")
+    scene = START | {"system": barrier(10, "50"), "methods": ["adaptive", "heyoka"]}
+    for method in simulate(scene)["methods"]:
+        if method["outcome"] == "completed":
+            assert method["final"]["positions"]["x"] == pytest.approx(-1, abs=0.1)
+    low = simulate(START | {"system": barrier(0.15, "10"), "methods": ["heyoka"], "observe": ["error"]})["methods"][0]
+    assert (low["outcome"], low["max_error"]) == ("completed", pytest.approx(0, abs=1e-12))
+
+
+@pytest.mark.parametrize(
+    ("system", "step"),
+    [
+        ({"coordinates": ["x"], "lagrangian": "x'^2/2 + 2*cos(x)"}, 0.5),
+        ({"coordinates": ["x"], "lagrangian": "x'^2/2 - 2*cosh(x)"}, 0.3),
+        ({"coordinates": ["x"], "lagrangian": "x'^2/2 - (1 - exp(1 - x))^2"}, 0.3),
+        ({"equations": {"x": "-tanh(x) - x'/10"}}, 0.5),
+        ({"equations": {"x": "-x/sqrt(1 + x^2)"}}, 0.5),
+    ],
+    ids=["pendulum", "cosh", "Morse", "friction", "root"],
+)
+def test_coarse_steps_of_smooth_forces_go_to_the_end(system: dict[str, Any], step: float) -> None:
+    scene = START | {"system": system, "step": step, "steps": 400, "methods": ["runge-kutta", "reference"]}
+    for method in simulate(scene)["methods"]:
+        assert method["outcome"] == "completed"
+        assert "bounded on the straight way" in method["between_points"]
+
+
+def test_what_was_not_looked_at_is_said() -> None:
+    scene = START | {"methods": [{"method": "variational", "guard": False}, "runge-kutta"]}
+    unguarded, _ = simulate(scene | {"system": barrier(0.3, "1000")})["methods"]
+    assert (unguarded["outcome"], "the guard was off" in unguarded["between_points"]) == ("completed", True)
+    assert all("polynomials" in m["between_points"] for m in simulate(scene | {"system": FREE})["methods"])
+    long = {"step": 1e-5, "steps": 100_001, "record_every": 1000}
+    assert "more than 100,000" in simulate(scene | long | {"system": barrier(0.3, "1")})["methods"][1]["between_points"]
+
+
+@pytest.mark.parametrize("count", [40, 8000])
+def test_members_that_leap_are_counted(count: int) -> None:
+    """Every other member has the energy to reach x = 1.03; 8,000 are more than the sample that is looked at first."""
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2 - A*exp(-(10^6*(x - 1.03))^2)"}
+    fast = [1.2 if k % 2 else 1.0 for k in range(count)]
+    ensemble = {
+        "initial": {"positions": {"x": [0.1 * (k // 2) / count for k in range(count)]}, "velocities": {"x": fast}}
+    }
+    scene = START | {"system": system, "parameters": {"A": 1}, "ensemble": ensemble, "methods": ["runge-kutta"]}
+    (method,) = simulate(scene)["methods"]
+    assert method["outcomes"] == {"unresolved": count // 2, "completed": count // 2}
+    assert f"{count:,} of {count:,} members" in method["between_points"]
+    if count == 40:
+        ends = method["members_columns"]["x_end"]
+        assert [end is None for end in ends] == [k % 2 == 1 for k in range(count)]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["(x - 1)^2*exp(-x)", "x^2 - 2*x + 1", "sin(3*x)/(2 + cos(x))", "tan(x)", "sqrt(x^2 + 1)", "log(2 + x)*x^3",
+     "1/x", "atan(x)*acos(x/9)", "x^(-2)", "cosh(x) - x^4", "2^x", "sech(x)*x", "asinh(x)^3"],
+)  # fmt: skip
+def test_bounds_hold_every_value(text: str) -> None:
+    """And are as near as the box is small: of a box 1e-3 wide off the poles they are less than 0.1 apart."""
+    tree, chance = read_formula(text, Names(("x",))), np.random.default_rng(1)
+    starts = chance.uniform(-1.5, 1.5, 2000)
+    ends = starts + chance.choice([1.0, -0.1, 1e-3], 2000)
+    low, high = bounds(tree, {Symbol("x"): (starts, ends)})
+    for share in np.linspace(0, 1, 7):
+        values = array_value(tree, {Symbol("x"): starts + share * (ends - starts)})
+        off = np.isfinite(values) & ((values < low - 1e-9 * abs(values)) | (values > high + 1e-9 * abs(values)))
+        assert not off.any()
+    narrow = (np.abs(ends - starts) < 0.01) & (np.abs(starts) > 0.5)
+    assert (high - low)[narrow].max() < 0.1 or text == "tan(x)"
