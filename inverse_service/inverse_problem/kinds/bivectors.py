@@ -9,9 +9,10 @@ For j = 0 and 1 it is an identity. As it holds j derivatives of Gamma, it is cou
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 
@@ -87,63 +88,83 @@ class _Program:
     terms: tuple[tuple[int, int, Integers], ...]
 
 
+@dataclass(slots=True)
+class _Writing:
+    """A program in the making: `first` and `slopes` are registers as `equations` has them, `free` the next one."""
+
+    shape: Shape
+    first: int
+    slopes: int
+    last: int
+    bends: int = 0
+    free: int = 0
+    numbers: list[int] = field(default_factory=lambda: [0, -1])
+    lines: list[tuple[int, int, int, int, int, int]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.free = self.kept + self.shape.free * (self.last + 1) * self.shape.dependent
+        self.bends, self.free = self.free, self.free + self.shape.size * self.shape.dependent * self.shape.free
+
+    @property
+    def kept(self) -> int:
+        return self.first + self.shape.size * self.shape.free * (self.last + 1)
+
+    def weight(self, value: int) -> int:
+        self.numbers.append(value)
+        return len(self.numbers) - 1
+
+    def vector(self, j: int, alpha: int) -> int:
+        return self.first + self.shape.size * (self.shape.free * j + alpha)
+
+    def along(self, j: int, alpha: int, y: int) -> int:
+        """The component by dr^y, or by ds^a - w^a_alpha dr^alpha."""
+        k, m = self.shape.free, self.shape.dependent
+        return self.vector(j, alpha) + self.shape.r(y) if y < k else self.kept + (k * j + alpha) * m + y - k
+
+
 @lru_cache(maxsize=64)
 def _program(shape: Shape, first: int, slopes: int, last: int) -> _Program:
-    size, n, k = shape.size, shape.free + shape.dependent, shape.free
-    kept = first + size * k * (last + 1)
-    written: list[tuple[int, int, int, int, int, int]] = []
-    numbers, free = [0, -1], kept
-
-    def weight(value: int) -> int:
-        numbers.append(value)
-        return len(numbers) - 1
-
-    def vector(j: int, alpha: int) -> int:
-        return first + size * (k * j + alpha)
-
-    def along(j: int, alpha: int, y: int) -> int:
-        """The component by dr^y, or by ds^a - w^a_alpha dr^alpha."""
-        place = shape.r(y) if y < k else shape.s(y - k)
-        return vector(j, alpha) + place if y < k else kept + (k * j + alpha) * shape.dependent + y - k
-
-    free += k * (last + 1) * shape.dependent
-    for j in range(last + 1):
-        for alpha in range(k):
-            for a in range(shape.dependent):
-                out = along(j, alpha, k + a)
-                written.append((machine.ADD, out, vector(j, alpha) + shape.s(a), 0, weight(1), 0))
-                for r in range(k):
-                    factors = slopes + a * k + r, vector(j, alpha) + shape.r(r)
-                    written.append((machine.PRODUCT, out, *factors, 1, 0))
-    bends = free
-    for x in range(size):
-        for each in range(shape.dependent * k):
-            written.append((machine.DERIVATIVE, bends + x * shape.dependent * k + each, slopes + each, x, 0, 0))
-    free += size * shape.dependent * k
-
-    def terms(j: int, alpha: int) -> Iterator[tuple[int, int, int, int, int]]:
-        nonlocal free
-        for equation, beta in enumerate(range(alpha + 1, k)):
-            lower = free
-            free += shape.dependent
-            for x in range(int(shape.with_time), size):
-                for y in range(n):
-                    out, free = free, free + 1
-                    for i in range(j + 1):
-                        c, left, right = math.comb(j, i), vector(i, alpha), vector(j - i, beta)
-                        written.append((machine.PRODUCT, out, left + x, along(j - i, beta, y), weight(c), 1))
-                        written.append((machine.PRODUCT, out, right + x, along(i, alpha, y), weight(-c), 1))
-                    entry = shape.u(y) if y < k else size + y - k
-                    yield equation, out, 0, entry, x
-                    for a in range(shape.dependent if y < k else 0):
-                        bend = bends + (x * shape.dependent + a) * k + y
-                        written.append((machine.PRODUCT, lower + a, out, bend, 1, 1))
-            yield from ((equation, lower + a, 0, size + a, NO_DERIVATIVE) for a in range(shape.dependent))
-
+    out = _Writing(shape, first, slopes, last)
+    _write_components(out)
     listed = tuple(
-        (j, alpha, np.array(list(terms(j, alpha)), np.int64)) for j in range(FIRST, last + 1) for alpha in range(k - 1)
+        (j, alpha, np.array(list(_terms(out, j, alpha)), np.int64))
+        for j in range(FIRST, last + 1)
+        for alpha in range(shape.free - 1)
     )
-    return _Program(kept, free, tuple(numbers), np.array(written, np.int64).ravel(), listed)
+    return _Program(out.kept, out.free, tuple(out.numbers), np.array(out.lines, np.int64).ravel(), listed)
+
+
+def _write_components(out: _Writing) -> None:
+    """Of all V_j by ds^a - w^a_alpha dr^alpha, and the derivatives of the w^a_alpha."""
+    k, one = out.shape.free, out.weight(1)
+    for j, alpha, a in itertools.product(range(out.last + 1), range(k), range(out.shape.dependent)):
+        place = out.along(j, alpha, k + a)
+        out.lines.append((machine.ADD, place, out.vector(j, alpha) + out.shape.s(a), 0, one, 0))
+        for r in range(k):
+            factors = out.slopes + a * k + r, out.vector(j, alpha) + out.shape.r(r)
+            out.lines.append((machine.PRODUCT, place, *factors, 1, 0))
+    count = out.shape.dependent * k
+    for x, each in itertools.product(range(out.shape.size), range(count)):
+        out.lines.append((machine.DERIVATIVE, out.bends + x * count + each, out.slopes + each, x, 0, 0))
+
+
+def _terms(out: _Writing, j: int, alpha: int) -> Iterator[tuple[int, int, int, int, int]]:
+    """Of the equations for (j, alpha) and each beta after alpha; their coefficients are written first."""
+    shape, k, m = out.shape, out.shape.free, out.shape.dependent
+    for equation, beta in enumerate(range(alpha + 1, k)):
+        lower = out.free
+        out.free += m
+        for x, y in itertools.product(range(int(shape.with_time), shape.size), range(k + m)):
+            place, out.free = out.free, out.free + 1
+            for i in range(j + 1):
+                c, left, right = math.comb(j, i), out.vector(i, alpha) + x, out.vector(j - i, beta) + x
+                out.lines.append((machine.PRODUCT, place, left, out.along(j - i, beta, y), out.weight(c), 1))
+                out.lines.append((machine.PRODUCT, place, right, out.along(i, alpha, y), out.weight(-c), 1))
+            yield equation, place, 0, shape.u(y) if y < k else shape.size + y - k, x
+            for a in range(m if y < k else 0):
+                bend = out.bends + (x * m + a) * k + y
+                out.lines.append((machine.PRODUCT, lower + a, place, bend, 1, 1))
+        yield from ((equation, lower + a, 0, shape.size + a, NO_DERIVATIVE) for a in range(m))
 
 
 def equations(
