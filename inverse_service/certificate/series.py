@@ -101,7 +101,7 @@ class Expansion:
         self.units, self.mu = self.all_units[:m], range(m, m + transverse)
         self.q, self.v = range(m - free - n, m - free), range(m - free, m)
         self.phi, self.table, self.unknowns = cache(self.curvature), cache(self.condition), cache(self.coefficients)
-        if math.comb(m + transverse + degree, degree) > MAX_MONOMIALS:
+        if math.comb(m + degree, degree) * (1 + transverse) > MAX_MONOMIALS:
             raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
         self.names = {name: {0: value} for name, value in arithmetic.values.items()}
         for name, unit in zip(question.variables, self.units, strict=True) if degree else ():

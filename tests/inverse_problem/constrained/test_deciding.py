@@ -100,6 +100,15 @@ def test_the_checker_agrees_in_seconds(name: str, with_time: bool) -> None:
     assert check_certificate(changed, 60.0, seed=1).verdict == "invalid"
 
 
+@pytest.mark.slow
+def test_existence_with_eight_coordinates_on_the_constraints_is_confirmed() -> None:
+    kinetic, chain = "(x'^2+y'^2+a'^2+b'^2+c'^2+d'^2)/2", ["a'-y*x'", "b'-a*x'", "c'-b*x'", "d'-c*x'"]
+    motion = analysed({"coordinates": [*"xyabcd"], "lagrangian": kinetic, "constraints": chain})
+    found = decide_motion(motion, False, 1, float("inf"), lambda _: None)
+    assert found.exists
+    assert check_certificate(of_finding(motion, found, False), 60.0, seed=1).verdict == "valid"
+
+
 @pytest.mark.parametrize("name", ["Chaplygin sleigh", "particle, y", "Heisenberg, z"])
 def test_a_no_says_which_equations_of_the_bivectors_prove_it(name: str) -> None:
     motion = analysed(ANSWERS[name][0])

@@ -1,0 +1,112 @@
+"""Which motions can be hamiltonised: each document of docs/questions/motions.ndjson, as docs/open-questions.md has it.
+
+For each the question about L(q, q') is settled alone, for its order and dimensions, then `solve` answers all of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.measured import conditions, put
+from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.linear_pde.deciding import Finding
+from inverse_service.mechanics.nonholonomic.motion import constrained_motion, equations_of_motion
+from inverse_service.service.documents.nonholonomic import solve_nonholonomic
+from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
+
+QUESTIONS, PAGE = Path("docs/questions/motions.ndjson"), Path("docs/open-questions.md")
+HEAD = ("motion", "can it be hamiltonised?", "proof", "order", "dimensions", "freedom in L", "decision, s", "all, s")
+_DEGREES = 3
+_WORDS = {"variational": "**yes**", "not_variational": "no", "undetermined": "open"}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The finding about L(q, q') and what `solve` says of the motion, each with its processor seconds."""
+
+    name: str
+    found: Finding
+    decision: float
+    answer: Mapping[str, Any]
+    seconds: float
+
+
+def documents(chosen: str = "") -> Iterator[dict[str, Any]]:
+    """Those of the file whose names contain the text."""
+    lines = QUESTIONS.read_text(encoding="utf-8").splitlines()
+    return (document for document in map(json.loads, lines) if chosen in document["name"])
+
+
+def measure(document: Mapping[str, Any], limit: float) -> Row:
+    """Both, one after the other, each with a limit in processor seconds."""
+    began = time.process_time()
+    motion = constrained_motion(equations_of_motion(to_nonholonomic(to_nonholonomic_schema(document))))
+    found = decide_motion(analyse_motion(motion), False, 1, time.thread_time() + limit, lambda _: None)
+    decided = time.process_time()
+    options = SolveOptions(time_limit=limit)
+    answer = solve_nonholonomic({**document, "associated": "any"}, options)["any_associated"]
+    return Row(document["name"], found, decided - began, answer, time.process_time() - decided)
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """Of the table: a Lagrangian is a proof, and so are rows or the data of an existence."""
+    last = row.found.history[-1] if row.found.history else ()
+    return (
+        row.name,
+        said(row.answer),
+        proof(row.answer),
+        f"{'open at ' * (row.found.exists is None)}{row.found.order}",
+        ", ".join(map(str, last[:_DEGREES])),
+        row.answer["freedom"] or "",
+        f"{row.decision:.2g}",
+        f"{row.seconds:.2g}",
+    )
+
+
+def said(answer: Mapping[str, Any]) -> str:
+    """One word, two where only an L(t, q, q') is known or excluded."""
+    without, with_time = (_WORDS[answer[key]] for key in ("verdict", "verdict_with_time"))
+    return without if without == with_time else f"{without}, L(t, q, q'): {with_time}"
+
+
+def proof(answer: Mapping[str, Any]) -> str:
+    """What the certificate is; `solve` gives none that the checker does not find valid."""
+    certificate = answer["certificate"] or {}
+    if certificate.get("kind") == "nonexistence":
+        return f"{len(certificate['rows'])} rows"
+    of = {"lagrangian": "L", "existence": "existence"}
+    return of.get(certificate.get("kind", ""), answer.get("reason") or "")
+
+
+def table(rows: Sequence[Row]) -> str:
+    lines = [HEAD, ("---",) * len(HEAD), *map(cells, rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + f"\n\n{conditions()}\n"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.motions", description=__doc__)
+    parser.add_argument("--only", default="", help="motions whose names contain this")
+    parser.add_argument("--limit", type=float, default=120.0, help="processor seconds for each")
+    parser.add_argument("--page", type=Path, help=f"put the table there, for example {PAGE}")
+    options = parser.parse_args(arguments)
+    measure(next(documents()), options.limit)  # loads the compiled kernels
+    rows = []
+    for document in documents(options.only):
+        rows.append(measure(document, options.limit))
+        print(" | ".join(cells(rows[-1])), file=sys.stderr, flush=True)
+    if options.page:
+        put(options.page, "motions", table(rows))
+    else:
+        print(table(rows))
+
+
+if __name__ == "__main__":
+    main()
