@@ -155,7 +155,8 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
     chosen = possible_shapes(material, [s for s in family.shapes(material) if not is_linear(s)], seed)
     if not chosen or not family.terms:
         return chosen
-    room = max(_FEWEST, family.terms // (len(chosen) * len(factors.in_time)))
+    terms = family.terms if material.motion.size > 1 else min(family.terms, _MOST_OF_ONE)
+    room = max(_FEWEST, terms // (len(chosen) * len(factors.in_time)))
     found = products(factors.in_time, products(_functions(material, factors, room), chosen))
     found += [m for shape in chosen for m in products(_fitted(material, factors, shape), [shape])]
     if material.motion.with_time and not material.position_letters:
@@ -164,6 +165,8 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
     return [key for key in distinct(found) if is_admissible(material, key) and not is_linear(key)]
 
 
+# For one coordinate every f has a Lagrangian, so the large rows end most searches in vain; they found none there.
+_MOST_OF_ONE = 240
 # Functions of position that every function of the velocities gets at least.
 _FEWEST = 12
 
