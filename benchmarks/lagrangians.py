@@ -1,6 +1,6 @@
 """How often, and how fast, systems with a known Lagrangian get L and H in closed form.
 
-python -m benchmarks lagrangians --count 200 --seed 1 [--disguised]
+python -m benchmarks lagrangians --count 200 --seed 1 [--disguised] [--shapes] [--start 100]
 
 The systems are those of the test generator, so this runs from a checkout only. Timed is the whole
 solution in seconds of processor time, so that other programs do not count: decision, search, check by
@@ -52,10 +52,13 @@ class FamilyRow:
     closed_hamiltonians: float | None
 
 
-def generated(count: int, seed: int, disguised: bool) -> list[Any]:
-    """Systems of the test generator; ModuleNotFoundError outside a checkout."""
+def generated(count: int, seed: int, disguised: bool, shapes: bool = False, start: int = 0) -> list[Any]:
+    """Systems of the test generator, of its less usual shapes or the others; ModuleNotFoundError outside a checkout."""
     generator = importlib.import_module("tests.generator")
-    systems = generator.random_systems(count, seed)
+    rooms = {True: ("shapes", "SHAPES"), False: ("families", "FAMILIES")}
+    room, name = rooms[shapes]
+    families = tuple(getattr(importlib.import_module(f"tests.generator.{room}"), name))
+    systems = [generator.random_system(index, seed, families) for index in range(start, start + count)]
     return [generator.disguised(system, seed) for system in systems] if disguised else list(systems)
 
 
@@ -138,13 +141,17 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=200, help="number of systems (default 200)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the generator (default 1)")
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for one system (default 60)")
+    parser.add_argument("--start", type=int, default=0, help="number of the first system (default 0)")
+    parser.add_argument(
+        "--shapes", action="store_true", help="Finsler functions, logarithms, powers, products and so on"
+    )
     parser.add_argument("--disguised", action="store_true", help="the systems in other coordinates")
     return parser.parse_args(arguments)
 
 
 def main(arguments: Sequence[str] | None = None, report: Callable[[str], None] = print) -> None:
     chosen = options(arguments)
-    systems = generated(chosen.count, chosen.seed, chosen.disguised)
+    systems = generated(chosen.count, chosen.seed, chosen.disguised, chosen.shapes, chosen.start)
     if systems:
         measure(systems[0], chosen.limit)  # loads the compiled kernels
     measured: list[Measured] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.lagrangians import Measured, by_ansatz, by_family, generated, main, measure, percentile
+from tests.generator.shapes import SHAPES
 
 
 def one(family: str, ansatz: str, seconds: float, closed: bool = True) -> Measured:
@@ -50,3 +51,11 @@ def test_the_command_reports_tables(capsys: pytest.CaptureFixture[str]) -> None:
     text = capsys.readouterr().out
     assert "| all | 1 | 100.0% |" in text
     assert "- none" in text
+
+
+def test_the_less_usual_shapes_are_asked_for_and_begin_where_it_is_said() -> None:
+    whole = generated(8, seed=3, disguised=False, shapes=True)
+    assert {one.family for one in whole} == set(SHAPES)
+    assert [one.id for one in generated(2, seed=3, disguised=False, shapes=True, start=6)] == [
+        one.id for one in whole[6:]
+    ]

@@ -67,6 +67,17 @@ def finsler(rng: random.Random, s: Space) -> sympy.Expr:
     return sum((positive(rng) * _factor(rng, s) * w for w in rest), _factor(rng, s) * shape)
 
 
+def first_integrals(rng: random.Random, s: Space) -> sympy.Expr:
+    """phi v_i^2 v_n^k + W v_n^m + v_n^2, where the last coordinate is cyclic and its momentum conserved."""
+    *others, last = s.velocities
+    if not others:
+        return _factor(rng, s) * last ** rng.choice((2, 3, 4))
+    space = Space(s.coordinates[:-1], s.velocities[:-1])
+    shapes = [v**2 * last ** rng.choice((-1, sympy.Rational(1, 2), 1, 2)) for v in others]
+    carried = function_of(rng, rng.choice(space.coordinates)) * last ** rng.choice(HALVES)
+    return sum((positive(rng) * _factor(rng, space) * shape for shape in shapes), carried) + last**2
+
+
 def arctangents(rng: random.Random, s: Space) -> sympy.Expr:
     """v atan v - log(1 + v^2)/2, squares and exponentials, with potentials."""
     shapes = []
@@ -83,4 +94,5 @@ SHAPES = {
     "products": products,
     "finsler": finsler,
     "arctangents": arctangents,
+    "first integrals": first_integrals,
 }
