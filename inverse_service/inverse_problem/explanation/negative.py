@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient_tree
@@ -61,6 +61,8 @@ TIME_LIMIT = 1.0
 NUMBERS_LIMIT = 5.0
 LARGEST_N = 5
 MOST_NODES_SHOWN = 400
+# Characters of one step, beyond which numbers at one point are easier to follow.
+LONGEST_SHOWN = 2_000
 
 
 def explain_negative(
@@ -79,15 +81,25 @@ def explain_negative(
     system = analysis.system
     budget = Budget(TERM_LIMIT, now() + time_limit)
     summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
+    found = None
     try:
         if chosen is None:
-            return _by_differentiation(analysis, with_time or system.depends_on_time, seed, budget)
-        if len(system.coordinates) <= LARGEST_N:
-            return _by_elimination(analysis, chosen, seed, budget)
+            found = _by_differentiation(analysis, with_time or system.depends_on_time, seed, budget)
+        elif len(system.coordinates) <= LARGEST_N:
+            found = _by_elimination(analysis, chosen, seed, budget)
     except (TooLarge, ZeroDivisionError):
         pass
+    if found is not None and _length(found.steps) <= LONGEST_SHOWN:
+        return found
     steps = _in_numbers(analysis, chosen, with_time, seed) if len(system.coordinates) <= LARGEST_N else None
-    return Explanation(summary, complete=False) if steps is None else Explanation(steps)
+    if steps is None or (found is not None and _length(found.steps) <= _length(steps)):
+        return found or Explanation(summary, complete=False)
+    return Explanation(steps)
+
+
+def _length(steps: Sequence[Step]) -> int:
+    """Characters of the longest step: one of thousands is not read."""
+    return max(len(step.text) for step in steps)
 
 
 def _in_numbers(
@@ -156,7 +168,7 @@ def solve_conditions(
     result = eliminate(rows.equations, rows.table)
     ring = rows.exact.ring
     steps = tensor_steps(ring, [(condition, rows.tensors[condition]) for condition in chosen.conditions])
-    steps += [_solved_step(ring, rows.symbols, step) for step in result.solved]
+    steps += [_solved_step(ring, rows.symbols, step, analysis.system.parameters) for step in result.solved]
     return SolvedConditions(rows.exact, rows.symbols, result, tuple(steps))
 
 
@@ -194,10 +206,10 @@ def exact_equations(exact: MotionInRing, tensors: Tensors, names: Sequence[Equat
     return {name: found[name] for name in names}
 
 
-def _solved_step(ring: ExactRing, symbols: Mapping[Unknown, Symbol], step: Solved) -> Step:
+def _solved_step(ring: ExactRing, symbols: Mapping[Unknown, Symbol], step: Solved, parameters: Collection[str]) -> Step:
     original, reduced, result = (linear_tree(ring, symbols, row) for row in (step.original, step.reduced, step.value))
     divisors = [*factor_trees(ring, step.content), *factor_trees(ring, step.divisor)]
-    return equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors)
+    return equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors, parameters)
 
 
 def linear_tree(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear) -> Expression:

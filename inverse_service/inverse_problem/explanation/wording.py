@@ -6,14 +6,14 @@ Phi, nabla Phi and R of a solution, written out for people.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.notation import Formula, formula_of, matrix, row, theory
-from inverse_service.expressions.tree import Expression, Symbol
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.explanation.differential_obstruction import Contradiction
 from inverse_service.inverse_problem.explanation.elimination import Unknown
 from inverse_service.inverse_problem.explanation.hierarchy import ConditionName, EquationName, SufficientSet
@@ -220,14 +220,21 @@ def equation_step(
     pivot: Symbol,
     result: Expression,
     divisors: Sequence[Expression],
+    parameters: Collection[str] = (),
 ) -> Step:
-    """One equation, what is left of it, what may be divided by and what it gives."""
+    """One equation, what is left of it, what may be divided by and what it gives.
+
+    Parameters are numbers: of them it is said for which values the step holds.
+    """
     pieces: list[Piece] = [equation_name(name), ": ", row(original, " = 0"), ". "]
     if reduced != original:
         pieces += ["With what is known already: ", row(reduced, " = 0"), ". "]
     factors = [formula_of(divisor) for divisor in dict.fromkeys(divisors)]
     verb = "is" if len(factors) == 1 else "are"
     reason: list[Piece] = ["As ", *enumerated(factors), f" {verb} not zero identically, "] if factors else ["Hence "]
+    leaves = {node for tree in divisors for node in walk(tree) if isinstance(node, Symbol | Velocity)}
+    if leaves and all(isinstance(leaf, Symbol) and leaf.name in parameters for leaf in leaves):
+        reason = ["For ", *separated([row(factor, " != 0") for factor in factors], " and "), ", "]
     return said(*pieces, *reason, row(pivot, " = ", result), ".")
 
 
