@@ -82,6 +82,21 @@ def tool_author(page: Page, scripts: bool) -> None:
     expect(page.locator(".verdict.variational").first).to_be_visible(timeout=PATIENCE)
 
 
+LOADED = "[...document.images].every(one => one.loading === 'lazy' || (one.complete && one.naturalWidth > 0))"
+
+
+def settle(page: Page, scripts: bool) -> None:
+    """Waits for the pictures of the page, also where no script says that they are there."""
+    page.wait_for_load_state("networkidle", timeout=PATIENCE)
+    if scripts and page.locator("[data-figures]").count():
+        expect(page.locator("[data-figures]")).to_have_attribute("data-drawn", "yes", timeout=PATIENCE)
+    for _ in range(PATIENCE // 200):
+        if page.evaluate(LOADED):
+            return
+        page.wait_for_timeout(200)
+    raise AssertionError("A picture of the page did not come.")
+
+
 WAYS = (student, double_pendulum, researcher, teacher, tool_author)
 
 
@@ -96,8 +111,8 @@ def test_a_visit_reaches_its_end(browser: Browser, patient: str, way: Callable[[
     if look.scripts:
         found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
         assert [rule["id"] for rule in found] == []
+    settle(page, look.scripts)
     if FOLDER:
-        page.wait_for_load_state("networkidle", timeout=PATIENCE)
         name = f"{way.__name__}-{'390' if look.narrow else '1280'}-{look.scheme}{'' if look.scripts else '-plain'}.png"
         page.screenshot(path=Path(FOLDER) / name, full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth") if look.scripts else True
