@@ -197,7 +197,8 @@ class SceneMethod(Document):
 
 
 Methods = Annotated[
-    list[Annotated[SceneMethod, BeforeValidator(_method_entry)]], Field(min_length=1, max_length=MAX_METHODS)
+    list[Annotated[SceneMethod, BeforeValidator(_method_entry, json_schema_input_type=MethodName | SceneMethod)]],
+    Field(min_length=1, max_length=MAX_METHODS),
 ]
 
 

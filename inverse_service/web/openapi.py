@@ -17,6 +17,7 @@ from api_schemas.base import ParseAnswer, ProblemDocument
 from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
 from api_schemas.result import ForwardParseAnswer, ForwardResult, LagrangianDocument, ResultDocument
 from api_schemas.scene import SceneDocument
+from api_schemas.simulation import SimulationResult, WorkPrecisionResult
 from api_schemas.system import SystemDocument
 from inverse_service import catalogue
 from inverse_service.service.documents.answers import TITLES
@@ -54,10 +55,6 @@ WRITTEN: dict[str, Any] = {
 SOLVED = answers_of("NonholonomicResult", "ResultDocument", "ForwardResult")
 SOLVED["content"] |= WRITTEN
 PARSED = answers_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer")
-OBJECT: dict[str, Any] = {
-    "description": "The result.",
-    "content": {"application/json": {"schema": {"type": "object"}}},
-}
 KEY_AND_RATE = refusals(401, 429, 503)
 BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
 SYSTEM_BODY = body_of("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
@@ -93,7 +90,15 @@ BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, BATCH_KEY]}
 REFERENCE = "#/components/schemas/{model}"
 DOCUMENTS = (SystemDocument, NonholonomicDocument, LagrangianDocument)
 RESULTS = (ResultDocument, NonholonomicResult, ForwardResult)
-OTHERS = (SceneDocument, ProblemDocument, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
+OTHERS = (
+    SceneDocument,
+    SimulationResult,
+    WorkPrecisionResult,
+    ProblemDocument,
+    ParseAnswer,
+    NonholonomicParseAnswer,
+    ForwardParseAnswer,
+)
 PROBLEM = "application/problem+json"
 ID = {"type": ["string", "number", "boolean", "null"]}
 OPTIONS = {
@@ -160,6 +165,9 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
         keys = {"id": ID, "time": {"type": "string"}, "options": OPTIONS, "$schema": {"type": "string"}}
         known[model.__name__]["properties"] |= json.loads(json.dumps(keys))
         known[model.__name__]["patternProperties"] = {"^_": {}}
+    scene = known["SceneDocument"]["properties"]
+    # A system written out is any object, so that more than one of these may fit.
+    scene["system"] = {"anyOf": scene["system"].pop("oneOf")}
     for name, example in EXAMPLES.items():
         known[name]["examples"] = [catalogue.document(example)]
     for model in (*RESULTS, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer):

@@ -26,11 +26,11 @@ from inverse_service.web.openapi import (
     BAD_BODY,
     JOB_HEADERS,
     KEY_AND_RATE,
-    OBJECT,
     SOLVED,
     SYSTEM_BODY,
     TIME_LIMIT_QUERY,
     WRITTEN,
+    answers_of,
     body_of,
     refusals,
 )
@@ -206,14 +206,10 @@ def _known(found: Job | None) -> Job:
 
 
 SCENE = body_of("SceneDocument") | TIME_LIMIT_QUERY
-ANSWERS: dict[int | str, dict[str, Any]] = {
-    200: OBJECT,
-    202: {"model": JobDocument, "headers": JOB_HEADERS},
-    **BAD_BODY,
-}
+ANSWERS: dict[int | str, dict[str, Any]] = {202: {"model": JobDocument, "headers": JOB_HEADERS}, **BAD_BODY}
 
 
-@router.post("/v1/simulate", responses=ANSWERS, openapi_extra=SCENE)
+@router.post("/v1/simulate", responses={200: answers_of("SimulationResult"), **ANSWERS}, openapi_extra=SCENE)
 async def simulate(request: Request) -> Response:
     """A scene to its result: each method's outcome, the observed quantities, thinned points.
 
@@ -222,7 +218,7 @@ async def simulate(request: Request) -> Response:
     return await ask(request, "simulate")
 
 
-@router.post("/v1/work-precision", responses=ANSWERS, openapi_extra=SCENE)
+@router.post("/v1/work-precision", responses={200: answers_of("WorkPrecisionResult"), **ANSWERS}, openapi_extra=SCENE)
 async def work_precision(request: Request) -> Response:
     """A scene to error against time for every method, at many step sizes."""
     return await ask(request, "work-precision")

@@ -129,6 +129,42 @@ def test_every_answer_validates(description: dict[str, Any], service: str) -> No
         assert refused.json()["errors"][0]["instead"] == ["k*x"]
 
 
+DISK = {
+    "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
+    "initial": {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}},
+    "step": 0.1, "steps": 150, "methods": ["variational", "nonholonomic", "runge-kutta", "exact"],
+    "observe": ["trajectory", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "velocities",
+                "cost", {"speed": "sqrt(x'^2 + y'^2)"}],
+}  # fmt: skip
+SPRING = {
+    "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": 0.1, "steps": 40,
+    "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["variational", "stormer-verlet"],
+}  # fmt: skip
+SCENES = [
+    ("simulate", DISK),
+    ("simulate", SPRING | {"events": [{"when": "x"}], "observe": ["trajectory", "energy", "lyapunov"]}),
+    ("simulate", SPRING | {"ensemble": {"initial": {"positions": {"x": [1, 2]}}}}),
+    ("simulate", SPRING | {"system": {"coordinates": ["x"], "equations": {"x": "9*x^3"}}, "methods": ["runge-kutta"]}),
+    ("work-precision", SPRING),
+]  # fmt: skip
+
+
+def test_every_simulation_validates_and_what_is_amiss_does_not(description: dict[str, Any], service: str) -> None:
+    """Observed quantities of all kinds, events, an ensemble, a run that stops, a measurement; as it is answered."""
+    with httpx.Client(base_url=service) as client:
+        for call, scene in SCENES:
+            asked = validator(description, body_schema(description, f"/v1/{call}"))
+            assert not list(asked.iter_errors(scene))
+            assert list(asked.iter_errors(scene | {"stepp": 1}))
+            answers = description["paths"][f"/v1/{call}"]["post"]["responses"]
+            check = validator(description, answers["200"]["content"]["application/json"]["schema"])
+            answer = client.post(f"/v1/{call}", json=scene, headers={"Prefer": "wait=20"}, timeout=60)
+            assert answer.status_code == 200, answer.text[:300]
+            found = answer.json()
+            assert not [error.message[:200] for error in check.iter_errors(found)], scene
+            assert list(check.iter_errors({**found, "methods": "none"}))
+
+
 CALLS = """
 import createClient from "openapi-fetch";
 import type { paths } from "./schema";
@@ -145,6 +181,10 @@ async function nine() {
   await client.POST("/v1/check", { body: {} });
   const job = await client.GET("/v1/jobs/{id}", { params: { path: { id: "a" } } });
   console.log(job.data?.status);
+  const initial = { positions: { x: 1 }, velocities: { x: 0 } };
+  const scene = { system: { catalogue: "sho" }, initial, step: 0.1, steps: 10, methods: ["runge-kutta" as const] };
+  const run = await client.POST("/v1/simulate", { body: scene });
+  if (run.data && "methods" in run.data) console.log(run.data.methods[0].points?.columns.x);
   await client.GET("/v1/catalogue");
   const limits = await client.GET("/v1/limits");
   console.log(limits.data?.document);
@@ -174,8 +214,10 @@ from generated.api.batches import batch
 from generated.api.catalogue import catalogue_entry, list_catalogue
 from generated.api.jobs import dismiss_jobs, job, list_jobs
 from generated.api.operations import limits
+from generated.api.simulations import simulate
 from generated.api.systems import check, parse, solve
-from generated.models import CheckBody, LagrangianDocument, ProblemDocument, ResultDocument, SystemDocument
+from generated.models import CheckBody, LagrangianDocument, ProblemDocument, ResultDocument, SceneDocument
+from generated.models import SimulationResult, SystemDocument
 
 client = Client(base_url="ADDRESS")
 solved = solve.sync(client=client, body=SystemDocument.from_dict({"equations": "x'' = -x", "id": 1}), prefer="wait=20")
@@ -187,6 +229,11 @@ print(refused.detail)
 parse.sync(client=client, body=LagrangianDocument.from_dict({"lagrangian": "x'^2/2"}))
 checked = check.sync_detailed(client=client, body=CheckBody.from_dict(solved.to_dict()))
 print(checked.status_code)
+scene = {"system": {"catalogue": "sho"}, "step": 0.1, "steps": 10, "methods": ["runge-kutta"],
+         "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}}
+run = simulate.sync(client=client, body=SceneDocument.from_dict(scene), prefer="wait=20")
+assert isinstance(run, SimulationResult), run
+assert run.methods[0].outcome == "completed"
 jobs = list_jobs.sync(client=client)
 print(jobs)
 print(job.sync_detailed("a", client=client).status_code)

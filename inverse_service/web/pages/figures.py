@@ -242,7 +242,8 @@ def _space(result: Mapping[str, Any]) -> list[dict[str, Any]]:
             line = _line(k, method, columns[axes[0]], columns[axes[1]])
             every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
             lines.append({**line, "z": [_short(value) for value in columns[axes[2]][::every]]})
-    return [{"name": "space", "title": "In three dimensions", "axes": axes, "lines": lines}] if lines else []
+    space = {"name": "space", "title": "In three dimensions", "axes": axes, "dots": is_thinned(result), "lines": lines}
+    return [space] if lines else []
 
 
 def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -255,9 +256,8 @@ def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
             every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
             t, *q = ([_short(value) for value in columns[name][::every]] for name in ("t", *coordinates))
             tracks.append({"label": method["label"], "t": t, "q": q})
-    return (
-        {"coordinates": coordinates, "angles": angles_of_texts(result["system"]), "tracks": tracks} if tracks else None
-    )
+    angles, dots = angles_of_texts(result["system"]), is_thinned(result)
+    return {"coordinates": coordinates, "angles": angles, "dots": dots, "tracks": tracks} if tracks else None
 
 
 def _short(value: Any) -> Any:

@@ -1,6 +1,6 @@
 // Draws the figures of a simulation: each has views to choose from; the one in space can be turned.
 
-import { colour } from "./motion.js";
+import { colour, trace } from "./motion.js";
 import { chart } from "./play.js";
 
 // On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
@@ -47,7 +47,7 @@ class Space {
     this.turn = figure.querySelector("[data-turn]");
     this.tilt = figure.querySelector("[data-tilt]");
     figure.hidden = false;
-    figure.querySelector("figcaption").textContent = `Axes: ${data.axes.join(", ")}.`;
+    figure.querySelector("figcaption").textContent = `Axes: ${data.axes.join(", ")}.${data.dots ? " Points are some of the steps." : ""}`;
     for (const slider of [this.turn, this.tilt]) slider.addEventListener("input", () => this.draw());
     this.canvas.addEventListener("pointerdown", (event) => this.canvas.setPointerCapture(event.pointerId));
     this.canvas.addEventListener("pointermove", (event) => {
@@ -92,9 +92,7 @@ class Space {
       pen.strokeStyle = inked(line.colour);
       pen.lineWidth = line.colour === "ink" ? 1.2 : 1.8;
       pen.setLineDash(DASHES[line.dash]);
-      pen.beginPath();
-      line.x.forEach((_, k) => pen.lineTo(...place([line.x[k], line.y[k], line.z[k]])));
-      pen.stroke();
+      trace(pen, line.x.map((_, k) => place([line.x[k], line.y[k], line.z[k]])), this.data.dots);
     }
     pen.setLineDash([]);
   }

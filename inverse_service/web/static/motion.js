@@ -38,10 +38,21 @@ export function picturesFor(coordinates, angles) {
   return [...new Set([...likely, ...fitting])];
 }
 
+// A line through all recorded steps; of a part of them the points, because chords would fill a circle.
+export function trace(pen, places, dots) {
+  pen.beginPath();
+  for (const [u, v] of places) {
+    if (dots) pen.rect(u - 0.7, v - 0.7, 1.4, 1.4);
+    else pen.lineTo(u, v);
+  }
+  pen.stroke();
+}
+
 export class Stage {
   // `tracks`: [{label, t, q}], q the columns of the coordinates in their order.
-  constructor(canvas, { coordinates, picture, tracks }) {
+  constructor(canvas, { coordinates, picture, tracks, dots = false }) {
     this.canvas = canvas;
+    this.dots = dots;
     this.place = 0;
     this.show(coordinates, picture, tracks);
     for (const [target, name] of [[matchMedia("(prefers-color-scheme: dark)"), "change"], [document, "colours"]]) target.addEventListener(name, () => this.draw());
@@ -123,9 +134,7 @@ export class Stage {
     pen.strokeStyle = ink;
     pen.lineWidth = width;
     pen.setLineDash(dash);
-    pen.beginPath();
-    for (let k = 0; k <= last; k += 1) pen.lineTo(...this.toScreen(path[k]));
-    pen.stroke();
+    trace(pen, path.slice(0, last + 1).map(this.toScreen), this.dots);
     pen.setLineDash([]);
   }
 

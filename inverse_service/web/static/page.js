@@ -6,7 +6,7 @@ root.classList.add("script");
 const ECHO_PAUSE = 120; // ms after the last key
 const FAULT_PAUSE = 900; // a half-typed equation is no mistake
 const ANSWER_PAUSE = 500; // a complete reading that is left alone is answered
-const BUSY_PAUSE = 3000; // a busy service is asked again, three times
+const BUSY_PAUSE = 3000; // a busy service is asked again, for an answer three times
 const DRAFT = "draft:";
 
 function echo(form) {
@@ -24,6 +24,8 @@ function echo(form) {
     if (!(file instanceof File) || !file.name) sent.delete("document");
     try {
       const answer = await fetch(`${form.dataset.echo}?fragment=1`, { method: "POST", body: sent, signal: asked.signal });
+      // What was typed while the service starts is read once it has started.
+      if (answer.status === 503) timer = setTimeout(ask, BUSY_PAUSE);
       if (!(answer.headers.get("content-type") ?? "").startsWith("text/html")) return;
       const text = await answer.text();
       clearTimeout(scolding);

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Browser, Locator, Page, Route, expect
 
 from .conftest import Look, Pages, Visit, new_page
 
@@ -33,6 +33,24 @@ def test_two_typed_equations_are_echoed_and_solved(visit: Visit) -> None:
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.locator(".verdict h1")).to_contain_text("Lagrangian")
     assert re.fullmatch(r".*/results/[0-9a-f]{40}", visit.page.url)
+
+
+def test_what_is_typed_while_the_service_starts_is_read_once_it_has_started(visit: Visit) -> None:
+    visit.go("/")
+    asked: list[Route] = []
+
+    def starting(route: Route) -> None:
+        asked.append(route)
+        if len(asked) == 1:
+            route.fulfill(status=503, content_type="application/problem+json", body="{}")
+        else:
+            route.continue_()
+
+    visit.page.route(re.compile("fragment=1"), starting)
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = -k*x\ny'' = A(x)")
+    expect(visit.page.locator("#understood dd").nth(2)).to_contain_text("arbitrary")
+    visit.page.unroute(re.compile("fragment=1"), starting)
+    assert len(asked) == 2
 
 
 def test_without_scripts_the_form_is_echoed_by_a_button_and_solved(plain: Visit) -> None:

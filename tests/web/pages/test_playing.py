@@ -14,7 +14,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.identity import JobOptions
 from inverse_service.service.jobs.kinds import KINDS
-from inverse_service.web.pages import preview
+from inverse_service.web.pages import preview, starts
 from inverse_service.web.pages.preview import angles_of, listed, preview_task
 from inverse_service.web.pages.scenes import scene_document
 from inverse_service.web.pages.simulate import _form_of_result, changed_scene, form_of_system
@@ -76,6 +76,13 @@ def test_a_solved_system_is_run_with_the_energy_of_the_lagrangian_that_was_found
         assert "energy_note" not in method
         assert method["energy_start"] == pytest.approx(v * v / 2 - math.cos(x), rel=1e-12)
         assert 0 < method["max_energy_error"] < 1e-2
+
+
+def test_a_slow_machine_does_not_shorten_what_the_form_offers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(starts, "LONGEST_TRIAL", 0.0)
+    found = _form_of_result(solve_document(catalogue.document("double-pendulum"), SolveOptions(time_limit=60)), "job")
+    assert found is not None
+    assert found[0].steps == "600"
 
 
 @pytest.mark.parametrize("name", CONSTRAINED)

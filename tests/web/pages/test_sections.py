@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.web.pages.figures import figure_data, figure_names, picture
+from inverse_service.web.pages.figures import figure_data, figure_names, motion_of, picture
 
 SCENE: dict[str, Any] = {
     "system": {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - (x^2 + y^2)/2 - x^2*y + y^3/3"},
@@ -39,4 +39,7 @@ def test_a_path_with_fewer_points_than_steps_is_drawn_as_points() -> None:
     for time, dots in ((60, False), (600, True)):
         result = simulate(SCENE | {"time": time, "methods": ["stormer-verlet"]})
         (path,) = (one for one in figure_data(result) if one["name"] == "path")
-        assert path["views"][0]["dots"] is dots
+        (space,) = (one for one in figure_data(result) if one["name"] == "space")
+        motion = motion_of(result)
+        assert motion is not None
+        assert path["views"][0]["dots"] is space["dots"] is motion["dots"] is dots

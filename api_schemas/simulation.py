@@ -1,0 +1,212 @@
+"""The answers of `simulate` and of `work-precision`. Quantities that nobody observes are left out."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import ConfigDict
+
+from api_schemas.base import Document
+from api_schemas.result import AdvicePart
+
+Numbers = dict[str, float | None]
+Columns = dict[str, list[float | None]]
+
+
+class SimulatedSystem(Document):
+    """A system as it was run: its Lagrangian and constraints, or its equations, and values of the parameters."""
+
+    coordinates: list[str]
+    lagrangian: str | None
+    constraints: list[str]
+    equations: dict[str, str] | None
+    effects: list[str]
+    parameters: Numbers
+
+
+class StartPoint(Document):
+    """Where a motion begins."""
+
+    positions: Numbers
+    velocities: Numbers
+
+
+class FinalPoint(Document):
+    """Where a motion ends; null where a method has no velocities."""
+
+    t: float
+    positions: Numbers | None
+    velocities: Numbers | None
+
+
+class StoppedPart(Document):
+    """Where and on what a run ended before its last step, and what to change."""
+
+    step: int | None
+    time: float | None
+    quantity: str | None
+    value: float | None
+    remedy: str | None
+
+
+class PointsPart(Document):
+    """Recorded points, at most 2001: t, coordinates and observed quantities."""
+
+    every: int
+    columns: Columns
+
+
+class EventPart(Document):
+    """Where an event was found: t, coordinates and velocities, at most 20,000 points."""
+
+    when: str
+    count: int
+    columns: Columns
+    note: str | None = None
+
+
+class CirclePart(Document):
+    """Circles through the first and the last revolution of a path, and how far they are apart."""
+
+    radius_first: float
+    radius_last: float
+    radius_change: float
+    centre_first: list[float]
+    centre_last: list[float]
+    centre_drift: float
+    misfit: float
+    shape_misfit: float | None
+    revolutions: float | None
+    through_three_points: dict[str, Any] | None
+    note: str | None = None
+    exact_radius: float | None = None
+    max_radial_distance: float | None = None
+
+
+class SimulatedMethod(Document):
+    """A method as it was run. Each further observed quantity adds numbers of its own name."""
+
+    model_config = ConfigDict(extra="allow")
+
+    label: str
+    method: str
+    alpha: str | None
+    symmetrised: bool
+    order: int | None
+    form: str | None
+    start: str | None
+    outcome: str
+    steps: int
+    reason: str | None = None
+    note: str | None = None
+    stopped: StoppedPart | None = None
+    energy_start: float | None = None
+    max_energy_error: float | None = None
+    final_energy_error: float | None = None
+    max_discrete_energy_error: float | None = None
+    max_constraint: float | None = None
+    max_constraint_each: list[float | None] | None = None
+    max_constraint_at_points: float | None = None
+    max_momentum_drift: float | None = None
+    momentum_drift: Numbers | None = None
+    max_error: float | None = None
+    final_error: float | None = None
+    error_each: Numbers | None = None
+    error_against: str | None = None
+    error_uncertainty: float | None = None
+    circle: CirclePart | None = None
+    events: list[EventPart] | None = None
+    final: FinalPoint | None = None
+    free_lagrangian: str | None = None
+    free_lagrangian_source: str | None = None
+    constants: Numbers | None = None
+    force_evaluations: int | None = None
+    newton_iterations: int | None = None
+    points: PointsPart | None = None
+    members: int | None = None
+    outcomes: dict[str, int] | None = None
+    ended: list[dict[str, Any]] | None = None
+    members_columns: Columns | None = None
+    seconds: Numbers
+
+
+class SimulationResult(Document):
+    """What was simulated, how each method ended, and every observed quantity."""
+
+    format: Literal["inverse-service/simulation/1"]
+    name: str
+    system: SimulatedSystem
+    initial: StartPoint
+    units: dict[str, str]
+    step: float
+    steps: int
+    record_every: int
+    observe: list[str]
+    methods: list[SimulatedMethod]
+    truth: dict[str, Any] | None
+    advice: AdvicePart | None
+    lyapunov: dict[str, Any] | None = None
+    circle_coordinates: list[str] | None
+    derived: list[str]
+    seconds: Numbers
+    notes: list[str]
+    provenance: dict[str, Any]
+
+
+class PrecisionSetting(Document):
+    """One method at one step size, or at one tolerance: its error and what it cost; null where it was not measured."""
+
+    step: float | None
+    steps: int | None
+    tolerance: float | None
+    error: float | None
+    relative_error: float | None
+    velocity_error: float | None
+    energy_error: float | None
+    constraint_error: float | None
+    compile_seconds: float | None
+    first_seconds: float | None
+    best_seconds: float | None
+    median_seconds: float | None
+    repeats: int
+    force_evaluations: int | None
+    newton_iterations: int | None
+    at_floor: bool
+    reason: str
+
+
+class PrecisionMethod(Document):
+    """A method at all its settings, with the order that was measured."""
+
+    label: str
+    method: str
+    measured_order: float | None
+    settings: list[PrecisionSetting]
+
+
+class FailedSetting(Document):
+    """A setting that gave no error, and why."""
+
+    label: str
+    step: float | None
+    tolerance: float | None
+    reason: str
+
+
+class WorkPrecisionResult(Document):
+    """Error against time for every method, at many step sizes."""
+
+    format: Literal["inverse-service/work-precision/1"]
+    name: str
+    time: float
+    scale: float
+    error: str
+    truth: dict[str, Any]
+    conclusion: str
+    advice: AdvicePart | None
+    methods: list[PrecisionMethod]
+    failed: list[FailedSetting]
+    seconds_to_error: dict[str, Numbers]
+    at_most: dict[str, list[str]]
+    machine: dict[str, Any]
+    provenance: dict[str, Any]
