@@ -156,7 +156,7 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
         shown = system["result"]["system"]
         kept = ("coordinates", "parameters", "functions", "equations")
         solved = {key: shown[key] for key in kept if key in shown}
-        unsolved = any("''" in text for text in shown["equations"].values())
+        unsolved = any("''" in text for text in shown.get("equations", {}).values())
         form = scene_form(shown["given"] if unsolved else solved, shown["name"] or UNNAMED, **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretise but the equations.
