@@ -91,7 +91,8 @@ def test_a_loop_in_c_that_holds_the_interpreter_is_killed_at_its_deadline(worker
 @pytest.mark.skipif(not os.path.exists("/proc/self/schedstat"), reason="the system does not tell who waits")
 def test_a_task_is_not_killed_while_others_have_the_processor() -> None:
     """Of 1 s by the clock it has some 0.3 s for itself."""
-    assert run_alone(crowded, (0.6,), 1.0, MEMORY).status == "done"
+    # The process that runs the tests may have more than MEMORY by now, and its fork could start no other process then.
+    assert run_alone(crowded, (0.6,), 1.0, 16 * MEMORY).status == "done"
 
 
 def test_cancelling_kills_a_loop_in_c_and_drops_a_task_that_waits(workers: Workers) -> None:
