@@ -106,19 +106,23 @@ def scene(dice: random.Random) -> dict[str, Any]:
     potential = dice.choice(SHAPES).format(n=dice.choice(NUMBERS), m=2).replace("'", "")
     free = {"coordinates": ["x", "y"], "lagrangian": f"x'^2/2+y'^2/2-({potential})"}
     number = dice.choice
+    disk, particle = {"catalogue": "vertically-rolling-disk"}, {"catalogue": "nonholonomic-particle"}
+    whole, names = number(
+        ((system, "x y"), (system, "x y"), (free, "x y"), (free, "x y"), (disk, "theta phi x y"), (particle, "x y z"))
+    )
     found: dict[str, Any] = {
-        "system": number(
-            (system, free, {"catalogue": "vertically-rolling-disk"}, {"catalogue": "nonholonomic-particle"})
-        ),
+        "system": whole,
         "initial": {
-            "positions": {name: number(EXTREMES) for name in "xy" if dice.random() < 0.9},
-            "velocities": {name: number(EXTREMES) for name in "xy" if dice.random() < 0.9},
+            key: {name: number(EXTREMES) for name in names.split() if dice.random() < 0.98}
+            for key in ("positions", "velocities")
         },
-        "step": number((0.1, 0.1, 0.01, 1, 1e-12, 1e12, -0.1, 0)),
-        "steps": number((1, 10, 10, 100, 1000, 0)),
-        "methods": [{"method": number(METHODS)} for _ in range(dice.randint(1, 2))],
+        "step": number((0.1, 0.1, 0.1, 0.01, 1, 1e-12, 1e12, number((-0.1, 0)))),
+        "steps": number((1, 10, 10, 100, 1000, number((1, 1, 0)))),
+        "methods": [{"method": number((*METHODS[:-1] * 3, METHODS[-1]))} for _ in range(dice.randint(1, 2))],
         "observe": dice.sample(["trajectory", "energy", "constraints", "error", "matching_circle"], 2),
     }
+    if whole is disk:
+        found["parameters"] = dict.fromkeys("MIJR", number((1, 2, 1e-8, 1e8)))
     if dice.random() < 0.1:
         found[number(("step", "observe", "methods", "initial", "effects", "colour"))] = number(ODD)
     return found
