@@ -22,6 +22,7 @@ from inverse_service.algebra.rational_functions import (
     as_fraction,
     combined,
     divided_out,
+    factored,
 )
 from inverse_service.expressions.tree import (
     Apply,
@@ -267,8 +268,8 @@ def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tu
             found.append((ring.field.context.gen(relation.generator), exponent * relation.degree))
     if len(polynomial) > FACTORED_TERMS or polynomial.total_degree() > FACTORED_DEGREE:
         return Fraction(1), [*found, (polynomial, 1)]
-    content, factors = polynomial.factor()
-    return as_fraction(content), [*found, *((factor, int(exponent)) for factor, exponent in factors)]
+    content, factors = factored(polynomial)
+    return content, [*found, *factors]
 
 
 def _collect(ring: ExactRing, table: dict[Expression, Fraction], factor: fmpq_mpoly, exponent: int) -> None:

@@ -21,7 +21,7 @@ from typing import Any
 from flint import fmpz
 
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, scaled_tree
-from inverse_service.algebra.rational_functions import Quotient, TooLarge, as_fraction
+from inverse_service.algebra.rational_functions import Quotient, TooLarge, as_fraction, factored
 from inverse_service.expressions.tree import PI, Apply, Expression
 
 Coordinates = Mapping[Any, Fraction]
@@ -46,8 +46,7 @@ def coordinates_of(argument: Quotient) -> Coordinates:
 
 def factor_coordinates(argument: Quotient) -> Coordinates:
     """The exponents of the prime numbers, irreducible numerator factors and denominators."""
-    content, factors = argument.numerator.factor()
-    constant = as_fraction(content)
+    constant, factors = factored(argument.numerator)
     table: dict[Any, Fraction] = {(0, repr(factor)): Fraction(power) for factor, power in factors}
     table |= {(1, index): Fraction(-power) for index, power in argument.exponents}
     for sign, value in ((1, abs(constant.numerator)), (-1, constant.denominator)):

@@ -16,6 +16,7 @@ from fractions import Fraction
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service.algebra.modular import prime_factors
+from inverse_service.algebra.rational_functions import TooLarge, factored
 from inverse_service.algebra.tower import (
     RADIAN,
     AngleRule,
@@ -108,10 +109,11 @@ def used_generators(polynomial: fmpq_mpoly) -> list[int]:
 
 
 def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
-    """(rational content, [(irreducible factor, multiplicity)])."""
-    content, found = polynomial.factor()
-    value = fmpq(content)
-    return Fraction(int(value.p), int(value.q)), [(factor, int(k)) for factor, k in found]
+    """(rational content, [(irreducible factor, multiplicity)]); IrreducibleAtoms where it grows out of bounds."""
+    try:
+        return factored(polynomial)
+    except TooLarge as error:
+        raise IrreducibleAtoms(str(error)) from error
 
 
 def to_quotient(ring: Generators, expression: Expression) -> Quotient:

@@ -119,8 +119,7 @@ class QuotientField:
             polynomial, power = divided_out(polynomial, relation.right)
             if power:
                 table[self._index_of(self.context.gen(relation.generator))] = power * relation.degree
-        content, factors = polynomial.factor()
-        constant = as_fraction(content)
+        constant, factors = factored(polynomial)
         for factor, power in factors:
             scale, index = self._listed(factor)
             constant *= scale**power
@@ -188,6 +187,15 @@ class QuotientField:
 
 def as_fraction(value: fmpq) -> Fraction:
     return Fraction(int(value.p), int(value.q))
+
+
+def factored(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
+    """(rational content, [(irreducible factor, multiplicity)]); TooLarge where exponents are too large for flint."""
+    try:
+        content, found = polynomial.factor()
+    except RuntimeError as error:
+        raise TooLarge("the degrees of a polynomial are too large to factor it") from error
+    return as_fraction(content), [(factor, int(power)) for factor, power in found]
 
 
 def _exact_division(numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpoly | None:

@@ -8,12 +8,14 @@ in these polynomials is true, but a polynomial that is not zero may still be the
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 import flint
 
+from inverse_service.algebra.rational_functions import TooLarge, factored
 from inverse_service.errors import LimitError
 from inverse_service.expressions.tree import (
     Expression,
@@ -127,15 +129,15 @@ class OpaqueRing:
     def _factors(self, polynomial: Polynomial) -> tuple[Fraction, list[tuple[Expression, int]]]:
         if polynomial.is_zero():
             return Fraction(0), []
+        total, factors = Fraction(1), [(polynomial, 1)]
         if len(polynomial) <= _FACTORED_TERMS:
-            content, factors = polynomial.factor()
-        else:
-            content, factors = flint.fmpq(1), [(polynomial, 1)]
-        total, result = Fraction(int(content.p), int(content.q)), []
+            with suppress(TooLarge):
+                total, factors = factored(polynomial)
+        result = []
         for factor, exponent in factors:
             scale = self._scale(factor)
-            total *= scale ** int(exponent)
-            result.append((self._sum_tree(factor, scale), int(exponent)))
+            total *= scale**exponent
+            result.append((self._sum_tree(factor, scale), exponent))
         return total, sorted(result, key=lambda pair: self._index.get(pair[0], len(self.atoms)))
 
     def _scale(self, polynomial: Polynomial) -> Fraction:

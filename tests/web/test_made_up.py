@@ -75,6 +75,15 @@ def test_five_thousand_documents_and_two_thousand_scenes_with_numbers_of_all_siz
             "lagrangian": "x'^2/2+y'^2/2+z'^2/2",
             "constraints": ["z'=cosh(1e-39*x)*x'"],
         },
+        {  # a polynomial of this degree cannot be factored
+            "coordinates": ["x", "y", "z"],
+            "lagrangian": "x'^2/2+y'^2/2+z'^2/2+-log(1/61+x^2)",
+            "constraints": ["z'=(exp(10^40*x))*x'"],
+        },
+        {  # a sum that is 0
+            "coordinates": ["x", "y"],
+            "equations": {"x": "exp(10^20*x)+atan(1e-39*x')", "y": "sin(3.7e-8*x')+-sin(3.7e-8*x')"},
+        },
     ],
 )
 def test_documents_that_were_a_fault_of_the_program_have_an_answer(service: str, document: dict[str, Any]) -> None:

@@ -6,10 +6,10 @@ import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from flint import fmpq_mpoly
+from flint import fmpq, fmpq_mpoly
 
 from inverse_service.algebra.exact_ring import ExactRing, polynomial_tree, sum_of
-from inverse_service.algebra.rational_functions import Budget, Quotient, QuotientField, TooLarge
+from inverse_service.algebra.rational_functions import Budget, Quotient, QuotientField, TooLarge, factored
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.elimination import Linear, Unknown, eliminate
@@ -60,10 +60,8 @@ def _factored(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear) -
     whole = sum_of(ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]).numerator
     parts = {unknown: coefficient(whole, places[symbols[unknown]], 1) for unknown in row}
     shared = functools.reduce(lambda a, b: a.gcd(b), parts.values())
-    split = {unknown: (part / shared).factor() for unknown, part in parts.items()}
-    return {
-        unknown: (shared * 0 + number, [(f, int(e)) for f, e in found]) for unknown, (number, found) in split.items()
-    }
+    split = {unknown: factored(part / shared) for unknown, part in parts.items()}
+    return {unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found) for unknown, (n, found) in split.items()}
 
 
 def _widened(ring: ExactRing, long: list[fmpq_mpoly], budget: Budget) -> ExactRing:
@@ -120,7 +118,7 @@ class Theorem:
     @property
     def nonzero(self) -> tuple[fmpq_mpoly, ...]:
         """What must not vanish: the irreducible factors of all factors and denominators."""
-        divisors = [factor for step in self.steps for factor, _ in step.factor.factor()[1]]
+        divisors = [factor for step in self.steps for factor, _ in factored(step.factor)[1]]
         return tuple({str(one): one for one in [*divisors, *(below for below, _ in self.denominators)]}.values())
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from flint import fmpq_mpoly
 
-from inverse_service.algebra.rational_functions import Quotient
+from inverse_service.algebra.rational_functions import Quotient, factored
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.inverse_problem.proofs.deriving import Theorem
@@ -110,9 +110,9 @@ def _product(letters: Letters, powers: Sequence[tuple[fmpq_mpoly, int]], constan
 
 def _factors(theorem: Theorem, step: Identity) -> tuple[str, list[tuple[fmpq_mpoly, int]]]:
     """The number and the powers by which the statement of a step is multiplied."""
-    number, powers = step.factor.factor()
+    number, powers = factored(step.factor)
     below = theorem.denominators if step is theorem.steps[-1] else ()
-    return str(number), [*((p, int(e)) for p, e in powers), *below]
+    return str(number), [*powers, *below]
 
 
 def _combination(letters: Letters, step: Identity) -> str:

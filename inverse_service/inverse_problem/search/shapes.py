@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from contextlib import suppress
 from fractions import Fraction
 
 from inverse_service.algebra.real_point import RealTable, real_sign
@@ -160,10 +161,9 @@ def moving_letters(material: Material) -> list[Expression]:
     for tree in material.analysis.system.accelerations:
         for node in walk(tree):
             if isinstance(node, Sum) and has_velocity(node) and _is_plain(node):
-                try:
-                    found[split_content(terms_of(node))[2]] = None
-                except TooManyTerms:
-                    continue
+                with suppress(TooManyTerms):
+                    if terms := terms_of(node):  # a sum may be 0
+                        found[split_content(terms)[2]] = None
     table = material.analysis.real_point
     letters: list[Expression] = [letter for letter in found if not isinstance(letter, Number | Velocity)]
     return list(dict.fromkeys(_positive(letter, table) for letter in letters)) if table else letters

@@ -129,7 +129,9 @@ def terms_of(expression: Expression) -> Terms:
             return _power(terms_of(base), exponent)
         case Power(base, exponent) if split_exponent(exponent)[1]:
             rest, whole = split_exponent(exponent)
-            content, common, primitive = split_content(terms_of(base))
+            if not (inside := terms_of(base)):
+                return {}
+            content, common, primitive = split_content(inside)
             beside = times(common, monomial(primitive) if primitive != ONE else EMPTY)
             return {times(monomial(Power(base, rest)), beside, whole): content**whole}
         case Apply("exp", argument):

@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from flint import fmpq_mpoly
+from flint import fmpq, fmpq_mpoly
 
-from inverse_service.algebra.rational_functions import Budget, TooLarge, as_fraction
+from inverse_service.algebra.rational_functions import Budget, TooLarge, as_fraction, factored
 from inverse_service.deadline import now, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
@@ -281,7 +281,7 @@ def equation_texts(stratum: Stratum, equations: Sequence[fmpq_mpoly]) -> list[st
 
 def sides(stratum: Stratum, equation: fmpq_mpoly) -> Equation:
     """The equation with positive terms on both sides; integers without a common factor."""
-    content = equation.factor()[0] if not equation.is_zero() else 1
+    content = fmpq(*factored(equation)[0].as_integer_ratio()) if not equation.is_zero() else 1
     terms = {exponents: value / content for exponents, value in (equation).terms()}
     owner = equation.context()
     left = owner.from_dict({e: v for e, v in terms.items() if as_fraction(v) > 0})

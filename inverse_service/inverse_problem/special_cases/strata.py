@@ -11,7 +11,7 @@ from functools import cached_property
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
-from inverse_service.algebra.rational_functions import as_fraction
+from inverse_service.algebra.rational_functions import as_fraction, factored
 from inverse_service.expressions.tree import (
     Expression,
     Symbol,
@@ -95,10 +95,10 @@ class Stratum:
 
     def _root(self, radicand: fmpq_mpoly) -> Expression:
         """The square root, squares taken out (the other sign is the conjugate, with the same verdict)."""
-        content, parts = radicand.factor()
-        outside = [power(self.space.tree(base), int(exponent) // 2) for base, exponent in parts]
-        inside = [self.space.tree(base) for base, exponent in parts if int(exponent) % 2]
-        return multiply(*outside, square_root(multiply(number(as_fraction(content)), *inside)))
+        content, parts = factored(radicand)
+        outside = [power(self.space.tree(base), exponent // 2) for base, exponent in parts]
+        inside = [self.space.tree(base) for base, exponent in parts if exponent % 2]
+        return multiply(*outside, square_root(multiply(number(content), *inside)))
 
     def _fraction(self, value: Fraction) -> Expression:
         if value.denominator.is_constant():
@@ -162,5 +162,5 @@ def factors(polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
     """The distinct irreducible factors over Q that are not numbers."""
     if polynomial.is_constant():
         return []
-    found = [factor for factor, _ in polynomial.factor()[1] if not factor.is_constant()]
+    found = [factor for factor, _ in factored(polynomial)[1] if not factor.is_constant()]
     return [factor / factor.leading_coefficient() for factor in found]

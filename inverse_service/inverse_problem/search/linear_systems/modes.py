@@ -18,7 +18,7 @@ from math import factorial
 from flint import fmpq, fmpq_mpoly, fmpz
 
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
-from inverse_service.algebra.rational_functions import Quotient
+from inverse_service.algebra.rational_functions import Quotient, factored
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.tree import (
     ONE,
@@ -93,8 +93,8 @@ def factors_of(ring: ExactRing, matrix: Matrix) -> list[tuple[list[Quotient], in
         return []
     variable = ring.atoms[EIGENVALUE]
     terms = [c * variable**k for k, c in enumerate(characteristic_polynomial(matrix)) if not c.is_zero]
-    _, factors = sum_of(ring.constant(0), terms).numerator.factor()
-    found = [(_by_power(factor, variable), int(multiplicity)) for factor, multiplicity in factors]
+    _, factors = factored(sum_of(ring.constant(0), terms).numerator)
+    found = [(_by_power(factor, variable), multiplicity) for factor, multiplicity in factors]
     return sorted((item for item in found if len(item[0]) > 1), key=lambda item: len(item[0]))
 
 
