@@ -37,6 +37,7 @@ from .formulas import (
     TEXT,
     Ended,
     Reader,
+    bounded,
     check_shape,
     is_irrational,
     is_root,
@@ -115,6 +116,8 @@ class Question:
         self.letters, self.unsolved = {name + "''" for name in self.coordinates}, list[tuple[str, ...]]()
         if not all(map(self.letters.isdisjoint, self.force_texts)):  # E(t, q, q', q'') = 0
             require(not self.bound, "The equations of a motion on constraints have to be solved.")
+            free = not any(bounded(text, self.letters) for text in self.force_texts)
+            require(free, "Accelerations may stand in sums and products only.")
             self.parameters = [*self.parameters, *sorted(self.letters)]
             self.unsolved, self.force_texts = self.force_texts, [(name + "''", "") for name in self.coordinates]
         self.motion = [*self.force_texts, *self.unsolved]

@@ -22,6 +22,7 @@ DERIVATIVE = re.compile(r"\bdiff\s*\(\s*(\w+)\s*\(([^()]*)\)\s*,([^()]*)\)", re.
 IRRATIONAL = {"^", "exp", "log", "sin", "cos", "atan", *DEFINED}  # an integral power is a token of another form
 RESERVED = {"t", "pi", "diff", *IRRATIONAL}
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
+FREE = ("", "+", "-", "*", "(")  # before an operand that may have any value
 EXPONENT = r"\^[ \t\r\n]*(?:-?[0-9]{1,400}|\(-?[0-9]{1,400}\))(?![0-9.]|[ \t\r\n]*\^)"  # an integer: ^2, ^(-2)
 OPERAND = r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"  # 2.5, x'
 TOKEN = re.compile(rf"[ \t\r\n]*({OPERAND}|{EXPONENT}|[-+*/^(),]|\Z|(.))", re.DOTALL)
@@ -84,6 +85,25 @@ def read_tokens(text: Any, where: str) -> tuple[str, ...]:
     strange = next((token.start(2) + 1 for token in tokens if token[2]), 0)
     require(not strange, f"{where}: what stands at column {strange} is no part of a formula.")
     return tuple(token[1] for token in tokens)
+
+
+def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
+    """Whether one of the letters stands in an argument, a power or a divisor, so that it may not have all values."""
+    holding, unsafe = [False], [False]
+    for before, token, after in zip(("", *tokens), tokens, (*tokens[1:], ""), strict=False):
+        if token == "(":
+            holding, unsafe = [*holding, False], [*unsafe, unsafe[-1] or before not in FREE]
+        elif token == ")" and len(holding) > 1:
+            unsafe.pop()
+            inner = holding.pop()
+            if inner and after[:1] == "^":
+                return True
+            holding[-1] |= inner
+        elif token in letters:
+            if unsafe[-1] or before not in FREE or after[:1] == "^":
+                return True
+            holding[-1] = True
+    return False
 
 
 class Reader:

@@ -74,6 +74,12 @@ FORGED: dict[str, Callable[[dict[str, Any]], None]] = {
     "another equation": lambda it: it["system"]["equations"].update(x=it["system"]["equations"]["x"] + " + a1"),
     "existence": lambda it: it.update(kind="existence"),
     "one of a kind": lambda it: it.update(among="positive_definite"),
+    **{
+        f"an equation with {wrapped}": lambda it, wrapped=wrapped: it["system"]["equations"].update(
+            x=wrapped.replace("E", f"({it['system']['equations']['x']})")
+        )
+        for wrapped in ("sqrt(E^2)", "(E^2)^(1/2)", "E*E^0", "exp(log(E))", "1/(1/E)", "sqrt((E)*(E))", "(2*E)^1")
+    },
     "a condition on accelerations": lambda it: it.update(conditions=["x'' > 0"]),
 }  # fmt: skip
 
