@@ -18,6 +18,7 @@ from typing import TypeGuard
 from flint import fmpz
 
 from inverse_service.expressions.collecting_trees import Monomial, monomial_tree, order, place, terms_tree
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.tree import (
     Apply,
     Arbitrary,
@@ -31,6 +32,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
+    negate,
     number,
     power,
     square_root,
@@ -264,7 +266,12 @@ def _function(tree: Apply) -> Terms:
         a, b = _ROOTS[tree.function, inner.function]
         return _expand(square_root(add(number(a), multiply(number(b), power(inner.argument, 2)))))
     special = _SPECIAL.get(tree.function)
-    return special(_expand(inner)) if special else _atom(Apply(tree.function, _canonical(inner)))
+    if special:
+        return special(_expand(inner))
+    inner, parity = _canonical(inner), FUNCTION[tree.function].parity if tree.function in FUNCTION else 0
+    if parity and isinstance(inner, Product) and isinstance(inner.factors[0], Number) and inner.factors[0].value < 0:
+        return _scaled(_atom(Apply(tree.function, negate(inner))), Fraction(parity))
+    return _atom(Apply(tree.function, inner))
 
 
 def _exponential(argument: Terms) -> Terms:

@@ -112,3 +112,12 @@ def test_the_empty_sum_is_zero() -> None:
     assert expand(ZERO).terms == ()
     assert to_tree(expand(ZERO)) == ZERO
     assert to_tree(expand(ONE)) == ONE
+
+
+@pytest.mark.parametrize(
+    ("text", "collected"),
+    [("sin(-x)", "-sin(x)"), ("asin(-2*x)^3", "-asin(2*x)^3"), ("cos(-x*y)", "cos(x*y)"), ("tan(-x) + tan(x)", "0")],
+)
+def test_the_sign_of_an_argument_comes_out_of_odd_and_even_functions(text: str, collected: str) -> None:
+    names = Names(("x", "y"), (), {})
+    assert to_text(collect(parse(text, names))) == collected

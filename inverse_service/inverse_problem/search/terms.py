@@ -27,6 +27,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
+    negate,
     number,
     power,
     split_exponent,
@@ -141,6 +142,8 @@ def terms_of(expression: Expression) -> Terms:
             return terms_of(multiply(*(power(Apply(name, argument), e) for name, e in pairs if e)))
         case Apply(function, Sum() as argument) if function in _PARITY:
             return _with_leading_plus(function, terms_of(argument))
+        case Apply(function, Product((Number(factor), *_)) as argument) if factor < 0 and function in _PARITY:
+            return {key: c * _PARITY[function] for key, c in terms_of(Apply(function, negate(argument))).items()}
         case _:
             return {monomial(expression): Fraction(1)}
 
