@@ -17,13 +17,13 @@ from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import Expression
 
 _TOKEN = re.compile(
-    r"(?P<rate>d/dt)\b|(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>.)"
+    r"(?P<rate>d/dt)\b|(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)(?P<power>\^\d)?|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>.)"
 )
 # Signs between trees that the reader of formulas knows.
 _READS_BACK = re.compile(r" = (?:-?\d+(?:/\d+)?)?| [-+] |-?\d*\*?|\d+")
 _MARK = re.compile(r"[_^](?:\([^()]*\)|[A-Za-z0-9]+)")
 _PARTIAL = re.compile(r"d([a-zA-Z]|Phi)")
-_GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "mu": "μ", "phi": "φ", "tau": "τ"}
+_GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "lambda": "λ", "mu": "μ", "phi": "φ", "tau": "τ"}
 _WORDS = frozenset(("det", "for", "and"))
 _SIGNS = {"-": "\u2212", "*": "\u2062"}
 _LATEX_SIGNS = {"*": " ", "\u2026": r"\dots"}
@@ -112,7 +112,7 @@ def theory(text: str) -> Formula:
             mathml.append("<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>")
         elif match["name"]:
             name, primes = match["name"], match["primes"]
-            marks = _MARK.findall(match["marks"])
+            marks = _MARK.findall(match["marks"] + (match["power"] or ""))
             latex.append(_with_marks_latex(name, marks, primes))
             mathml.append(_with_marks_mathml(name, marks, primes))
             if name in _USES:
@@ -143,6 +143,8 @@ def _body(name: str) -> tuple[str, str]:
         return rf"\partial {latex}", f"<mi>∂</mi>{mathml}"
     if name in _GREEK:
         return rf"\{name}", f"<mi>{_GREEK[name]}</mi>"
+    if name == "int":
+        return r"\int ", "<mo>∫</mo>"
     if name in _WORDS:
         return (r"\det " if name == "det" else rf"\text{{ {name} }}"), f"<mo>{name}</mo>"
     return (name, f"<mi>{name}</mi>") if len(name) == 1 or name == "dt" else (rf"\mathrm{{{name}}}", f"<mi>{name}</mi>")
@@ -159,7 +161,7 @@ def _with_marks_latex(name: str, marks: Sequence[str], primes: str) -> str:
 def _with_marks_mathml(name: str, marks: Sequence[str], primes: str) -> str:
     body = _body(name)[1]
     sub = "".join(_mark(mark) for mark in marks if mark[0] == "_")
-    sup = "".join(_mark(mark) for mark in marks if mark[0] == "^") + "<mo>&#x2032;</mo>" * len(primes)
+    sup = "<mo>&#x2032;</mo>" * len(primes) + "".join(_mark(mark) for mark in marks if mark[0] == "^")
     head, base = ("<mi>∂</mi>", body[len("<mi>∂</mi>") :]) if body.startswith("<mi>∂") else ("", body)
     if sub and sup:
         return f"{head}<msubsup>{base}<mrow>{sub}</mrow><mrow>{sup}</mrow></msubsup>"

@@ -20,6 +20,7 @@ from api_schemas.scene import SceneDocument
 from api_schemas.simulation import SimulationResult, WorkPrecisionResult
 from api_schemas.system import SystemDocument
 from inverse_service import catalogue
+from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT
 from inverse_service.service.documents.answers import TITLES
 from inverse_service.web.problems import MEDIA_TYPE
 
@@ -100,6 +101,29 @@ OTHERS = (
     ForwardParseAnswer,
 )
 PROBLEM = "application/problem+json"
+
+
+def _any_of(*models: type) -> dict[str, Any]:
+    return {"anyOf": [{"$ref": REFERENCE.format(model=model.__name__)} for model in models]}
+
+
+def _object_with(title: str, whole: bool, **properties: Any) -> dict[str, Any]:
+    """An object that has all these keys; with no other ones if they are the `whole` of it."""
+    found = {"type": "object", "title": title, "required": [*properties], "properties": properties}
+    return found | ({"additionalProperties": False} if whole else {})
+
+
+# What the checker reads; of anything else it says itself what is missing.
+CHECKED = {
+    "anyOf": [
+        *_any_of(ResultDocument, NonholonomicResult)["anyOf"],
+        _object_with("ResultOfDocument", True, document=_any_of(*DOCUMENTS), result=_any_of(*RESULTS)),
+        _object_with("OwnLagrangian", True, system=_any_of(SystemDocument, NonholonomicDocument),
+                     lagrangian={"type": "string"}),
+        _object_with("Certificate", False, format={"enum": [FORMAT, OLD_FORMAT]}, system={"type": "object"}),
+        _object_with("Identities", False, theorems={"type": "array", "description": "What `solve --format identities` writes."}),
+    ]
+}  # fmt: skip
 ID = {"type": ["string", "number", "boolean", "null"]}
 OPTIONS = {
     "type": "object",

@@ -16,12 +16,11 @@ from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
 from inverse_service.service.jobs.tasks import parse_task
 from inverse_service.web.asking import DEFAULT_WAIT, FACTORS, MAX_WAIT, json_body_of
 from inverse_service.web.clients import client_of, require_client
-from inverse_service.web.openapi import BAD_BODY, PARSED, SYSTEM_BODY, refusals
+from inverse_service.web.openapi import BAD_BODY, CHECKED, PARSED, SYSTEM_BODY, refusals
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
 
-# The checker says itself what is missing; a schema would only hide its verdict.
-ANY_OBJECT = {"requestBody": {"required": True, "content": {"application/json": {"schema": {"type": "object"}}}}}
+CHECK_BODY = {"requestBody": {"required": True, "content": {"application/json": {"schema": CHECKED}}}}
 router = APIRouter(dependencies=[Depends(require_client)])
 
 
@@ -38,7 +37,7 @@ async def parse(request: Request) -> Response:
     return Response(found, media_type="application/json")
 
 
-@router.post("/v1/check", responses={200: {"model": CheckAnswer}, **BAD_BODY}, openapi_extra=ANY_OBJECT)
+@router.post("/v1/check", responses={200: {"model": CheckAnswer}, **BAD_BODY}, openapi_extra=CHECK_BODY)
 async def check(request: Request) -> Response:
     """The independent checker's verdict on a result or a certificate, or on {"document": …, "result": …}.
 

@@ -129,6 +129,21 @@ def test_every_answer_validates(description: dict[str, Any], service: str) -> No
         assert refused.json()["errors"][0]["instead"] == ["k*x"]
 
 
+def test_the_body_of_a_check_is_described(description: dict[str, Any], service: str) -> None:
+    """A result, alone or with its document, a certificate, and a Lagrangian of one's own; not any object."""
+    check = validator(description, body_schema(description, "/v1/check"))
+    document = {"equations": "x'' = -x"}
+    with httpx.Client(base_url=service) as client:
+        result = client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"}, timeout=60).json()
+        bodies = [result, {"document": document, "result": result}, result["certificate"],
+                  {"system": document, "lagrangian": "x'^2/2 - x^2/2"}]  # fmt: skip
+        for body in bodies:
+            assert not list(check.iter_errors(body)), body
+            assert client.post("/v1/check", json=body, timeout=60).json()["verdict"] == "valid", body
+    assert list(check.iter_errors({"colour": 1}))
+    assert list(check.iter_errors({"system": document, "lagrangian": 3}))
+
+
 DISK = {
     "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
     "initial": {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}},

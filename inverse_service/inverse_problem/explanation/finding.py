@@ -135,7 +135,7 @@ def energy_step() -> Step:
     """How free L is where a coordinate has an energy of its own."""
     return said(
         "A coordinate `x` that `L` couples with no other, in a part without `t`, has an energy of its own, "
-        "`h = x' dL/dx' - L` of that part. More generally, `x' int F(h)/x'^2 dx'` may stand for the part with every "
+        "`h = x' dL/dx' - L` of that part. More generally, `x' int F(h)/x'^2 d x'` may stand for the part with every "
         "function `F` that keeps the Hessian regular; `F = h` gives it back, and `F = h^2` the last of the other "
         "Lagrangians.",
         about=("regular",),

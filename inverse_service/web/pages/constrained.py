@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from markupsafe import Markup, escape
 
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.answers import Step, step_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class Motion:
     checked: str
     formulas: list[Markup]
     freedom: str
-    steps: list[str]
+    steps: list[Step]
 
 
 def motion_of(result: Mapping[str, Any]) -> Motion | None:
@@ -79,7 +81,7 @@ def motion_of(result: Mapping[str, Any]) -> Motion | None:
         part["checked"] or "",
         [typesetting.equation(name, text, names) for name, text in lines],
         part["freedom"],
-        [step["text"] for step in part["explanation"]],
+        [step_of(step, names, []) for step in part["explanation"]],
     )
 
 
@@ -102,11 +104,27 @@ def constrained_of(result: Mapping[str, Any]) -> Constrained | None:
         typesetting.equation("L", part["lagrangian"]["text"], names),
         constraints,
         lines,
-        [escape(statement) for statement in statements if statement],
+        [typeset(statement, names) for statement in statements if statement],
         _facts(part, names),
         [_associated(entry["kind"], entry, names) for entry in part["associated"]],
         [_confirmed(entry, names) for entry in part["hamiltonisation"]],
     )
+
+
+# The paper's form of constraints, and its letters, as a statement spells them; the name after "=" is the system's.
+_LETTERS = re.compile(r"(?P<form>s' = -A\(r1\) r2')|\b(?P<letter>r[12])\b(?P<is> = (?P<name>\w+))?|\bN\(q\)|\bp = dL/dv\b")
+
+
+def typeset(statement: str, names: Names) -> Markup:
+    """A sentence with its formulas set as formulas."""
+    parts, last = [], 0
+    for found in _LETTERS.finditer(statement):
+        letters = re.sub(r"r([12])", r"r_\1", found["letter"] or found.group())
+        formula = typesetting.of_theory(f"{letters} =" if found["is"] else letters)
+        named = typesetting.formula(found["name"], names) if found["is"] else Markup()
+        parts += [escape(statement[last : found.start()]), formula, named]
+        last = found.end()
+    return Markup("").join([*parts, escape(statement[last:])])
 
 
 def _facts(part: Mapping[str, Any], names: Names) -> list[tuple[str, Markup]]:
@@ -137,6 +155,6 @@ def _confirmed(entry: Mapping[str, Any], names: Names) -> Confirmed:
         f"{entry['associated']}: {entry['label']}",
         typesetting.equation("H", hamiltonian["text"], names) if hamiltonian else None,
         [typesetting.formula(f"{w['text']} = 0", names) for w in entry["constraints"]],
-        [(escape(s["text"]), s["verdict"]) for s in entry["statements"]],
+        [(typeset(s["text"], names), s["verdict"]) for s in entry["statements"]],
         entry["holds"],
     )

@@ -53,7 +53,7 @@ def advice_for(result: Mapping[str, Any], largest: float) -> list[Advice]:
     if result["verdict"] == "undetermined":
         return [*_about_time(result, largest), *_about_size(result)]
     if result["verdict"] == "variational" and result["lagrangian"] is None:
-        return [Advice(OFFER_TERMS), *_about_time(result, largest)]
+        return [*_about_time(result, largest), Advice(OFFER_TERMS)]
     return []
 
 
@@ -62,7 +62,7 @@ def _about_time(result: Mapping[str, Any], largest: float) -> list[Advice]:
     if limit is None:
         return []
     if limit < MUCH_OF * largest:
-        return [Advice(f"Ask again with more time: this answer had {limit:.2g} s, and they ran out.", longer=largest)]
+        return [Advice(f"Ask again with more time: this answer had {limit:.2g} s, and the time ran out.", longer=largest)]
     return [Advice("Time ran out. This service gives no more; a machine of your own can.", LONG_RUN)]
 
 

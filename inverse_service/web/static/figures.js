@@ -28,9 +28,10 @@ class Figure {
   draw() {
     const view = this.views[Number(this.choice.value) || 0];
     if (!view) return;
-    const lines = view.lines.map((line) => ({ ...line, colour: inked(line.colour), dash: DASHES[line.dash], width: line.colour === "ink" ? 1.2 : 1.8 }));
-    // The true motion lies under the others.
-    chart(this.canvas, { ...view, lines: [...lines].sort((a, b) => a.width - b.width), start: false });
+    // From below: the true motion as a broad pale band, then the methods, each thinner than the one before, so that none hides another.
+    let left = view.lines.filter((line) => line.colour !== "ink").length;
+    const lines = view.lines.map((line) => ({ ...line, colour: inked(line.colour), dash: DASHES[line.dash], ...(line.colour === "ink" ? { width: 9, alpha: 0.3 } : { width: 1.1 + 1.2 * Math.min(4, (left -= 1)) }) }));
+    chart(this.canvas, { ...view, lines: [...lines].sort((a, b) => b.width - a.width), start: false });
     this.legend.replaceChildren(...lines.map((line) => {
       const name = Object.assign(document.createElement("span"), { textContent: line.label });
       name.style.borderBottom = `3px ${line.dash.length ? (line.dash[0] < 3 ? "dotted" : "dashed") : "solid"} ${line.colour}`;

@@ -210,8 +210,10 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
   lines.forEach((line, k) => {
     const [name, dash] = LOOKS[k % LOOKS.length];
     pen.strokeStyle = pen.fillStyle = line.colour ?? colour(name);
+    pen.globalAlpha = line.alpha ?? 1;
     if (dots || line.markers) {
-      line.x.forEach((v, i) => pen.fillRect(X(v) - 1.5, Y(line.y[i]) - 1.5, 3, 3));
+      const size = Math.max(3, line.width ?? 0);
+      line.x.forEach((v, i) => pen.fillRect(X(v) - size / 2, Y(line.y[i]) - size / 2, size, size));
       if (dots) return;
     }
     pen.lineWidth = line.width ?? (k ? 1.5 : 2);
@@ -226,6 +228,7 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
     pen.stroke();
     pen.setLineDash([]);
   });
+  pen.globalAlpha = 1;
   const begin = start && lines[0] && !dots && { x: X(lines[0].x[0]), y: Y(lines[0].y[0]) };
   if (begin) {
     pen.fillStyle = colour("--ink");
