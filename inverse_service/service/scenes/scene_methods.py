@@ -11,6 +11,7 @@ from api_schemas.scene import MAX_STEPS, SceneDocument, SceneMethod
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tokens import shorten
 from inverse_service.expressions.tree import Number
 from inverse_service.service.documents.reading import escape
 from inverse_service.simulation.array_values import NoValue, array_value
@@ -28,12 +29,10 @@ def number_of(text: str, pointer: str, what: str = "a number") -> float:
     try:
         tree = read_formula(text, Names(time=False))
         value = float(array_value(tree, {})[0])
-    except InputError as error:
-        raise type(error)(error.detail, pointer, error.column) from None
-    except (NoValue, OverflowError):
+    except (InputError, NoValue, OverflowError):
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f'this is not {what}: write it as in 0.25, "1/4" or "pi/4".', pointer)
+        raise InputError(f'\'{shorten(text)}\' is not {what}: write it as in 0.25, "1/4" or "pi/4".', pointer)
     return value
 
 

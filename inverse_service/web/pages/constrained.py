@@ -112,7 +112,9 @@ def constrained_of(result: Mapping[str, Any]) -> Constrained | None:
 
 
 # The paper's form of constraints, and its letters, as a statement spells them; the name after "=" is the system's.
-_LETTERS = re.compile(r"(?P<form>s' = -A\(r1\) r2')|\b(?P<letter>r[12])\b(?P<is> = (?P<name>\w+))?|\bN\(q\)|\bp = dL/dv\b")
+_LETTERS = re.compile(
+    r"(?P<form>s' = -A\(r1\) r2')|\b(?P<letter>r[12])\b(?P<is> = (?P<name>\w+))?|\bN\(q\)|\bp = dL/dv\b"
+)
 
 
 def typeset(statement: str, names: Names) -> Markup:

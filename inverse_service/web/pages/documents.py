@@ -91,9 +91,11 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
     if coordinates := _names(fields["coordinates"]):
         document["coordinates"] = coordinates
     if nonholonomic:
-        document |= {"lagrangian": fields["lagrangian"], "constraints": constraints}
-        if fields["associated"] in ASSOCIATED:
-            document["associated"] = fields["associated"]
+        document["lagrangian"] = fields["lagrangian"]
+        # Without constraints there are no associated systems, though one of them is always ticked on the form.
+        if constraints:
+            document["constraints"] = constraints
+            document |= {"associated": fields["associated"]} if fields["associated"] in ASSOCIATED else {}
     else:
         document["equations"] = fields["equations"]
         document |= {"kinds": kinds} if (kinds := _names(fields["kinds"])) else {}

@@ -20,8 +20,10 @@ from inverse_service.web.pages import typesetting
 FIELD_NAMES = {
     "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
     "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
-    "ansatz": "Terms to try first", "options": "Time limit",
+    "ansatz": "Terms to try first", "options": "Time limit", "initial": "Start", "step": "Step", "steps": "Steps",
 }  # fmt: skip
+# Fields with a box for each name.
+NAMED = ("parameters", "initial")
 MOTION = "Motion, the same for every associated system"
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40
@@ -153,7 +155,7 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     detail, pointer, column = error.detail, error.pointer, error.column
     steps = pointer.split("/")[1:]
     field = steps[0] if steps else ""
-    name = FIELD_NAMES.get(field, field)
+    name = ", ".join([FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())])
     text = _text_at(steps, fields)
     if detail.startswith(("the ", "a ", "an ", "this ")):
         detail = detail[:1].upper() + detail[1:]

@@ -62,7 +62,9 @@ def _about_time(result: Mapping[str, Any], largest: float) -> list[Advice]:
     if limit is None:
         return []
     if limit < MUCH_OF * largest:
-        return [Advice(f"Ask again with more time: this answer had {limit:.2g} s, and the time ran out.", longer=largest)]
+        return [
+            Advice(f"Ask again with more time: this answer had {limit:.2g} s, and the time ran out.", longer=largest)
+        ]
     return [Advice("Time ran out. This service gives no more; a machine of your own can.", LONG_RUN)]
 
 
@@ -214,10 +216,11 @@ def _forward_result(job: Mapping[str, Any]) -> HTMLResponse:
     """The page of a Lagrangian alone."""
     found = job["result"]
     names = typesetting.names_of(found["system"])
-    rows = [("L", found["lagrangian"])] + [(f"p_{name}", part) for name, part in found["momenta"].items()]
-    rows += [("H", found["hamiltonian"])]
+    rows = [("L", found["lagrangian"]), *((f"p_{name}", part) for name, part in found["momenta"].items())]
     lines = answers.equations_of(found["system"])
-    lines += [typesetting.equation(letter, part["text"], names) for letter, part in rows]
+    lines += [
+        typesetting.formula(f"{left} = {part['text']}", names) for left, part in (*rows, ("H", found["hamiltonian"]))
+    ]
     kept = [(part["name"], typesetting.formula(part["text"], names)) for part in found["conserved"]]
     return page("forward.html", active="", job=job, result=found, lines=lines, kept=kept)
 

@@ -20,7 +20,7 @@ from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
-from inverse_service.web.pages import figures, simulations
+from inverse_service.web.pages import figures, reading_back, simulations
 from inverse_service.web.pages.calls import SMALL_FORM, Answer, call, read_form
 from inverse_service.web.pages.rendering import POLICY, VISITOR, page
 from inverse_service.web.pages.result_tasks import (
@@ -282,7 +282,8 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
         asked = asked_of(json.loads(stored.document)) if stored is not None else []
         return page("working.html", 200, active="", job=job, asked=asked, waited=int(time.time() - job["created"]))
     if job["status"] != "successful":
-        return page("ended.html", 200, active="", job=job)
+        problem = reading_back.problem_of(job["problem"], {}) if job["problem"] else None
+        return page("ended.html", 200, active="", job=job, problem=problem)
     engine: Engine = request.app.state.engine
     look = Look(VISITOR.get(), str(request.base_url).rstrip("/"), engine.settings.time_limit)
     found: HTMLResponse = await made(request, job["id"], page_task, job, look, check)

@@ -134,8 +134,16 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
     if not result.get("system"):
         return None
     given = result["system"]["given"]
-    if result.get("nonholonomic"):
-        system_of_it = {"document": {key: given[key] for key in CONSTRAINED if key in given}}
+    starts = importlib.import_module("inverse_service.web.pages.starts")
+    is_forward = "verdict" not in result
+    if result.get("nonholonomic") or is_forward:
+        # Names that were left to be found in the text are taken from what was found.
+        names = {key: list(result["system"][key]) for key in ("coordinates", "parameters")
+                 if not isinstance(given.get(key), list | dict)}  # fmt: skip
+        system_of_it = {"document": {key: given[key] for key in CONSTRAINED if key in given} | names}
+        if is_forward:
+            form = form_of_system(system_of_it, job=job)
+            return starts.with_good_start(form, system_of_it, {}), {"system": system_of_it}
         # A Lagrangian with arbitrary functions is looked for again, with the functions that the scene gives.
         known = result.get("lagrangian") and not given.get("functions")
         found = {"free_lagrangian": result["lagrangian"]["text"]} if known else {}
@@ -143,7 +151,6 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
     base = {"system": {"result": result}}
     form = form_of_system(base["system"], job=job)
     with_lagrangian = [answer for answer, _ in answers_of(result, result) if answer["lagrangian"]]
-    starts = importlib.import_module("inverse_service.web.pages.starts")
     return starts.with_good_start(form, base["system"], with_lagrangian[0] if with_lagrangian else {}), base
 
 

@@ -107,7 +107,12 @@ def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> Met
     if stopped:
         why = f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {stopped.get('remedy') or ''}"
     return MethodRow(
-        method["label"], method["outcome"], method["steps"], numbers, why, bool(figures.columns_of(method))
+        method["label"],
+        method["outcome"].replace("_", " "),
+        method["steps"],
+        numbers,
+        why,
+        bool(figures.columns_of(method)),
     )
 
 

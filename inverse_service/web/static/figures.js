@@ -30,7 +30,7 @@ class Figure {
     if (!view) return;
     // From below: the true motion as a broad pale band, then the methods, each thinner than the one before, so that none hides another.
     let left = view.lines.filter((line) => line.colour !== "ink").length;
-    const lines = view.lines.map((line) => ({ ...line, colour: inked(line.colour), dash: DASHES[line.dash], ...(line.colour === "ink" ? { width: 9, alpha: 0.3 } : { width: 1.1 + 1.2 * Math.min(4, (left -= 1)) }) }));
+    const lines = view.lines.map((line) => ({ ...line, colour: inked(line.colour), dash: DASHES[line.dash], ...(line.colour === "ink" ? { width: 7, alpha: 0.35 } : { width: 1.5 + 1.2 * Math.min(4, (left -= 1)) }) }));
     chart(this.canvas, { ...view, lines: [...lines].sort((a, b) => b.width - a.width), start: false });
     this.legend.replaceChildren(...lines.map((line) => {
       const name = Object.assign(document.createElement("span"), { textContent: line.label });

@@ -262,7 +262,8 @@ function searching(form) {
     for (const group of groups) group.open = Boolean(words.length && group.querySelector("[data-text]:not([hidden])"));
     // While one searches, what holds no system that was found gives way.
     for (const part of others) part.hidden = Boolean(words.length) && !part.querySelector("[data-text]:not([hidden])");
-    form.querySelector("[data-found]").textContent = words.length ? `${entries.filter(([node]) => !node.hidden).length} systems` : "";
+    const found = entries.filter(([node]) => !node.hidden).length;
+    form.querySelector("[data-found]").textContent = words.length ? `${found} system${found === 1 ? "" : "s"}` : "";
   });
 }
 

@@ -46,7 +46,7 @@ def test_terms_are_asked_for_where_a_lagrangian_exists_and_was_not_found() -> No
 def test_a_search_that_ran_out_of_time_says_so() -> None:
     existence = OPEN | {"verdict": "variational", "reason": ""}
     hit = existence | {"provenance": {"time_limit": 1.0, "seconds": {"decision": 0.1, "search": 0.85}}}
-    assert [advice.longer for advice in advice_for(hit, 60.0)] == [None, 60.0]
+    assert [advice.longer for advice in advice_for(hit, 60.0)] == [60.0, None]
     ended = existence | {"provenance": {"time_limit": 50.0, "seconds": {"decision": 0.1, "search": 3.0}}}
     assert [advice.longer for advice in advice_for(ended, 60.0)] == [None]
 

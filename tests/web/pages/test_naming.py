@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from inverse_service import solve
 from inverse_service.errors import InputError
 from inverse_service.mechanics.document_names import Declared, document_names
 from inverse_service.web.pages.documents import (
@@ -72,6 +73,13 @@ def test_a_nonholonomic_form_is_a_nonholonomic_document() -> None:
         "associated": "second",
     }
     assert document_of(Form({k: (v,) for k, v in fields_from(found).items()})) == found
+
+
+def test_a_lagrangian_without_constraints_asks_about_no_associated_system() -> None:
+    """The form always has one of them ticked; a Lagrangian alone is asked for its equations."""
+    found = document(kind="nonholonomic", lagrangian="x'^2/2 - x^2/2", constraints="\n", associated="second")
+    assert found == {"parameters": "guess", "lagrangian": "x'^2/2 - x^2/2"}
+    assert solve(found)["system"]["equations"] == {"x": "-x"}
 
 
 def test_a_document_fills_the_form_and_comes_back() -> None:

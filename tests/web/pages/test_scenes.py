@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from inverse_service import catalogue
+from inverse_service import catalogue, simulate, solve
 from inverse_service.errors import InputError
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.scenes import changed_scene, form_of_scene, scene_document, scene_form, with_sent
-from inverse_service.web.pages.simulate import form_of_system
+from inverse_service.web.pages.simulate import _form_of_result, form_of_system
 
 DISK: dict[str, Any] = {
     "name": "a disk", "system": {"catalogue": "vertically-rolling-disk"},
@@ -44,6 +44,25 @@ def test_a_scene_comes_back_as_it_was() -> None:
     assert sorted(map(str, methods)) == sorted(
         map(str, as_texts([*DISK["methods"][:3], {"method": "exact"}]))
     )  # fmt: skip
+
+
+def test_a_constrained_system_whose_names_were_found_in_the_text_can_be_simulated() -> None:
+    lagrangian = "m*(x'^2 + y'^2 + z'^2)/2"
+    result = solve({"parameters": "guess", "lagrangian": lagrangian, "constraints": ["z' = y*x'"]})
+    made = _form_of_result(result, "job")
+    assert made is not None
+    form, base = made
+    assert (form.coordinates, form.parameters) == (("x", "y", "z"), {"m": "1"})
+    assert base["system"]["document"]["coordinates"] == ["x", "y", "z"]
+
+
+def test_a_lagrangian_alone_is_simulated_from_its_equations() -> None:
+    made = _form_of_result(solve({"parameters": "guess", "lagrangian": "m*x'^2/2 - k*x^2/2"}), "job")
+    assert made is not None
+    form, base = made
+    assert (form.coordinates, form.parameters) == (("x",), {"m": "1", "k": "1"})
+    found = simulate(changed_scene(base, scene_document(form, base["system"])))
+    assert [method["outcome"] for method in found["methods"]] == ["completed", "completed"]
 
 
 def test_a_length_of_time_becomes_a_number_of_steps() -> None:
