@@ -121,7 +121,8 @@ CHECKED = {
         _object_with("OwnLagrangian", True, system=_any_of(SystemDocument, NonholonomicDocument),
                      lagrangian={"type": "string"}),
         _object_with("Certificate", False, format={"enum": [FORMAT, OLD_FORMAT]}, system={"type": "object"}),
-        _object_with("Identities", False, theorems={"type": "array", "description": "What `solve --format identities` writes."}),
+        _object_with("Identities", False, theorems={
+            "type": "array", "description": "What `solve --format identities` writes."}),
     ]
 }  # fmt: skip
 ID = {"type": ["string", "number", "boolean", "null"]}

@@ -23,8 +23,8 @@ def finding_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> 
         said(
             f"A regular {_QUESTION[with_time]} has this motion on the constraints exactly if `l` and `lambda_a`, in "
             "`L = l + lambda_a mu^a + ...` along the constraints, make its Euler-Lagrange expressions vanish there, a "
-            f"linear system. The second derivatives of `l` by the free velocities and the first of `lambda_a` must have "
-            f"rank {k} together."
+            f"linear system. The second derivatives of `l` by the free velocities and the first of `lambda_a` must "
+            f"have rank {k} together."
         )
     ]
     if found.exists is False:
