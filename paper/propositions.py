@@ -108,7 +108,7 @@ def first_has_no_lagrangian(systems: Sequence[Member]) -> Statement:
         proven = answer["verdict"] == "not_variational" and answer["checked"] == "valid"
         good &= proven
         rows.append((system.title, answer["verdict"].replace("_", " "), answer["verdict_with_time"].replace("_", " "),
-                     answer["checked"]))  # fmt: skip
+                     answer["checked"] or "not checked"))  # fmt: skip
     return Statement(
         "proposition-1-1",
         "Proposition 1, part 1",

@@ -15,6 +15,7 @@ from inverse_service.simulation.scene import MethodChoice, Observation
 from inverse_service.simulation.watches import SMALLEST, moment_at, rank_watches, resolution_watches, with_clock
 
 SMALLEST_NORM = 1e-200  # times the fourth power of a tolerance it is a number still
+FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
 
 Stages = list[tuple[list[Formula], list[Formula]]]
 
@@ -48,12 +49,17 @@ def _squared_norm(f: Formulas, changes: list[Formula], first: list[Formula], err
     """The mean of (error/scale)^2, each variable measured by its size and its change in a step: no unit enters.
 
     Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a step of the grid.
+    What the far end of a chain has felt of its other end after a step is of a higher order than the error, so that no
+    step is short enough for it: 1e-20 of the whole counts as well.
     """
     q, v = f.symbols("q"), f.symbols("v")
     others = [*((rate * WHOLE_STEP) ** 2 for rate in v), *((place / WHOLE_STEP) ** 2 for place in q)]
+    sizes = [value**2 + change**2 + slope**2 + other / 1_000_000
+             for value, change, slope, other in zip((*q, *v), changes, first, others, strict=True)]  # fmt: skip
+    wholes = [sum(part, number(0)) for part in (sizes[: f.size], sizes[f.size :])]
     total = number(0)
-    for value, change, slope, error, other in zip((*q, *v), changes, first, errors, others, strict=True):
-        total += error**2 / (value**2 + change**2 + slope**2 + other / 1_000_000 + number(SMALLEST))
+    for k, (size, error) in enumerate(zip(sizes, errors, strict=True)):
+        total += error**2 / (size + wholes[k // f.size] * number(FAR_END**2) + number(SMALLEST))
     return total / (2 * f.size * ALPHA**2)
 
 

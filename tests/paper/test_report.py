@@ -40,6 +40,14 @@ def test_wrong_motion_and_wrong_associated_systems_differ(particle: Member) -> N
     assert propositions.associated_systems([other]).finding == "differs"
 
 
+def test_a_verdict_without_a_check_differs_and_is_printed(particle: Member) -> None:
+    associated = [{**one, "verdict": "undetermined", "checked": None} for one in particle.result["associated"]]
+    other = replace(particle, result={**particle.result, "associated": associated})
+    found = propositions.first_has_no_lagrangian([other])
+    assert found.finding == "differs"
+    assert "| not checked |" in pages.markdown([Section("2", (found,))], "", "")
+
+
 def test_the_images_of_the_constraints_are_not_zero_by_themselves(particle: Member) -> None:
     names = [*constants(particle, 1), *(f"p_{name}" for name in particle.coordinates)]
     assert not particle.vanish(images(particle, 1), names)

@@ -38,6 +38,23 @@ def test_no_unit_enters_the_choice_of_steps(scale: float) -> None:
         assert one["max_error"] < 1e-4 * scale
 
 
+@pytest.mark.parametrize(("method", "error"), [("adaptive", 1e-10), ("stiff", 1e-6)])
+def test_a_chain_begins_with_one_mass_displaced(method: str, error: float) -> None:
+    """The eighth mass moves like t^16 at first; Fermi, Pasta, Ulam and Tsingou began their chains alike."""
+    names = [f"q{k}" for k in range(8)]
+    springs = [f"({a} - {b})" for a, b in zip(names[1:], names[:-1], strict=True)]
+    squares = " + ".join(f"{q}'^2" for q in names)
+    potential = " + ".join(f"{s}^2/2 + {s}^3/12" for s in [*springs, "q0", "q7"])
+    scene = {
+        "system": {"coordinates": names, "lagrangian": f"({squares})/2 - ({potential})"},
+        "initial": {"positions": {q: int(q == "q0") for q in names}, "velocities": dict.fromkeys(names, 0)},
+        "step": 0.05, "time": 5, "methods": [method], "observe": ["energy", "error"],
+    }  # fmt: skip
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] == "completed"
+    assert found["max_error"] < error
+
+
 def test_van_der_pol_with_a_stiffness_of_a_thousand() -> None:
     """Against the same motion by an explicit method, which needs 300 times the evaluations."""
     found = run(
