@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,6 +24,7 @@ from inverse_service.settings import read_settings
 
 MAX_TIME_LIMIT = 86_400.0
 STAGE_WIDTH = 78
+_CALLED = re.compile(r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]")  # SymPy's and Mathematica's equations
 PROOFS = ("coq", "lean", "identities")
 
 
@@ -95,7 +97,7 @@ def given_document(name: str, guess: bool | None) -> Any:
     """
     if name == "-" or _is_file(name):
         document = read_document(read_bytes(name), name)
-    elif "=" in name or "''" in name:
+    elif "=" in name or "''" in name or _CALLED.match(name):
         document = read_document(name, "") if "=" in name else {"equations": name}
         guess = guess if guess is not None else "equations" in document and "parameters" not in document
     elif name in catalogue.names():

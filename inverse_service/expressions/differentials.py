@@ -1,13 +1,15 @@
-"""Quotients of differentials in plain text: dx/dt, d^2x/dt^2, d2x/dt2, d/dt(m x'), dV/dx."""
+"""Quotients of differentials in plain text: dx/dt, d^2x/dt^2, d2x/dt2, d/dt(m x'), dV/dx, dV(x)/dx."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tokens import Token
+from inverse_service.expressions.tokens import Token, refusal
 
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
 _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
@@ -42,7 +44,13 @@ def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token
         return ended
     above = _above(tokens, place, names)
     slash = place + (above.length if above else 0)
-    if above is None or slash >= len(tokens) or not tokens[slash].is_operator("/"):
+    if above is None or slash >= len(tokens):
+        return None
+    called: list[Token] = []  # the (x) of dV(x)/dx
+    if above.name is not None and tokens[slash].is_operator("("):
+        end = _closing(tokens, slash) + 1
+        called, slash = tokens[slash:end], end
+    if slash >= len(tokens) or not tokens[slash].is_operator("/"):
         return None
     below = _below(tokens, slash + 1, above.order)
     if below is None or below.name is None:
@@ -55,12 +63,23 @@ def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token
     if above.name is None:
         opens = following is not None and following.is_operator("(")
         return _operator(tokens, after, below.name, above.order, names) if opens else None
+    if called:
+        return _call([above.name, *called], below.name, above.order), after
     if below.name.text == "t" and names.role(names.spelling(above.name.text)) != "function":
         prime = Token("prime", "'" * above.order, first.column, False, Fraction(above.order))
         return [Token("name", above.name.text, first.column, first.space_before), prime], after
-    if names.role(names.spelling(above.name.text)) != "function":
-        return None
-    return _call([above.name], below.name, above.order), after
+    role, by = names.role(names.spelling(above.name.text)), names.spelling(below.name.text)
+    if role is None and by in names.coordinates and names.role(tokens[slash + 1].text) is None:
+        raise _of_what(above, by, names.coordinates)
+    return (_call([above.name], below.name, above.order), after) if role == "function" else None
+
+
+def _of_what(above: _Part, by: str, coordinates: Sequence[str]) -> InputError:
+    """The refusal of dV/dx where nothing says what V depends on."""
+    name = above.name or Token("name", "V", 1)
+    slope = f"diff({name.text}({', '.join(coordinates)}), {', '.join([by] * above.order)})"
+    primed = f"{name.text}{above.order * chr(39)}({by}) or " if len(coordinates) == 1 and above.order < 3 else ""
+    return refusal(f"a derivative of {name.text} by {by} occurs", name.column, f"write {primed}{slope}", (slope,))
 
 
 def _of_bracket(tokens: list[Token], place: int, names: Names) -> tuple[list[Token], int] | None:

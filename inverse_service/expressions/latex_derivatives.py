@@ -90,6 +90,20 @@ class LatexDerivatives(LatexWords, ABC):
         self._emit(")", raw)
         return True
 
+    def _refuse_differentials(self, raw: Raw) -> None:
+        """InputError for \\frac{dV(x)}{dx}, whose d would be a factor of both; d is one where it is declared."""
+        start, depth = self._place, 1
+        partial = self._raw[start + 1].is_command("partial")
+        differential = not partial and self._take().is_character("{") and self._differential()
+        if differential and not self._names.role("d") and not self._ahead.is_character("}"):
+            while depth and self._ahead.kind != "end":
+                piece = self._take()
+                depth += piece.is_character("{") - piece.is_character("}")
+            if variables := self._variables_part():
+                instead = f"write \\frac{{d}}{{d{variables[0]}}}\\left( and \\right)"
+                raise refusal(f"a derivative by {variables[0]} occurs", raw.column, instead)
+        self._place = start
+
     def _time_argument_at(self, place: int) -> int:
         return time_argument(self._raw[place : place + 7])
 

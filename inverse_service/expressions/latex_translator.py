@@ -256,6 +256,7 @@ class LatexTranslator(LatexDerivatives):
     def _fraction(self, raw: Raw) -> None:
         if self._time_derivative(raw) or self._derivative_operator(raw):
             return
+        self._refuse_differentials(raw)
         self._begin_factor(raw)
         self._argument(raw)
         self._emit("/", raw)

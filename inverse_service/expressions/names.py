@@ -131,12 +131,12 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     """What an undeclared name may be that is known names and a letter: kx is k*x, sinx is sin(x), omegat is omega*t.
 
     A letter may have a number (k1x); with a coordinate there may be two (mgx). dx is x' to most and is given both
-    ways; V_x is a derivative where V is a function of x; a Greek letter is a name.
+    ways; V_x is a derivative where V is a function of x, or may be a potential; a Greek letter is a name.
     """
     if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
     head, _, below = name.partition("_")
-    arguments = names.functions.get(head, ())
+    arguments = names.functions.get(head, names.coordinates if head in _POTENTIALS else ())
     by = [below] if below in arguments else list(below)
     if by and set(by) <= set(arguments):
         return (f"diff({head}({', '.join(arguments)}), {', '.join(by)})",)
@@ -153,6 +153,7 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
 
 
 GREEK_NAMES = frozenset(GREEK.values())
+_POTENTIALS = frozenset(("U", "V"))
 _CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
 _NUMBERED = re.compile(r"([A-Za-z]+)_?[0-9]+")
 

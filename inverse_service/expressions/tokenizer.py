@@ -29,6 +29,7 @@ from inverse_service.expressions.tokens import (
 )
 
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _HALVES = {"\u00bd": Fraction(1, 2), "\u2153": Fraction(1, 3), "\u2154": Fraction(2, 3), "\u00bc": Fraction(1, 4),
            "\u00be": Fraction(3, 4)}  # fmt: skip
@@ -117,6 +118,8 @@ def _next(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Toke
         return [Token("number", character, place + 1, space, _HALVES[character])], place + 1
     if character == "\n":
         return [Token("newline", character, place + 1, space)], place + 1
+    if based := _OTHER_BASE.match(text, place):
+        raise refusal(f"{based[0]} occurs", place + 1, "write the number with decimal digits")
     number = NUMBER.match(text, place)
     if number:
         return [number_token(number.group(), place + 1, space, limits)], number.end()

@@ -217,7 +217,7 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
             names = {token.text, declared.spelling(token.text), derived_stem(token.text)}
             if token.kind != "name" or names & known:
                 continue
-            _refuse_operators(line, place, pointer)
+            _refuse_operators(line, place, pointer, coordinates)
             arguments = _call_arguments(line, place + 1, coordinates)
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
@@ -242,19 +242,38 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
             raise refusal(shown, column, instead, meant).at(pointer)
         if looks_like_a_coordinate(name):
             raise refusal(shown, column, ask_for_the_time(name, names.coordinates), ("t",)).at(pointer)
+        if alike := _may_be_motion(name, names.coordinates):
+            instead = f'did you mean {" or ".join(alike)}? a constant of this name? add it to "parameters"'
+            raise refusal(shown, column, instead, alike).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
             raise refusal(shown, column, f"{other} occurs too; write one of the two", (other,)).at(pointer)
 
 
-def _refuse_operators(line: Sequence[Token], place: int, pointer: str) -> None:
-    """InputError for x^T and Delta x, which are a transpose and a difference or a Laplacian to most."""
+def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
+    """The velocities for v, the coordinate Theta for theta; R beside r is a constant to most."""
+    if name == "v":
+        return tuple(f"{coordinate}'" for coordinate in coordinates[:1])
+    return tuple(other for other in coordinates if other != name and other.lower() == name)
+
+
+def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinates: Sequence[str]) -> None:
+    """InputError for x^T, Delta x (a difference to most), diff(V, x) of a constant V, and 2j."""
     token = line[place]
     before = [other.text for other in line[max(place - 2, 0) : place]]
     after = line[place + 1] if place + 1 < len(line) else None
     if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after and after.is_operator(")"))):
         instead = 'a transpose? write components; a constant? add T to "parameters"'
         raise refusal("a raised T occurs", token.column, instead).at(pointer)
+    around = [other.text for other in line[place + 1 : place + 3]]
+    by = around[1] if len(before) == 2 and before[0] in DERIVATIVE_NAMES and around[:1] == [","] and around[1:] else ""
+    if by in coordinates:
+        meant = f"diff({token.text}({by}), {by})"
+        instead = f'write {meant}; a constant of this name? add it to "parameters"'
+        raise refusal(f"a derivative of {token.text} by {by} occurs", token.column, instead, (meant,)).at(pointer)
+    if token.text == "j" and not token.space_before and place and line[place - 1].kind == "number":
+        what, instead = REFUSED_UNLESS_DECLARED["i"]
+        raise refusal(f"j {what}; it occurs", token.column, instead).at(pointer)
     if token.text == "d" and after is not None and after.text == "t":
         raise refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
     if token.text == "Delta" and after is not None and after.kind == "name":
@@ -293,7 +312,12 @@ def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str
     if place >= len(line) or not line[place].is_operator("("):
         return ()
     found: list[str] = []
-    for token in line[place + 1 :]:
+    texts = [token.text for token in line]
+    at_t = {end for end in range(place, len(line)) if texts[end : end + 3] == ["(", "t", ")"]}  # x(t) is x
+    skipped = {after for end in at_t if texts[end - 1] in coordinates for after in range(end, end + 3)}
+    for index, token in enumerate(line[place + 1 :], place + 1):
+        if index in skipped:
+            continue
         if token.is_operator(")"):
             return tuple(found) if len(set(found)) == len(found) else ()
         if token.kind == "name" and token.text in coordinates:

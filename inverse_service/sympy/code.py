@@ -117,7 +117,7 @@ def quantity_of(answer: Answer, what: str) -> Any:
     hamiltonian = answer.hamiltonian if what in ("momenta", "hamiltonian") else None
     match what:
         case "accelerations":
-            return list(answer.equations.values())
+            return list(answer.accelerations)
         case "lagrangian":
             return answer.lagrangian
         case "multiplier":
@@ -236,7 +236,14 @@ def _sympy_program(answer: Answer) -> str:
     symbols += [f'{words[each]} = Function("{each.func}")' for each in calls]
     symbols += [f'{name} = Function("{found}")' for name, found in table.functions.items()]
     lines = ["from sympy import *", "", *symbols]
-    lines += ["motion = {", *(f"    {text(left)}: {text(right)}," for left, right in answer.equations.items()), "}"]
+    lines += [
+        "motion = {",
+        *(
+            f"    {text(left)}: {text(right)},"
+            for left, right in zip(answer.equations, answer.accelerations, strict=True)
+        ),
+        "}",
+    ]
     if answer.lagrangian is not None and calls:
         q = ", ".join(text(each) for each in calls)
         lines += [f"L = {text(answer.lagrangian)}", f"q, time = [{q}], {renamed[table.time]}"]

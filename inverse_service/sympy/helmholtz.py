@@ -72,7 +72,7 @@ def verification(answer: Answer) -> Verification:
         raise ValueError("there is no Lagrangian to verify")
     table = answer._table
     pairs = [(table.coordinates[name], table.velocity(name)) for name in table.coordinates]
-    motion = {table.acceleration(name): f for name, f in zip(table.coordinates, answer.equations.values(), strict=True)}
+    motion = {table.acceleration(name): f for name, f in zip(table.coordinates, answer.accelerations, strict=True)}
     residuals = [_residual(lagrangian, q, v, pairs, motion, table.time) for q, v in pairs]
     return Verification(tuple(residuals), _of_hamiltonian(answer, [v for _, v in pairs]))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import html
 import importlib.util
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -189,11 +190,27 @@ class Answer(dict[str, Any]):
 
     @cached_property
     def equations(self) -> dict[Any, Any]:
-        """q'' = f: the acceleration of each coordinate; ValueError where f would be too long to be written."""
-        table, texts = self._table, self._system.get("equations", {})
-        if any("''" in text for text in texts.values()):
+        """q'' = f: the acceleration of each coordinate; Eq(E(t, q, q', q''), 0) where f is too long to be written."""
+        import sympy
+
+        table, found = self._table, {name: self._expression(text) for name, text in self._texts.items()}
+        unsolved = self._is_unsolved
+        return {table.acceleration(name): sympy.Eq(each, 0) if unsolved else each for name, each in found.items()}
+
+    @property
+    def accelerations(self) -> tuple[Any, ...]:
+        """The f of q'' = f in the order of the coordinates; ValueError where they are too long to be written."""
+        if self._is_unsolved:
             raise ValueError("the accelerations are too long to be solved for: the equations are those that were given")
-        return {table.acceleration(name): self._expression(text) for name, text in texts.items()}
+        return tuple(self.equations.values())
+
+    @property
+    def _texts(self) -> Mapping[str, str]:
+        return self._system.get("equations") or {}
+
+    @property
+    def _is_unsolved(self) -> bool:
+        return any("''" in text and not re.search(r"\w''\(", text) for text in self._texts.values())
 
 
 class Result(Answer):

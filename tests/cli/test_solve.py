@@ -15,6 +15,8 @@ import pytest
 
 from inverse_service import __version__
 from inverse_service.cli.application import run
+from inverse_service.cli.solving import given_document
+from inverse_service.service.documents.documents import parse_document
 from inverse_service.service.jobs import tasks
 
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
@@ -271,3 +273,16 @@ def test_a_lagrangian_alone_is_answered(call: Any, tmp_path: Path) -> None:
     found = call("solve", name, "--format", "text")
     assert (found.code, "  x'' = -k*x\n" in found.out, "  p_x = x'\n" in found.out) == (0, True, True)
     assert "\\[ H = " in call("solve", name, "--format", "latex").out
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Eq(Derivative(x(t), (t, 2)), -x(t))",
+        "[Eq(Derivative(x(t), (t, 2)), -x(t))]",
+        "{x''[t] == -x[t]}",
+        "Equal[Derivative[2][x][t], Times[-1, x[t]]]",
+    ],
+)
+def test_equations_of_other_programs_are_read_as_they_are_typed(text: str) -> None:
+    assert parse_document(given_document(text, None))["equations"]["x"]["text"] == "-x"

@@ -121,7 +121,7 @@ REFUSED = [
     ("x\u0301", 2, "U+0301"),
     ("\u2202x", 1, "diff"),
     ("x\u207b", 2, "digits"),
-    ("0x1F", 2, "not declared"),
+    ("0x1F", 1, "decimal digits"),
     ("1_000", 2, "letter"),
     (r"\foo x", 1, "\\foo"),
     (r"x + \int x", 5, "integral"),

@@ -204,3 +204,35 @@ def test_a_habit_of_another_notation_gets_the_right_advice(document: dict[str, A
 )
 def test_the_advice_stops_nobody_who_means_it(document: dict[str, Any], f: str) -> None:
     assert [formula["text"] for formula in parse_document(document)["equations"].values()] == [f]
+
+
+@pytest.mark.parametrize(
+    ("equations", "meant"),
+    [
+        ("x'' = -diff(V, x)", "diff(V(x), x)"),
+        ("x''[t] == -D[V, x]", "diff(V(x), x)"),
+        ("x'' = -dV/dx; y'' = -dV/dy", "diff(V(x, y), x)"),
+        ("x'' = -\u2202V/\u2202x", "V'(x) or diff(V(x), x)"),
+        ("x'' = -V_x", "diff(V(x), x)"),
+        (r"\ddot x = -\frac{dV(x)}{dx}", r"\frac{d}{dx}\left("),
+        ("x'' = -|v| v", "did you mean x'?"),
+        ("\u0398'' = -\u03b8", "did you mean Theta?"),
+        ("x'' = 0x10*x", "decimal digits"),
+        ("x'' = 2j*x", "complex numbers"),
+    ],
+)
+def test_what_no_writer_means_as_a_constant_is_asked_back(equations: str, meant: str) -> None:
+    assert meant in refused(guess(equations)).detail
+
+
+@pytest.mark.parametrize(
+    "equations", ["x'' = -dV(x)/dx", "x''[t] == -V'[x[t]]", "Eq(x(t).diff(t, 2), -Derivative(V(x(t)), x(t)))"]
+)
+def test_a_potential_with_its_argument_is_guessed(equations: str) -> None:
+    found = parse_document(guess(equations))
+    assert (found["equations"]["x"]["text"], found["guessed"]) == ("-V'(x)", ["V"])
+
+
+def test_names_that_are_declared_are_not_asked_back() -> None:
+    found = parse_document({"equations": "x'' = -v*dV/dx - V_x*x", "parameters": ["v", "dV", "dx", "V_x"]})
+    assert found["equations"]["x"]["text"] == "-v*dV/dx - V_x*x"

@@ -7,13 +7,15 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+import sympy
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import LimitError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.checking import check_plain
+from inverse_service.service.documents.checking import check_lagrangian, check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
 from inverse_service.service.documents.text_page import text_page
+from inverse_service.sympy.result import result_of
 
 
 def pendulums_on_a_cart(n: int) -> dict[str, Any]:
@@ -110,3 +112,30 @@ def test_equations_that_are_too_long_and_not_self_adjoint_are_refused_as_before(
     document["equations"][1] = document["equations"][1].replace("=0", "+g*a1'=0")
     with pytest.raises(LimitError, match="cannot be solved for"):
         solved(document)
+
+
+@pytest.mark.parametrize("change", ["", "-", "g*l1 + "])
+def test_an_own_lagrangian_of_unsolved_equations_is_confirmed(four: dict[str, Any], change: str) -> None:
+    found = check_lagrangian(pendulums_on_a_cart(4), f"{change}({four['lagrangian']['text']})")
+    assert found["verdict"] == "valid"
+    assert {part["text"] for part in found["residual"].values()} == {"0"}
+
+
+@pytest.mark.parametrize("change", ["3*", "x'^2 + "])
+def test_other_lagrangians_of_unsolved_equations_are_left_open(four: dict[str, Any], change: str) -> None:
+    found = check_lagrangian(pendulums_on_a_cart(4), f"{change}({four['lagrangian']['text']})")
+    assert (found["verdict"], found["equations"]) == ("incomplete", None)
+    assert "too long to be solved for" in found["reasons"][0]
+    assert change != "x'^2 + " or found["residual"]["x"]["text"] == "2*x''"
+
+
+def test_unsolved_equations_are_given_to_sympy_as_equations(four: dict[str, Any]) -> None:
+    result = result_of(four)
+    x, a1 = (sympy.Function(name)(sympy.Symbol("t")) for name in ("x", "a1"))
+    assert [equation.rhs for equation in result.equations.values()] == [0] * 5
+    equation = result.equations[x.diff("t", 2)]
+    masses = sum(sympy.symbols("m0:5"))
+    assert sympy.expand(equation.lhs.coeff(x.diff("t", 2)) - masses) == 0
+    assert equation.lhs.has(a1.diff("t", 2))
+    with pytest.raises(ValueError, match="too long to be solved for"):
+        _ = result.accelerations

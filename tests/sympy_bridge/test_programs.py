@@ -271,3 +271,9 @@ def test_nothing_sets_the_ground_types_of_the_user() -> None:
     before = os.environ.get("SYMPY_GROUND_TYPES")
     solve(sp.Eq(x.diff(t, 2), -x)).verify()
     assert os.environ.get("SYMPY_GROUND_TYPES") == before
+
+
+def test_the_second_derivative_of_a_function_is_no_acceleration() -> None:
+    result = inverse_service.solve({"equations": "x'' = -V''(x)", "functions": ["V(x)"]})
+    assert list(result.equations.values()) == list(result.accelerations)
+    assert result.verify().holds

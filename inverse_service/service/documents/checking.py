@@ -9,8 +9,9 @@ from inverse_service.algebra.real_point import are_positive, table_at
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text, judged
 from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT, RESULT_FORMAT
 from inverse_service.deadline import now
-from inverse_service.errors import CertificateRefused, InputError
-from inverse_service.expressions.tree import TIME, Acceleration, Arbitrary, Expression, walk
+from inverse_service.errors import CertificateRefused, InputError, LimitError
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, subtract, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.proofs.identities import checked_identities
@@ -30,6 +31,10 @@ from inverse_service.service.documents.reading import read_json
 TIME_LIMIT = 60.0  # of processor time: what a busy machine does decides no verdict
 OPEN_MOTION = "Whether this motion can be hamiltonised by any associated system is open."
 NEVER_CHECKED = "LaTeX, names and sentences of any part, where det g is 0 (conditions A != 0), the branch that H has"
+AS_WRITTEN = (
+    "The accelerations are too long to be solved for, and L does not give the equations as they are written, "
+    "up to their signs."
+)
 NOT_COMPARED = "The equations as given were not compared."
 _SYSTEM: Final[dict[str, Any]] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
 # What the check compares with the certificates, as FORMAT.md says.
@@ -292,18 +297,20 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     of the independent checker: "valid", "invalid" or "incomplete". Raises InputError.
     """
     schema = translate.to_schema(document)
-    system = translate.to_system(schema)
+    system = translate.to_solvable(schema)
     lagrangian = _read(schema, system, text)
-    residual = euler_lagrange_residual(lagrangian, system.coordinates, system.accelerations)
-    own = _equations_of(lagrangian, system)
+    own, is_singular = _equations_of(lagrangian, system)
     analysis = analyse(system)
     with_time = system.depends_on_time or TIME in walk(lagrangian)
     found = check_certificate(certify.of_lagrangian(analysis, lagrangian, with_time), time_limit=time_limit)
-    verdict = "invalid" if own is None else found.verdict
+    if system.is_unsolved and found.verdict == "invalid":  # the checker compares E_i with the i-th equation alone
+        found = CheckResult("incomplete", (AS_WRITTEN,))
+    verdict = "invalid" if is_singular else found.verdict
+    residual = _residual(lagrangian, system, verdict == "valid")
     reasons = ["The Hessian of L in the velocities is singular: L does not determine the accelerations."]
     return {
         "verdict": verdict,
-        "reasons": reasons if own is None else list(found.reasons),
+        "reasons": reasons if is_singular else list(found.reasons),
         "residual": _formulas(system, residual),
         "equations": None if own is None or verdict == "valid" else _formulas(system, own),
     }
@@ -316,14 +323,26 @@ def _read(schema: Any, system: SecondOrderSystem, text: str) -> Expression:
     return known.put_in(read_lagrangian(text, known.names))
 
 
-def _equations_of(lagrangian: Expression, system: SecondOrderSystem) -> tuple[Expression, ...] | None:
-    """The accelerations that L gives, None where it is not regular."""
+def _residual(lagrangian: Expression, system: SecondOrderSystem, is_valid: bool) -> tuple[Expression, ...]:
+    """E_i along the motion; of equations that are not solved for the accelerations, what E_i adds to the i-th."""
+    if not system.is_unsolved:
+        return euler_lagrange_residual(lagrangian, system.coordinates, system.accelerations)
+    sums = euler_lagrange_sums(lagrangian, system.coordinates, [Acceleration(name) for name in system.coordinates])
+    left = [collect(subtract(e, given)) for e, given in zip(sums, system.given, strict=True)]
+    return tuple(ZERO for _ in left) if is_valid else tuple(left)
+
+
+def _equations_of(lagrangian: Expression, system: SecondOrderSystem) -> tuple[tuple[Expression, ...] | None, bool]:
+    """The accelerations that L gives, None where they are not solved for; whether L is not regular."""
     names = system.coordinates
     sums = euler_lagrange_sums(lagrangian, names, [Acceleration(name) for name in names])
     try:
-        return solve_accelerations([linear_equation(tree, POINTER) for tree in sums], names)
+        equations = [linear_equation(tree, POINTER) for tree in sums]
+        return (None, False) if system.is_unsolved else (solve_accelerations(equations, names), False)
+    except LimitError:
+        return None, False
     except InputError:
-        return None
+        return None, True
 
 
 def _formulas(system: SecondOrderSystem, trees: tuple[Expression, ...]) -> dict[str, dict[str, str]]:

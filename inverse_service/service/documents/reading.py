@@ -94,7 +94,8 @@ def read_document(data: bytes | str, file_name: str) -> Any:
     if ending == "toml":
         return read_toml(data)
     text = decode(data)
-    return {"equations": text} if "=" in text and text.lstrip()[:1] not in ("{", "[", '"') else read_json(text)
+    is_formula = "=" in text and ('"' not in text or text.lstrip()[:1] not in ("{", "[", '"'))
+    return {"equations": text} if is_formula else read_json(text)
 
 
 def decode(data: bytes | str) -> str:
