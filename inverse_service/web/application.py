@@ -18,7 +18,6 @@ from inverse_service.web import (
     routes,
     routes_batches,
     routes_jobs,
-    routes_operations,
 )
 from inverse_service.web.engine import Engine
 from inverse_service.web.journal import Measured
@@ -53,8 +52,8 @@ def create_application(settings: Settings) -> FastAPI:
             expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After", "X-Request-ID"],
             max_age=600,
         )
-    for part in (routes, routes_jobs, routes_batches, routes_operations):
-        app.include_router(part.router)
+    for part in (routes.router, routes_jobs.router, routes_batches.router, routes.open_router):
+        app.include_router(part)
     app.include_router(routing.router, include_in_schema=False)
     app.openapi = lambda: described(app)  # type: ignore[method-assign]
     if os.environ.get(ENDPOINT):

@@ -28,9 +28,8 @@ from inverse_service.service.jobs.upkeep import Cleaner
 from inverse_service.service.jobs.worker_process import preload
 from inverse_service.service.jobs.workers import Executor, Workers
 from inverse_service.settings import Settings
-from inverse_service.web.asking import LARGEST_FACTOR
+from inverse_service.web.asking import LARGEST_FACTOR, Hub, until_set
 from inverse_service.web.clients import Keys
-from inverse_service.web.hub import Hub, until_set
 from inverse_service.web.problems import Refusal
 from inverse_service.web.shares import QUICK_PROCESSES, QUICK_SHARE, ByteBudget, Places
 

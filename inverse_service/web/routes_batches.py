@@ -16,10 +16,19 @@ from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch_files import BatchTerms
 from inverse_service.service.jobs.model import Batch, StoreUnavailable
-from inverse_service.web.asking import FACTORS, batch_key_of, body_of, content_type, is_json, time_limit_of, wants_fresh
+from inverse_service.web.asking import (
+    ANY,
+    FACTORS,
+    batch_key_of,
+    body_of,
+    content_type,
+    is_json,
+    time_limit_of,
+    until_set,
+    wants_fresh,
+)
 from inverse_service.web.clients import client_of, require_client, viewer_of
 from inverse_service.web.engine import Engine
-from inverse_service.web.hub import ANY, until_set
 from inverse_service.web.job_answers import AT_ONCE, RETRY_AFTER, SMALL, batch_fields, lines_of
 from inverse_service.web.openapi import BAD_BODY, BATCH_PARAMETERS, JOB_HEADERS, KEY_AND_RATE, refusals
 from inverse_service.web.problems import Refusal

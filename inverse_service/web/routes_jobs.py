@@ -17,10 +17,9 @@ from inverse_service.service.jobs.event_log import last_event
 from inverse_service.service.jobs.identity import Viewer
 from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
 from inverse_service.service.jobs.tasks import AskingTerms, ask_task
-from inverse_service.web.asking import FACTORS, json_body_of, preference_of, time_limit_of, wants_fresh
+from inverse_service.web.asking import FACTORS, json_body_of, preference_of, time_limit_of, until_set, wants_fresh
 from inverse_service.web.clients import client_of, require_client, viewer_of
 from inverse_service.web.engine import LOOK_AGAIN, Engine
-from inverse_service.web.hub import until_set
 from inverse_service.web.job_answers import job_fields, job_response, result_response, whole_job
 from inverse_service.web.openapi import (
     BAD_BODY,

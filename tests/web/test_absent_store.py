@@ -17,7 +17,7 @@ from inverse_service.service.jobs.model import Batch, BatchAnswer, Event, Job, S
 from inverse_service.settings import Settings
 from inverse_service.web import engine as engine_module
 from inverse_service.web.application import create_application
-from inverse_service.web.hub import Hub
+from inverse_service.web.asking import Hub
 from tests.web.inline import Inline
 
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "0"}}

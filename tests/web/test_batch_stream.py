@@ -13,8 +13,8 @@ from inverse_service.client.flows import BatchResults, Lines
 from inverse_service.service.jobs.model import Batch, BatchAnswer
 from inverse_service.settings import Settings
 from inverse_service.web import routes_batches
+from inverse_service.web.asking import Hub
 from inverse_service.web.engine import Engine
-from inverse_service.web.hub import Hub
 
 
 class SlowStore:

@@ -15,7 +15,7 @@ from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.documents import parameters_of
-from inverse_service.web.pages.manual import hamiltonized
+from inverse_service.web.pages.learn import hamiltonized
 from inverse_service.web.pages.paper_figures import FIGURES, has_thumbnail, plane_of
 from inverse_service.web.pages.rendering import can_simulate, page
 

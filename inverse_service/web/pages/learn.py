@@ -1,20 +1,29 @@
-"""The inverse problem in six short screens, each with something to try."""
+"""The inverse problem in six short screens, each with something to try; the manual and the about page.
+
+The manual is the project's own Markdown pages, served along with what they explain.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib import resources
+from pathlib import Path
 
 from fastapi import APIRouter
+from markdown_it import MarkdownIt
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
+from inverse_service import __version__
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.manual import PAGES
 from inverse_service.web.pages.rendering import can_simulate, page
+from inverse_service.web.problems import Refusal
 
 router = APIRouter()
+open_router = APIRouter()  # asks for no key
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,3 +149,82 @@ def _typeset(formula: str | Written) -> Markup:
 @lru_cache(maxsize=1)
 def _shown() -> list[Shown]:
     return [Shown(screen, [_typeset(formula) for formula in screen.formulas]) for screen in SCREENS]
+
+
+# (name in the address, title, file in docs/).
+PAGES = (
+    ("tutorial", "The inverse problem in small steps", "tutorial.md"),
+    ("guide", "A guide for researchers", "guide.md"),
+    ("mathematics", "The mathematics", "mathematics.md"),
+    ("nonholonomic", "Constraints on velocities", "nonholonomic.md"),
+    ("special-cases", "Special values of parameters", "special-cases.md"),
+    ("open-questions", "Which motions can be Hamiltonized", "open-questions.md"),
+    ("simulation", "Integrators compared", "simulation.md"),
+    ("rest", "Calls for programs", "rest.md"),
+    ("batch", "Many systems at once", "batch.md"),
+)
+ANSWERS = {"yes": "variational", "no": "not_variational"}
+_KNOWN = {file: f"/learn/{name}" for name, _, file in PAGES}
+_LINK = re.compile(r'href="([^":#]+)(#[^"]*)?"')
+_IMAGE = re.compile(r"<img [^>]*>")
+CITATION = f"""@software{{inverse_service,
+  title   = {{inverse-service: the inverse problem of the calculus of variations, decided and certified}},
+  author  = {{{{The inverse-service authors}}}},
+  version = {{{__version__}}},
+  note    = {{MIT license}}
+}}"""
+PAPER = """@article{mestdag_bloch_fernandez_2009,
+  title  = {Hamiltonization and geometric integration of nonholonomic mechanical systems},
+  author = {Mestdag, Tom and Bloch, Anthony M. and Fernandez, Oscar E.},
+  year   = {2009}
+}"""
+
+
+@open_router.get("/about")
+async def about() -> HTMLResponse:
+    """What this is, whose method it extends, and how to cite both."""
+    return page("about.html", active="", version=__version__, citation=CITATION, paper=PAPER)
+
+
+@open_router.get("/learn/{name}")
+async def manual(name: str) -> HTMLResponse:
+    """One page of the manual."""
+    found = next(((title, file) for key, title, file in PAGES if key == name), None)
+    if found is None:
+        raise Refusal(404, "not-found", "The manual has no such page; /learn lists them.")
+    title, file = found
+    return page("manual.html", active="/learn", title=title, body=_body(file), pages=PAGES, name=name)
+
+
+@lru_cache(maxsize=len(PAGES))
+def _body(file: str) -> Markup:
+    """The page as HTML; links to other pages of the manual stay on the site, those to files of the source go."""
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+    html = markdown.render(_text(file))
+    return Markup(_IMAGE.sub("", _LINK.sub(_address, html)))
+
+
+@lru_cache(maxsize=1)
+def hamiltonized() -> list[tuple[Markup, str, Markup]]:
+    """(motion, verdict, answer) of each row of the tables of answers about motions with constraints."""
+    html = MarkdownIt("commonmark", {"html": False}).enable("table").render(_text("open-questions.md"))
+    rows = (re.findall(r"<td>(.*?)</td>", row, re.DOTALL) for row in html.split("<tr>"))
+    found = {row[0]: row[1] for row in reversed([row for row in rows if len(row) > 2])}
+    words = {motion: re.sub(r"<[^>]+>", "", answer).split(",")[0].split(" ")[0] for motion, answer in found.items()}
+    return [
+        (Markup(motion), ANSWERS.get(words[motion], "undetermined"), Markup(found[motion]))
+        for motion in reversed(found)
+    ]
+
+
+def _address(link: re.Match[str]) -> str:
+    target, anchor = link[1].rpartition("/")[2], link[2] or ""
+    return f'href="{_KNOWN[target]}{anchor}"' if target in _KNOWN else 'href="/learn"'
+
+
+def _text(file: str) -> str:
+    """From the wheel, or from the source tree."""
+    packed = resources.files("inverse_service.web") / "manual" / file
+    if packed.is_file():
+        return packed.read_text(encoding="utf-8")
+    return (Path(__file__).parents[3] / "docs" / file).read_text(encoding="utf-8")

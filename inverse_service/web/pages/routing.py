@@ -1,34 +1,41 @@
-"""All pages as one router: open ones, and those that ask who looks; a mistyped address as a page, not as JSON."""
+"""All pages as one router: open ones, and those that ask who looks; logging in and out, and the colours.
+
+A mistyped address has a page, not JSON.
+"""
 
 from __future__ import annotations
 
 from fastapi import APIRouter, Depends
 from starlette.requests import Request
-from starlette.responses import HTMLResponse
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from inverse_service.web.clients import COOKIE, LARGEST_KEY, cookie_of_key
+from inverse_service.web.engine import Engine
 from inverse_service.web.pages import (
-    account,
     assets,
     batches,
     calls_page,
     gallery,
     learn,
-    manual,
     paper_figures,
     results,
     simulate,
     solve,
 )
-from inverse_service.web.pages.rendering import note_visitor, note_visitor_of, page, require_visitor
+from inverse_service.web.pages.calls import SMALL_FORM, read_form
+from inverse_service.web.pages.rendering import (
+    THEME_COOKIE,
+    THEMES,
+    local_address,
+    note_visitor,
+    note_visitor_of,
+    page,
+    require_visitor,
+)
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
-router.include_router(assets.router)
-for part in (account, calls_page, manual):
-    router.include_router(part.router, dependencies=[Depends(note_visitor)])
-for part in (solve, results, simulate, paper_figures, gallery, batches, learn):
-    router.include_router(part.router, dependencies=[Depends(require_visitor)])
-
+account = APIRouter()
 TITLES = {403: "Not from here", 404: "There is nothing here", 405: "Not that way", 413: "That is too large"}
 REDIRECTS = range(300, 400)
 
@@ -45,3 +52,67 @@ def page_of_refusal(request: Request, refusal: Refusal) -> HTMLResponse | None:
     found = page("missing.html", refusal.status, active="", title=title, detail=detail)
     found.headers.update(refusal.headers)
     return found
+
+
+A_YEAR = 365 * 86_400
+
+
+@account.get("/login")
+async def login_form(request: Request) -> Response:
+    """The form for a key; the start page where no keys are asked for."""
+    if not _engine(request).keys.are_asked:
+        return RedirectResponse("/", 303)
+    return _form(local_address(request.query_params.get("next", "/")))
+
+
+@account.post("/login")
+async def login(request: Request) -> Response:
+    """The key, checked as in the header, kept in a cookie until the browser is closed."""
+    sent = await read_form(request, SMALL_FORM)
+    place, key = local_address(sent.text("next")), sent.text("key")
+    if len(key) > LARGEST_KEY or _engine(request).keys.client_of(key) is None:
+        return _form(place, "This key is not known here.", 401)
+    answer = RedirectResponse(place, 303)
+    answer.set_cookie(COOKIE, cookie_of_key(key), httponly=True, samesite="strict", secure=_is_secure(request))
+    return answer
+
+
+@account.post("/logout")
+async def logout(request: Request) -> Response:
+    """The cookie taken back."""
+    await read_form(request, SMALL_FORM)
+    answer = RedirectResponse("/login", 303)
+    answer.delete_cookie(COOKIE, httponly=True, samesite="strict", secure=_is_secure(request))
+    return answer
+
+
+@account.post("/theme")
+async def theme(request: Request) -> Response:
+    """Light, dark, or as the system says; remembered for a year."""
+    sent = await read_form(request, SMALL_FORM)
+    answer = RedirectResponse(local_address(sent.text("back")), 303)
+    if sent.text("theme") in THEMES:
+        answer.set_cookie(THEME_COOKIE, sent.text("theme"), max_age=A_YEAR, samesite="lax", secure=_is_secure(request))
+    else:
+        answer.delete_cookie(THEME_COOKIE, samesite="lax", secure=_is_secure(request))
+    return answer
+
+
+def _form(place: str, problem: str = "", status: int = 200) -> HTMLResponse:
+    return page("login.html", status, active="", place=place, problem=problem)
+
+
+def _engine(request: Request) -> Engine:
+    found: Engine = request.app.state.engine
+    return found
+
+
+def _is_secure(request: Request) -> bool:
+    return request.url.scheme == "https"
+
+
+router.include_router(assets.router)
+for part in (account, calls_page.router, learn.open_router):
+    router.include_router(part, dependencies=[Depends(note_visitor)])
+for pages in (solve, results, simulate, paper_figures, gallery, batches, learn):
+    router.include_router(pages.router, dependencies=[Depends(require_visitor)])

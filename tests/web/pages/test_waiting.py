@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from inverse_service.service.documents import documents
-from inverse_service.web.pages.manual import hamiltonized
+from inverse_service.web.pages.learn import hamiltonized
 from inverse_service.web.pages.reading_back import understood
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.results import asked_of
