@@ -102,7 +102,10 @@ def _check_numbers(base: Fraction, exponent: Fraction, column: int, limits: Limi
     if base == 0 and exponent <= 0:
         raise refusal("0 to a power that is not positive has no value", column, "write another base or exponent")
     if base < 0 and exponent.denominator != 1:
-        raise refusal("a negative number to this power is not real", column, "write -8^(1/3)")
+        base, sign = -base, "-" if exponent.numerator % 2 else ""
+        root = f"write {sign}{base if base.denominator == 1 else f'({base})'}^({exponent})"
+        instead = root if exponent.denominator % 2 else "write another base or exponent"
+        raise refusal("a negative number to this power is not real", column, instead)
     if abs(base) not in (0, 1):
         _check_bits(_bits(base) * float(abs(exponent)), column, limits)
 

@@ -1,4 +1,4 @@
-"""What a request brings: its body, bounded and counted, and what its headers ask for; and waking who waits for a job."""
+"""What a request brings: its body, bounded and counted, and what its headers ask for; and waking who waits for jobs."""
 
 from __future__ import annotations
 

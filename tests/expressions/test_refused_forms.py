@@ -235,3 +235,13 @@ def test_wrong_equation_is_refused_at_its_column(text: str, column: int) -> None
 def test_time_can_be_left_out_of_the_names() -> None:
     with pytest.raises(InputError, match="time"):
         read_formula("t", Names(("x",), time=False))
+
+
+@pytest.mark.parametrize(
+    ("formula", "instead"),
+    [("(-1)^(1/3)", "write -1^(1/3)"), ("(-8/27)^(2/3)", "write (8/27)^(2/3)"), ("(-2)^(1/2)", "write another base")],
+)
+def test_a_root_of_a_negative_number_is_refused_with_the_real_root_of_that_number(formula: str, instead: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_formula(formula, NAMES)
+    assert instead in str(caught.value)
