@@ -40,6 +40,7 @@ _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"),
 MOST_STEPS = 2_000_000
 SMALL = 1e-3
 LARGE = 8  # coordinates beyond which its code is written in loops, as its documentation advises
+LARGEST_PRODUCT = 32  # powers up to it are products
 _ONE_AT_A_TIME = threading.Lock()
 
 
@@ -168,6 +169,9 @@ def _translated(tree: Expression, table: Mapping[Expression, Any], heyoka: Any) 
             return heyoka.sum([_translated(term, table, heyoka) for term in terms])
         case Product(factors):
             return heyoka.prod([_translated(factor, table, heyoka) for factor in factors])
+        case Power(base, Number(value)) if value.denominator == 1 and 2 < value <= LARGEST_PRODUCT:
+            # The series of heyoka's power divides by its base, which may be 0, from the third power on.
+            return heyoka.prod([_translated(base, table, heyoka)] * value.numerator)
         case Power(base, exponent):
             return _translated(base, table, heyoka) ** _translated(exponent, table, heyoka)
         case Apply(function, argument):

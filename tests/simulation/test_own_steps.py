@@ -71,3 +71,12 @@ def test_a_pole_ends_the_run(method: str) -> None:
     assert found["outcome"] == "singular"
     assert "tolerance asks for" in found["stopped"]["quantity"]
     assert found["stopped"]["time"] == pytest.approx(1.0, abs=0.21)  # the fall takes pi/(2 sqrt 2) = 1.11
+
+
+@pytest.mark.parametrize("force", ["-x^3", "-sin(x)^3", "-sin(x)^4*x - sin(x)^7"])
+def test_heyoka_takes_powers_of_zero(force: str) -> None:
+    """The series of its power divides by the base; a sleigh that begins at an angle of 0 is such a motion."""
+    pytest.importorskip("heyoka")
+    taylor, own = run({"coordinates": ["x"], "equations": [f"x'' = {force}"]}, ["heyoka", "adaptive"], (0, 1), 5)
+    assert (taylor["outcome"], own["outcome"]) == ("completed", "completed")
+    assert taylor["final"]["positions"]["x"] == pytest.approx(own["final"]["positions"]["x"], rel=1e-11)
