@@ -15,6 +15,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
+from inverse_service.expressions.equations import equation_line
 from inverse_service.service.documents.text_page import answers_of
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
@@ -42,7 +43,7 @@ router = APIRouter()
 CONSTRAINED = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
 FIRST_SYSTEM = "vertically-rolling-disk"
 WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
-UNNAMED = "the system that was solved"
+LONGEST_TITLE = 60
 CALLS = {"simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
 
 
@@ -164,12 +165,21 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
         kept = ("coordinates", "parameters", "functions", "equations")
         solved = {key: shown[key] for key in kept if key in shown}
         unsolved = any("''" in text for text in shown.get("equations", {}).values())
-        form = scene_form(shown["given"] if unsolved else solved, shown["name"] or UNNAMED, **address)
+        form = scene_form(shown["given"] if unsolved else solved, shown["name"] or _title(shown), **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretise but the equations.
         return form if any(a.get("lagrangian") for a in answers) else replace(form, methods=WITHOUT_LAGRANGIAN)
     document = system.get("document", system)
-    return scene_form(document, document.get("name") or UNNAMED, **address)
+    return scene_form(document, document.get("name") or _title(document), **address)
+
+
+def _title(system: Mapping[str, Any]) -> str:
+    """What tells a system without a name from others: its Lagrangian or its first equation."""
+    if system.get("lagrangian"):
+        return f"motion of L = {system['lagrangian']}"[:LONGEST_TITLE]
+    equations = system.get("equations") or {}
+    first = next(iter(equations.items()), None) if isinstance(equations, dict) else None
+    return f"motion of {equation_line(*first) if first else 'a system'}"[:LONGEST_TITLE]
 
 
 async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, dict[str, Any]]:

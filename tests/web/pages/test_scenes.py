@@ -61,6 +61,7 @@ def test_a_lagrangian_alone_is_simulated_from_its_equations() -> None:
     assert made is not None
     form, base = made
     assert (form.coordinates, form.parameters) == (("x",), {"m": "1", "k": "1"})
+    assert form.title == "motion of L = m*x'^2/2 - k*x^2/2"
     found = simulate(changed_scene(base, scene_document(form, base["system"])))
     assert [method["outcome"] for method in found["methods"]] == ["completed", "completed"]
 
