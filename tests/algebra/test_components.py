@@ -9,8 +9,8 @@ import pytest
 
 from inverse_service.algebra.components import component
 from inverse_service.algebra.real_point import are_positive, find_real_point, requirements
+from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.notation import inequality_text
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol, Velocity, walk
 

@@ -151,7 +151,7 @@ def test_a_lagrangian_in_pieces_is_refused_with_a_sentence() -> None:
 
 
 def test_where_a_lagrangian_is_regular_is_told_in_every_form() -> None:
-    everywhere, generic = solved({"x": "-x"}), solved({"x": "x'^2/x - x"})
+    everywhere, generic = solved({"x": "-x"}), solved({"a": "-a", "b": "a*b'^2"})
     told = "at generic points, where det g is not 0"
     assert (everywhere["lagrangian"]["regular"], generic["lagrangian"]["regular"]) == ("everywhere", told)
     assert f"      regular {told}\n" in text_page(generic, False)
