@@ -202,9 +202,7 @@ class Balls:
         return 1 / self.nonzero(value)
 
     def nonzero(self, value: arb) -> arb:
-        """The number, which is not zero, or nobody knows."""
-        if value == 0:
-            raise Undefined
+        """The number, which is not zero, or nobody knows: a formula may have no value at single points."""
         if not value.is_finite() or value.contains(0):
             raise Unsettled
         return value
@@ -225,7 +223,7 @@ class Balls:
         return self.note(False, False, value).exp()
 
     def log(self, value: arb) -> arb:
-        if value <= 0:
+        if value < 0:
             raise Undefined
         if not value > 0:
             raise Unsettled
