@@ -1,4 +1,4 @@
-"""A formula may have no value at single points: that makes nothing invalid; where it has none on an open set, it does."""
+"""A formula without a value at single points makes nothing invalid; one without a value on an open set does."""
 
 from __future__ import annotations
 
