@@ -39,6 +39,7 @@ _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"),
 
 MOST_STEPS = 2_000_000
 SMALL = 1e-3
+SHORT = 1e-6
 LARGE = 8  # coordinates beyond which its code is written in loops, as its documentation advises
 LARGEST_PRODUCT = 32  # powers up to it are products
 _ONE_AT_A_TIME = threading.Lock()
@@ -86,18 +87,27 @@ def _propagated(
     with _ONE_AT_A_TIME:
         begin = time.perf_counter()
         # Its tolerance is absolute below 1: small motions are measured in a unit of their own, a power of 2.
-        unit = 2.0 ** np.floor(np.log2(np.abs(state).max(initial=0.0) or 1.0)) if np.abs(state).max() < SMALL else 1.0
-        integrator = taylor_integrator(problem, tolerance, float(unit))
-        integrator.state[:] = state / unit
+        # So is the time of steps that are far from 1, whose series of high order would leave the range of numbers.
+        step = float(np.abs(np.diff(times)).max())
+        clock = 1.0 if SHORT < step < 1 / SHORT else _power_of_2(step)
+        scale = np.repeat([1.0, 1 / clock], len(state) // 2)
+        size = float(np.abs(state / scale).max(initial=0.0))
+        unit = _power_of_2(size) if 0 < size < SMALL else 1.0
+        integrator = taylor_integrator(problem, tolerance, unit, clock)
+        integrator.state[:] = state / scale / unit
         integrator.pars[:] = [float(values[name]) for name in used_parameters(problem)]
-        integrator.time = times[0]
+        integrator.time = times[0] / clock
         compiled = time.perf_counter()
         # No longer than the grid: a far step has no term of a force that is narrow and still ahead.
-        limits: dict[str, Any] = {"max_steps": MOST_STEPS, "max_delta_t": float(np.abs(np.diff(times)).max())}
+        limits: dict[str, Any] = {"max_steps": MOST_STEPS, "max_delta_t": step / clock}
         if stop is not None:
             limits["callback"] = lambda _: not stop()
-        code, *_, rows = integrator.propagate_grid(times, **limits)
-        return str(code), np.asarray(rows) * unit, (compiled - begin, time.perf_counter() - compiled)
+        code, *_, rows = integrator.propagate_grid(times / clock, **limits)
+        return str(code), np.asarray(rows) * unit * scale, (compiled - begin, time.perf_counter() - compiled)
+
+
+def _power_of_2(size: float) -> float:
+    return float(2.0 ** np.floor(np.log2(size)))
 
 
 def _table(problem: Problem, rows: Array, values: Mapping[str, float], times: Array) -> dict[Expression, Any]:
@@ -140,19 +150,26 @@ def used_parameters(problem: Problem) -> list[str]:
 
 
 @lru_cache(maxsize=64)
-def taylor_integrator(problem: Problem, tolerance: float = 1e-15, unit: float = 1.0) -> Any:
-    """heyoka's integrator for q' = v, v' = accelerations, with parameters that get their values later; made once."""
+def taylor_integrator(problem: Problem, tolerance: float = 1e-15, unit: float = 1.0, clock: float = 1.0) -> Any:
+    """heyoka's integrator for q' = v, v' = accelerations, with parameters that get their values later; made once.
+
+    Its state is q/unit, v clock/unit, and its time t/clock.
+    """
     heyoka = load_heyoka()
     names = [f"q{k}" for k in range(len(problem.coordinates))] + [f"v{k}" for k in range(len(problem.coordinates))]
     variables = heyoka.make_vars(*names)
     size = len(problem.coordinates)
-    table: dict[Expression, Any] = {PI: heyoka.expression(np.pi), TIME: heyoka.time}
+    table: dict[Expression, Any] = {
+        PI: heyoka.expression(np.pi),
+        TIME: heyoka.time if clock == 1 else clock * heyoka.time,
+    }
     parameters = used_parameters(problem)
     table |= {Symbol(name): heyoka.par[k] for k, name in enumerate(parameters)}
     scaled = [unit * variable for variable in variables] if unit != 1 else variables
     table |= {Symbol(name): scaled[k] for k, name in enumerate(problem.coordinates)}
-    table |= {Velocity(name): scaled[size + k] for k, name in enumerate(problem.coordinates)}
-    forces = [_translated(tree, table, heyoka) / unit for tree in problem.accelerations or ()]
+    rates = scaled[size:] if clock == 1 else [rate / clock for rate in scaled[size:]]
+    table |= {Velocity(name): rates[k] for k, name in enumerate(problem.coordinates)}
+    forces = [_translated(tree, table, heyoka) / unit * clock**2 for tree in problem.accelerations or ()]
     system = [*zip(variables[:size], variables[size:], strict=True), *zip(variables[size:], forces, strict=True)]
     pars = [0.0] * len(parameters)
     return heyoka.taylor_adaptive(system, [0.0] * 2 * size, tol=tolerance, pars=pars, compact_mode=size > LARGE)

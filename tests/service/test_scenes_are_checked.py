@@ -91,6 +91,24 @@ def test_a_motion_of_any_size_is_as_accurate(method: str) -> None:
     assert found["max_error"] < 1e-32
 
 
+@pytest.mark.parametrize("method", ["heyoka", "adaptive", {"method": "stormer-verlet", "order": 8}])
+def test_an_atom_in_seconds_is_as_accurate(method: Any) -> None:
+    """Times of 1e-17 s: of a series of order 20 in seconds the coefficients are no numbers any more."""
+    pytest.importorskip("heyoka")
+    scene = {
+        "system": {"coordinates": ["x", "y"], "lagrangian": "m*(x'^2 + y'^2)/2 + k/sqrt(x^2 + y^2)"},
+        "parameters": {"m": "9.1e-31", "k": "2.3e-28"},
+        "initial": {"positions": {"x": "5.3e-11", "y": 0}, "velocities": {"x": 0, "y": "2.2e6"}},
+        "step": "1e-18", "time": "1e-15", "methods": [method], "observe": ["error", "energy"],
+    }  # fmt: skip
+    result = simulate(scene)
+    assert set(result["truth"]["references"]) == {"heyoka", "adaptive"}
+    (found,) = result["methods"]
+    assert found["outcome"] == "completed"
+    assert found["max_energy_error"] < 1e-13
+    assert found["max_error"] < 1e-10 * 5e-11
+
+
 def test_a_part_that_costs_no_measurable_time_has_none() -> None:
     document = scene(PLANE, ["variational"], observe=["energy", "constraints", "momenta", "cost"])
     for part in simulate(document)["methods"][0]["cost"]["parts"]:
