@@ -173,8 +173,10 @@ class OperandParser(ABC):
             value = f"{name}({shorten(self._stream.look(1).text)})"
             instead = f"leave initial conditions out, they change no answer; write {name}* for a product"
             raise refusal(f"{value} occurs", token.column, instead)
-        if self._opens_arguments() and ahead.space_before and self._group_has_time():
-            raise refusal(f"{name} ( could be a product or a function of time", ahead.column, f"write {name}*(")
+        if self._opens_arguments() and self._group_has_time():
+            gap, of_time = (" ", " of time") if ahead.space_before else ("", "")
+            instead = f"write {name}*( for a product; delays are not accepted"
+            raise refusal(f"{name}{gap}( could be a product or a function{of_time}", ahead.column, instead)
         node = (Symbol(name), Velocity(name), Acceleration(name))[order]
         return node if ahead.kind == "prime" else self._single(node, token)
 

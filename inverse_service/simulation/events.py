@@ -71,6 +71,12 @@ def with_events(
     return cut, tuple(_until(one, end) for one in found)
 
 
+def where_ended(found: tuple[Found, ...], outcome: Outcome) -> tuple[float, Array, Array] | None:
+    """(t, q, v) of the event that ended the run, None where none did."""
+    stops = (one for one in found if one.event.stops and len(one.times) and one.times[0] == outcome.time)
+    return next(((float(one.times[0]), one.positions[0], one.velocities[0]) for one in stops), None)
+
+
 def _until(found: Found, end: float) -> Found:
     kept = found.times <= end
     return Found(found.event, found.times[kept], found.positions[kept], found.velocities[kept], found.note)

@@ -124,6 +124,22 @@ def test_a_projectile_stops_at_the_ground() -> None:
             assert "ended by an event" in method["note"]
             assert method["events"][0]["columns"]["t"] == pytest.approx([time], abs=2e-3 if k else 1e-9)
             assert min(method["points"]["columns"]["y"]) >= 0
+            assert method["final"]["t"] == method["events"][0]["columns"]["t"][0]
+            assert abs(method["final"]["positions"]["y"]) < 1e-12
+            assert method["steps"] == len(method["points"]["columns"]["t"]) - 1
+
+
+def test_a_ball_bounces_by_beginning_again_where_it_stopped() -> None:
+    """Dropped from 1 with g = 2 it falls for 1, and with half of its speed it is up for 1 more."""
+    system = {"coordinates": ["y"], "lagrangian": "y'^2/2 - 2*y"}
+    stop = [{"when": "y", "direction": -1, "do": "stop"}]
+    start = {"positions": {"y": 1}, "velocities": {"y": 0}}
+    document = scene(system, ["adaptive"], step=0.03, time=5, initial=start, events=stop)
+    down = simulate(document)["methods"][0]["final"]
+    assert (down["t"], down["velocities"]["y"]) == pytest.approx((1, -2))
+    document["initial"] = {"positions": down["positions"], "velocities": {"y": -down["velocities"]["y"] / 2}}
+    again = simulate(document | {"start_time": down["t"]})["methods"][0]["final"]
+    assert (again["t"], again["velocities"]["y"]) == pytest.approx((2, -1))
 
 
 def test_a_section_of_henon_and_heiles_keeps_its_energy() -> None:

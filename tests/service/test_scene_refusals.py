@@ -87,6 +87,10 @@ CASES = [
     ("/circle", ["x", "z"], "/circle/1", "coordinates are"),
     ("/circle", ["x", "x"], "/circle", "same"),
     ("/colour", 1, "/colour", "not known"),
+    ("/noise", {"x": 0.1}, "/noise", "Noise is not simulated"),
+    ("/contact", "x", "/contact", "stop at an event"),
+    ("/delay", 1, "/delay", "Delays are not simulated"),
+    ("/forces", {"x": "-x(t - 1)"}, "/forces/x", "delays are not accepted"),
 ]  # fmt: skip
 
 
@@ -105,6 +109,14 @@ def test_constraints_with_time_are_refused() -> None:
     scene["initial"] = {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0}}
     with pytest.raises(InputError, match="depend on the time t"):
         read_scene(scene_schema(scene))
+
+
+def test_the_other_half_of_first_order_equations_has_no_position() -> None:
+    scene = DISK | {"system": {"equations": ["x' = x - x*y", "y' = x*y - y"]}, "parameters": {}}
+    scene["initial"] = {"positions": {"x": 1, "y": 2}}
+    with pytest.raises(InputError, match="only x has a position") as refused:
+        read_scene(scene_schema(scene))
+    assert refused.value.pointer == "/initial/positions/y"
 
 
 def test_arbitrary_functions_need_a_formula() -> None:

@@ -123,6 +123,19 @@ TIME_REFUSED = (
 )
 
 
+def _refuse_other_halves(initial: SceneInitial, system: MechanicalSystem) -> None:
+    """InputError for a start of p in first-order equations x' = h, p' = F, of which x alone is a coordinate."""
+    equations, known = str((system.document or {}).get("equations")), ", ".join(system.names.coordinates)
+    for part in ("positions", "velocities", "momenta"):
+        for name in getattr(initial, part) or {}:
+            if name not in system.names.coordinates and f"{name}'" in equations:
+                raise InputError(
+                    f"of these first-order equations only {known} has a position, and the rest is its velocity: "
+                    f"leave '{escape(name)}' out, and give positions and velocities of {known}.",
+                    f"/initial/{part}/{escape(name)}",
+                )
+
+
 def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
     """The scene and its system; InputError with the pointer of what is wrong."""
     extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
@@ -139,6 +152,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
         raise InputError(TIME_REFUSED, "/system")
     forces = read_forces(schema, system, definitions, effects)
     begin, initial = beginning(schema)
+    _refuse_other_halves(initial, system)
     positions, velocities = read_initial(initial, names, lagrangian, constraints, values)
     grid, notes = read_grid(schema, begin)
     scene = Scene(

@@ -75,6 +75,17 @@ EXPECTED = {
     ("repeats",): "an integer from 1 to 50",
 }
 
+IMPACTS = "Impacts are not simulated: stop at an event, and begin again at its point with the velocities after it."
+NOISE = (
+    "Noise is not simulated: every motion follows from its start; write a force that is a formula of t and the state."
+)
+DELAYS = "Delays are not simulated: a force depends on t and on the state at t."
+NOT_SIMULATED = {
+    **dict.fromkeys(("contact", "contacts", "impact", "impacts", "collision", "collisions"), IMPACTS),
+    **dict.fromkeys(("noise", "random", "stochastic"), NOISE),
+    **dict.fromkeys(("delay", "delays"), DELAYS),
+}
+
 
 def scene_schema(document: Any) -> SceneDocument:
     """The scene in its schema; raises DocumentRefused with every fault found."""
@@ -99,6 +110,8 @@ def _sentence(fault: Mapping[str, Any], steps: list[Any]) -> str:
     where = f"'{'/'.join(escape(step) for step in steps)}'" if steps else "The scene"
     if kind == "missing":
         return f"The key {where} is missing; it must be {_expected(steps)}."
+    if kind == "extra_forbidden" and steps[-1] in NOT_SIMULATED:
+        return NOT_SIMULATED[steps[-1]]
     if kind == "extra_forbidden":
         return f"The key {where} is not known here; the keys are {', '.join(_keys(steps))}."
     if kind.endswith("too_long"):

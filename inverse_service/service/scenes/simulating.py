@@ -25,7 +25,7 @@ from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.simulation.advice import advice
 from inverse_service.simulation.derivation import Derived, derive
 from inverse_service.simulation.ensembles import EnsembleRun
-from inverse_service.simulation.events import Found
+from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.quantities import last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene import FreeLagrangian, Progress, Requested, Scene, Unavailable
@@ -261,7 +261,7 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
     if run.events:
         document["events"] = [_event(scene, one) for one in run.events]
     if run.observed is not None:
-        document["final"] = _final(scene, last_point(run.observed))
+        document["final"] = _final(scene, where_ended(run.events, run.outcome) or last_point(run.observed))
     if run.free is not None:
         document["free_lagrangian"] = to_text(run.free.lagrangian)
         document["constants"] = dict(run.free.constants) | dict(requested.constants)
@@ -319,7 +319,7 @@ def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
         return {"outcome": outcome.kind, "steps": 0, "reason": outcome.remedy}
     note = {"note": outcome.note} if outcome.note else {}
     if outcome.completed:
-        return {"outcome": outcome.kind, "steps": scene.grid.steps, **note}
+        return {"outcome": outcome.kind, "steps": scene.grid.steps if outcome.step is None else outcome.step, **note}
     parts = {name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")}
     return {"outcome": outcome.kind, "steps": max(0, (outcome.step or 1) - 1), "stopped": parts, **note}
 
