@@ -41,22 +41,40 @@ Grid = list[list[int]]
 
 
 def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
-    """Those that can occur in a regular multiplier; all of them where the test cannot be made."""
+    """Those that can occur in a regular multiplier.
+
+    Where the test cannot be made, since letters have no common points, those in velocities alone are tested.
+    """
+    try:
+        return _possible_shapes(material, shapes, seed)
+    except _NO_POINTS:
+        plain = [shape for shape in shapes if all(_is_of_velocities(letter) for letter, _ in shape)]
+    try:
+        return _possible_shapes(material, plain, seed) if len(plain) < len(shapes) else plain[:_MOST]
+    except _NO_POINTS:
+        return plain[:_MOST]
+
+
+_NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
+
+
+def _is_of_velocities(letter: Expression) -> bool:
+    return isinstance(letter, Velocity) or (isinstance(letter, Apply) and isinstance(letter.argument, Velocity))
+
+
+def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
     groups = [group[:_MOST] for group in _groups(material, shapes)]
     chosen = [shape for group in groups for shape in group]
     if not chosen:
         return []
     unknowns = material.motion.size + 1 + material.motion.with_time
-    try:
-        sampler = make_sampler(material.analysis, dict.fromkeys(item for shape in chosen for item in shape))
-        points, letters = sampler.at_one_place(seed), letters_of(chosen)
-        count = (max(map(len, groups)) * unknowns + _SPARE) // material.motion.size**2 + 2
-        table = table_at(points, letters, count, with_third=True)
-        forms = _hessians(table, chosen)
-        inverse = pow(1 << 64, -1, table.prime)
-        plain = np.array(helmholtz_matrix(sampler, table, letters, chosen), dtype=object) * inverse % table.prime
-    except (IrreducibleAtoms, SingularPoint, ValueError):
-        return chosen
+    sampler = make_sampler(material.analysis, dict.fromkeys(item for shape in chosen for item in shape))
+    points, letters = sampler.at_one_place(seed), letters_of(chosen)
+    count = (max(map(len, groups)) * unknowns + _SPARE) // material.motion.size**2 + 2
+    table = table_at(points, letters, count, with_third=True)
+    forms = _hessians(table, chosen)
+    inverse = pow(1 << 64, -1, table.prime)
+    plain = np.array(helmholtz_matrix(sampler, table, letters, chosen), dtype=object) * inverse % table.prime
     generator, weights = random.Random(f"velocity shapes {seed}"), list[int]()
     for group in groups:
         places = range(len(weights), len(weights) + len(group))
@@ -162,7 +180,8 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
     if material.motion.with_time and not material.position_letters:
         # Where f holds no position, first integrals can be linear in t: x'' = x'^2 keeps 1/x' + t.
         found += products([monomial(TIME)], chosen)
-    return [key for key in distinct(found) if is_admissible(material, key) and not is_linear(key)]
+    kept = [key for key in distinct(found) if is_admissible(material, key) and not is_linear(key)]
+    return kept[: 2 * family.terms]
 
 
 # For one coordinate every f has a Lagrangian, so the large rows end most searches in vain; they found none there.

@@ -24,7 +24,7 @@ from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.search.material import Material, antiderivatives, companions
+from inverse_service.inverse_problem.search.material import Material, antiderivatives, companions, moving_letters
 from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism, tensors_of
 from inverse_service.inverse_problem.search.null_vectors import small_solution
 from inverse_service.inverse_problem.search.sampling import Sampler, letter_table, make_sampler
@@ -116,7 +116,7 @@ def divergence_factor(material: Material, seed: int) -> Monomial | None:
     letters: list[Expression] = [
         *material.motion.velocities,
         *material.position_letters,
-        *material.velocity_letters,
+        *dict.fromkeys([*material.velocity_letters, *moving_letters(material)]),
     ]
     constants = [monomial_tree(key) for key in material.parameter_monomials[:_MOST_CONSTANTS]]
     try:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
@@ -14,8 +15,11 @@ from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.deadline import end
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import (
     TIME,
+    ZERO,
     Apply,
     Arbitrary,
     Expression,
@@ -27,10 +31,16 @@ from inverse_service.expressions.tree import (
     add,
     multiply,
     number,
+    substitute,
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.search.motion import MotionTerms, has_velocity, split_velocities
+from inverse_service.inverse_problem.search.motion import (
+    MotionTerms,
+    has_velocity,
+    irreducible_factors,
+    split_velocities,
+)
 from inverse_service.inverse_problem.search.quadratic_letters import quadratic_antiderivatives
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
@@ -178,6 +188,47 @@ def _linear_sums(trees: Iterable[Expression]) -> tuple[Expression, ...]:
     return tuple(found)
 
 
+# Nodes of a sum that is taken as a letter.
+_LONGEST = 60
+
+
+def moving_letters(material: Material) -> list[Expression]:
+    """Sums that are factors or radicands in f, and functions other than exponentials, that hold velocities."""
+    if "moving letters" not in material.shared:
+        table = material.analysis.real_point
+        found = _moving_letters(material)
+        shown = (_positive(letter, table) for letter in found) if table else found
+        material.shared["moving letters"] = list(dict.fromkeys(shown))
+    return list(material.shared["moving letters"])
+
+
+def _moving_letters(material: Material) -> Iterator[Expression]:
+    known = [p for p in material.velocity_letters if not (isinstance(p, Apply) and p.function == "exp")]
+    sums = [p for p in known if isinstance(p, Sum)]
+    sums += [node for f in material.analysis.system.accelerations for node in walk(f) if isinstance(node, Sum)]
+    yield from (p for p in known if not isinstance(p, Sum))
+    for node in dict.fromkeys(sums):
+        if has_velocity(node):
+            with suppress(TooManyTerms):
+                yield from (p for p in irreducible_factors(node) if has_velocity(p) and _is_plain(p))
+
+
+def _positive(letter: Expression, table: RealTable) -> Expression:
+    """The letter, or its opposite where that is positive at the real point, so that its roots exist."""
+    try:
+        negative = isinstance(letter, Sum) and real_sign(letter, table) < 0
+    except (IrreducibleAtoms, NoRealValue):
+        return letter
+    return tree_of({key: -value for key, value in terms_of(letter).items()}) if negative else letter
+
+
+def _is_plain(node: Expression) -> bool:
+    """A short sum without roots in it."""
+    exponents = [part.exponent for part in walk(node) if isinstance(part, Power)]
+    whole = all(isinstance(e, Number) and e.value.denominator == 1 for e in exponents)
+    return whole and sum(1 for _ in walk(node)) <= _LONGEST
+
+
 def depends_on_position(letter: Expression, motion: MotionTerms) -> bool:
     names = {*motion.coordinates, TIME}
     return any(node in names for node in walk(letter))
@@ -254,10 +305,27 @@ def integrating_candidates(material: Material) -> list[tuple[int, Terms, Variabl
             c = simplified(material, coefficient(f, monomial(v, w)))
             if c:
                 found.append((i, c, q))
+        own = any(place == i and variable == motion.coordinates[i] for place, _, variable in found)
+        found += [] if own else [(i, c, motion.coordinates[i]) for c in _alone(material, i)]
         drag = simplified(material, coefficient(f, monomial(v)))
         if drag and motion.with_time and not any(_has_position(key, motion) for key in drag):
             found.append((i, drag, TIME))
     return found
+
+
+def _alone(material: Material, i: int) -> list[Terms]:
+    """c with c v_i^2 in f_i where another velocity is 0, for f_i with sums of velocities in denominators."""
+    motion, force = material.motion, material.analysis.system.accelerations[i]
+    if not any(isinstance(p, Sum) and has_velocity(p) and e < 0 for key in motion.forces[i] for p, e in key):
+        return []
+    symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
+    own, held = motion.velocities[i], set(walk(force))
+    for v in (w for w in motion.velocities if w in held and w != own):
+        with suppress(TooLarge, ZeroDivisionError, TooManyTerms, KeyError, ValueError):
+            (rest,) = factored([substitute(force, {v: ZERO})], symbols, Budget(_TERMS, end(), _WORK))
+            if c := coefficient(terms_of(rest), monomial(own, own)):
+                return [c]
+    return []
 
 
 def _has_position(key: Monomial, motion: MotionTerms) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
+from math import lcm
 
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.terms import (
@@ -16,6 +17,10 @@ from inverse_service.inverse_problem.search.terms import (
     letter_derivative,
     monomial,
     multiply_terms,
+    polynomial_of,
+    split_content,
+    terms_of,
+    terms_of_polynomial,
     times,
 )
 
@@ -114,3 +119,18 @@ def split_velocities(key: Monomial) -> tuple[Monomial, Monomial]:
     """(letters without velocities, letters with)."""
     moving = frozenset(item for item in key if has_velocity(item[0]))
     return key - moving, moving
+
+
+@lru_cache(maxsize=1024)
+def irreducible_factors(tree: Expression) -> tuple[Expression, ...]:
+    """Its factors that are sums, as a polynomial in roots of letters over a monomial in them."""
+    terms, exponents = terms_of(tree), dict[Expression, list[Fraction]]()
+    for letter, e in (item for key in terms for item in key):
+        exponents.setdefault(letter, [Fraction(0)]).append(e)
+    root = {letter: lcm(*(e.denominator for e in found)) for letter, found in exponents.items()}
+    lowest = frozenset((letter, min(found)) for letter, found in exponents.items())
+    whole = {frozenset((p, e * root[p]) for p, e in times(key, lowest, -1)): value for key, value in terms.items()}
+    polynomial, letters = polynomial_of(whole)
+    found = [terms_of_polynomial(factor, letters) for factor, _ in polynomial.factor()[1]]
+    sums = [{frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()} for one in found if len(one) > 1]
+    return tuple(split_content(one)[2] for one in sums)

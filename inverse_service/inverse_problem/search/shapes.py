@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from contextlib import suppress
 from fractions import Fraction
+from math import isqrt
 
-from inverse_service.algebra.real_point import RealTable, real_sign
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import (
     Apply,
     Expression,
@@ -25,23 +22,20 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.search.factors import HALF
-from inverse_service.inverse_problem.search.material import Material, distinct
+from inverse_service.inverse_problem.search.material import Material, distinct, moving_letters
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
     TooManyTerms,
     monomial,
-    split_content,
     terms_of,
     times,
-    tree_of,
 )
 
 _FOUR = Fraction(4)
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
-# Nodes of a sum that is taken as a letter.
-_LONGEST = 60
+_CARRIED = tuple(Fraction(e, 2) for e in (0, 2, -2, 1, -1, 4, 3))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
 
 
@@ -81,6 +75,36 @@ def products_and_roots(material: Material) -> list[Monomial]:
     below = divisors(material)
     double += [frozenset([(v, _FOUR), (w, -_FOUR / 2)]) for v in material.motion.velocities for w in below if v != w]
     return distinct([*functions(material), *higher, *crossed, *double, *roots(material)])
+
+
+def polynomials(material: Material) -> list[Monomial]:
+    """Products of two, three and four velocities."""
+    return [shape for degree in (2, 3, 4) for shape in powers(material, degree)]
+
+
+def carried(material: Material) -> list[Monomial]:
+    """v_i v_j w^e and functions of w, for the velocity w of a coordinate that f does not hold, roots in f first.
+
+    The momentum of w is constant then, and w is a function of the others, which can enter L in any power.
+    """
+    motion, found = material.motion, list[Monomial]()
+    held = {node for f in material.analysis.system.accelerations for node in walk(f)}
+    cyclic = [v for q, v in zip(motion.coordinates, motion.velocities, strict=True) if q not in held]
+    for w in sorted(cyclic, key=lambda w: (not _is_rooted(material, w), repr(w))):
+        others = [v for v in motion.velocities if v != w]
+        pairs = [monomial(*pair) for pair in itertools.combinations_with_replacement(others, 2)]
+        found += [times(pair, monomial(w), e) for e in _CARRIED for pair in pairs]
+        found += [*single(w), *(monomial(v, w) for v in others)]
+    return list(dict.fromkeys(found)) if len(motion.velocities) > 1 else []
+
+
+def _is_rooted(material: Material, w: Expression) -> bool:
+    """Whether f holds a root of w."""
+    nodes = (node for f in material.analysis.system.accelerations for node in walk(f))
+    return any(
+        isinstance(node, Power) and node.base == w and isinstance(node.exponent, Number) and node.exponent.value % 1
+        for node in nodes
+    )
 
 
 def complex_logarithms(material: Material) -> list[Monomial]:
@@ -146,43 +170,14 @@ def of_letters(material: Material) -> list[Monomial]:
     """Powers, logarithms and exponentials of what holds velocities in f, and those times a velocity."""
     shapes: list[Monomial] = exponentials(material)
     for letter in moving_letters(material):
-        plain_sum = isinstance(letter, Sum)  # its powers are sums of products that stand in the list themselves
-        shapes += [frozenset([(letter, e)]) for e in _ROOTS if not (plain_sum and e > 0 and e.denominator == 1)]
-        shapes.append(monomial(Apply("log", letter)))
-        shapes += _arctangents(letter)
+        if isinstance(letter, Sum):
+            # Its integer powers are sums of products that stand in the list themselves.
+            shapes += [frozenset([(letter, e)]) for e in _ROOTS if e < 0 or e.denominator > 1]
+            shapes += [monomial(Apply("log", letter)), *_arctangents(letter)]
+        else:
+            shapes += [frozenset([(letter, Fraction(e))]) for e in (1, -1, 2)]
     plain = [EMPTY, *(monomial(v) for v in material.motion.velocities)]
     return distinct([times(a, b) for a in shapes for b in plain])
-
-
-def moving_letters(material: Material) -> list[Expression]:
-    """Sums that are factors or radicands in f, and functions other than exponentials, that hold velocities."""
-    known = [p for p in material.velocity_letters if not _is_exponential(p)]
-    found = dict.fromkeys(p for p in known if not isinstance(p, Sum) or _is_plain(p))
-    for tree in material.analysis.system.accelerations:
-        for node in walk(tree):
-            if isinstance(node, Sum) and has_velocity(node) and _is_plain(node):
-                with suppress(TooManyTerms):
-                    if terms := terms_of(node):  # a sum may be 0
-                        found[split_content(terms)[2]] = None
-    table = material.analysis.real_point
-    letters: list[Expression] = [letter for letter in found if not isinstance(letter, Number | Velocity)]
-    return list(dict.fromkeys(_positive(letter, table) for letter in letters)) if table else letters
-
-
-def _positive(letter: Expression, table: RealTable) -> Expression:
-    """The letter, or its opposite where that is positive at the real point, so that its roots exist."""
-    try:
-        negative = isinstance(letter, Sum) and real_sign(letter, table) < 0
-    except (IrreducibleAtoms, NoRealValue):
-        return letter
-    return tree_of({key: -value for key, value in terms_of(letter).items()}) if negative else letter
-
-
-def _is_plain(node: Sum) -> bool:
-    """A short sum without roots in it."""
-    exponents = [part.exponent for part in walk(node) if isinstance(part, Power)]
-    whole = all(isinstance(e, Number) and e.value.denominator == 1 for e in exponents)
-    return whole and sum(1 for _ in walk(node)) <= _LONGEST
 
 
 def _arctangents(letter: Expression) -> list[Monomial]:
@@ -197,7 +192,14 @@ def _arctangents(letter: Expression) -> list[Monomial]:
     if ratio <= 0 or len(key) != 1 or not all(isinstance(v, Velocity) and e == 2 for v, e in key):
         return []
     ((v, _),) = key
-    return [monomial(Apply("atan", multiply(square_root(number(ratio)), v)))]
+    return [monomial(Apply("atan", multiply(_root(ratio), v)))]
+
+
+def _root(value: Fraction) -> Expression:
+    """Its square root, a number where it is rational."""
+    top, bottom = isqrt(value.numerator), isqrt(value.denominator)
+    exact = top**2 == value.numerator and bottom**2 == value.denominator
+    return number(Fraction(top, bottom)) if exact else square_root(number(value))
 
 
 def _is_exponential(letter: Expression) -> bool:

@@ -183,22 +183,28 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
 def _without_squares(tree: Expression) -> tuple[Fraction, tuple[tuple[Expression, int], ...]]:
     """(c, ((p_k, e_k), …)) with tree = c prod p_k^e_k, a sum of products of letters; ((tree, 1),) as a rule."""
     terms = terms_of(tree)
-    letters = list(dict.fromkeys(letter for key in terms for letter, _ in key))
     if any(e < 0 or e.denominator > 1 for key in terms for _, e in key):
         return Fraction(1), ((tree, 1),)
-    context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(letters))))
-    polynomial = context.from_dict({
-        tuple(int(dict(key).get(letter, 0)) for letter in letters): fmpq(value.numerator, value.denominator)
-        for key, value in terms.items()
-    })  # fmt: skip
+    polynomial, letters = polynomial_of(terms)
     unit, factors = polynomial.factor_squarefree()
     if all(int(e) == 1 for _, e in factors):
         return Fraction(1), ((tree, 1),)
-    parts = tuple((tree_of(_terms_of_polynomial(factor, letters)), int(e)) for factor, e in factors)
+    parts = tuple((tree_of(terms_of_polynomial(factor, letters)), int(e)) for factor, e in factors)
     return Fraction(int(unit.p), int(unit.q)), parts
 
 
-def _terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[Expression]) -> Terms:
+def polynomial_of(terms: Mapping[Monomial, Fraction]) -> tuple[fmpq_mpoly, list[Expression]]:
+    """A sum of products of letters with nonnegative integer exponents, and the letters."""
+    letters = list(dict.fromkeys(letter for key in terms for letter, _ in key))
+    context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(letters))))
+    table = {
+        tuple(int(dict(key).get(letter, 0)) for letter in letters): fmpq(value.numerator, value.denominator)
+        for key, value in terms.items()
+    }
+    return context.from_dict(table), letters
+
+
+def terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[Expression]) -> Terms:
     return {
         frozenset((letter, Fraction(int(e))) for letter, e in zip(letters, exponents, strict=True) if e): Fraction(
             int(value.p), int(value.q)
