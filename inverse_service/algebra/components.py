@@ -23,6 +23,7 @@ from inverse_service.algebra.point import Variable
 from inverse_service.algebra.real_point import RealTable, real_sign, varies
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.inequalities import is_plainly_positive
 from inverse_service.expressions.tree import (
     HALF,
     PI,
@@ -266,7 +267,7 @@ def _signed(tree: Expression) -> tuple[int, Expression]:
 
 
 def _strongest(trees: Sequence[Expression], table: RealTable) -> list[Expression]:
-    """Without those bounds z > a, z < b of one variable that follow from another."""
+    """Without those bounds z > a, z < b of one variable that follow from another, and without what follows from all."""
     best: dict[tuple[Expression, int], tuple[mpmath.mpf, Expression]] = {}
     others = []
     for tree in trees:
@@ -279,7 +280,19 @@ def _strongest(trees: Sequence[Expression], table: RealTable) -> list[Expression
             limit = evaluate(value, table) * side
         if (variable, side) not in best or limit > best[variable, side][0]:
             best[variable, side] = (limit, tree)
-    return [*(tree for _, tree in best.values()), *others]
+    bounds = [tree for _, tree in best.values()]
+    for tree in list(others):
+        rest = [other for other in others if other != tree]
+        if is_plainly_positive(tree, known_positive([*bounds, *rest])):
+            others = rest
+    return [*bounds, *others]
+
+
+def known_positive(trees: Sequence[Expression]) -> set[Expression]:
+    """What is positive where these trees are: they, and z for bounds z > a with a number a that is not below 0."""
+    known, bounds = set(trees), [bound for tree in trees if (bound := bound_of(tree)) is not None]
+    with mpmath.workdps(_DIGITS):
+        return known | {variable for variable, side, value in bounds if side > 0 and evaluate(value, {}) >= 0}
 
 
 def bound_of(tree: Expression) -> tuple[Variable, int, Expression] | None:

@@ -37,30 +37,33 @@ def inequality_text(tree: Expression) -> str:
     return inequality(tree).text
 
 
-def is_plainly_positive(tree: Expression) -> bool:
-    """Whether it is > 0 wherever it is defined, seen from its form alone: 1 + x^2, exp(u), sqrt(v^2 + 2)."""
+def is_plainly_positive(tree: Expression, known: Collection[Expression] = ()) -> bool:
+    """Whether it is > 0 wherever it is defined and all of `known` are > 0, seen from its form: 1 + x^2, exp(u)."""
+    if tree in known:
+        return True
     match tree:
         case Number(value):
             return value > 0
         case Sum(terms):
-            return all(map(_is_plainly_no_less, terms)) and any(map(is_plainly_positive, terms))
+            no_less = all(_is_plainly_no_less(term, known) for term in terms)
+            return no_less and any(is_plainly_positive(term, known) for term in terms)
         case Product(factors):
-            return all(map(is_plainly_positive, factors))
+            return all(is_plainly_positive(factor, known) for factor in factors)
         case Power(base, Number(exponent)) if exponent < 0:
-            return _is_plainly_no_less(tree)  # and not 0: 1/u^2, 1/sqrt(u)
+            return _is_plainly_no_less(tree, known)  # and not 0: 1/u^2, 1/sqrt(u)
         case Power(base, _):
-            return is_plainly_positive(base)
+            return is_plainly_positive(base, known)
     return isinstance(tree, Apply) and tree.function in ("exp", "cosh")
 
 
-def _is_plainly_no_less(tree: Expression) -> bool:
+def _is_plainly_no_less(tree: Expression, known: Collection[Expression]) -> bool:
     """The same for >= 0."""
     match tree:
         case Sum(parts) | Product(parts):
-            return all(map(_is_plainly_no_less, parts))
+            return tree in known or all(_is_plainly_no_less(part, known) for part in parts)
         case Power(base, Number(exponent)):
-            return exponent.numerator % 2 == 0 or exponent.denominator % 2 == 0 or _is_plainly_no_less(base)
-    return tree == ZERO or is_plainly_positive(tree)
+            return exponent.numerator % 2 == 0 or exponent.denominator % 2 == 0 or _is_plainly_no_less(base, known)
+    return tree == ZERO or is_plainly_positive(tree, known)
 
 
 def is_plainly_nonzero(tree: Expression, known: Collection[Expression]) -> bool:

@@ -8,10 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
-from inverse_service.algebra.rational_functions import TooLarge
-from inverse_service.expressions.tree import Expression, Number, Power, Symbol, Velocity, negate, walk
-from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.algebra.components import known_positive
+from inverse_service.algebra.exact_atoms import factored
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import end
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.inequalities import is_plainly_nonzero, is_plainly_positive
+from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, walk
+from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.outcome import Lagrangian, Matrix
 from inverse_service.inverse_problem.search.material import Material
@@ -82,9 +88,39 @@ def describe(analysis: Analysis, lagrangian: Expression, family: str) -> Lagrang
     names = analysis.system.coordinates
     multiplier = tuple(tuple(_compact(entry) for entry in row) for row in hessian(lagrangian, names))
     positive = domain_of(analysis, lagrangian).positive
-    signed = {*positive, *map(negate, positive)}
-    nonzero = _distinct(p for p in _denominators(lagrangian, multiplier) if p not in signed)
-    return Lagrangian(lagrangian, multiplier, nonzero, family, positive)
+    zeros = _distinct(_denominators(lagrangian, multiplier))
+    return Lagrangian(lagrangian, multiplier, _that_can_vanish(analysis, zeros, positive), family, positive)
+
+
+def _that_can_vanish(
+    analysis: Analysis, trees: Sequence[Expression], positive: Sequence[Expression]
+) -> tuple[Expression, ...]:
+    """Those with a factor that is not seen to differ from 0 where all of `positive` are > 0, each factor once."""
+    known = known_positive(positive)
+    factors = {base for tree in positive for base, _ in _powers(analysis, tree)}
+    kept = set[Expression]()
+    for tree in sorted(trees, key=lambda tree: sum(1 for _ in walk(tree))):
+        parts = [base for base, exponent in _powers(analysis, tree) if exponent > 0]
+        if not all(is_plainly_positive(base, known) or is_plainly_nonzero(base, factors) for base in parts):
+            kept.add(tree)
+            factors.update(parts)
+    return tuple(tree for tree in trees if tree in kept)
+
+
+def _powers(analysis: Analysis, tree: Expression) -> list[tuple[Expression, Fraction]]:
+    """The tree as a product of powers, as far as it can be factored."""
+    try:
+        (whole,) = factored([tree], variables_of(analysis.system), Budget(_TERMS, end(), _WORK))
+    except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
+        whole = tree
+    parts = whole.factors if isinstance(whole, Product) else (whole,)
+    return [
+        (p.base, p.exponent.value) if isinstance(p, Power) and isinstance(p.exponent, Number) else (p, Fraction(1))
+        for p in parts
+    ]
+
+
+_TERMS, _WORK = 500, 20_000
 
 
 def _compact(entry: Expression) -> Expression:

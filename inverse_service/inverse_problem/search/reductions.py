@@ -11,19 +11,26 @@ quadratic in v without linear terms (Bateman 1931 for one coordinate).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
+
+import mpmath
 
 from inverse_service.deadline import end
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import (
+    ONE,
     TIME,
     Apply,
     Expression,
     Number,
     Power,
+    Product,
+    Sum,
     Symbol,
     Velocity,
     add,
@@ -69,11 +76,51 @@ class Lettered:
 
 
 def views(analysis: Analysis) -> Iterator[Lettered]:
-    """The system with letters for its long numbers, if there are such, and as it is."""
+    """The system with letters for its long numbers and with plainer nested roots, where there are such, and as it is.
+
+    Lagrangians that hold for the latter are checked with the roots as they were given.
+    """
     lettered = with_letters(analysis)
     if lettered is not None:
         yield lettered
+    forces = tuple(map(denested, analysis.system.accelerations))
+    if forces != analysis.system.accelerations:
+        with suppress(IrreducibleAtoms):
+            yield Lettered(analyse(replace(analysis.system, accelerations=forces)), {})
     yield Lettered(analysis, {})
+
+
+_PLACES, _LARGEST_COEFFICIENT, _MOST_ROOTS = 60, 10**4, 3
+
+
+@lru_cache(maxsize=256)
+def denested(tree: Expression) -> Expression:
+    """The tree with each root of a constant sum of roots as a short sum of these, where it is one to 60 digits."""
+    match tree:
+        case Power(Sum() as base, Number(exponent)) if exponent.denominator > 1 and _is_constant(base):
+            with suppress(NoRealValue):
+                return _short_sum(tree, base) or tree
+            return tree
+        case _:
+            return rebuild(tree, denested)
+
+
+def _is_constant(tree: Expression) -> bool:
+    return all(isinstance(node, Number | Power | Sum | Product) for node in walk(tree))
+
+
+def _short_sum(tree: Expression, base: Expression) -> Expression | None:
+    """Rationals times 1 and the roots in the base that add up to the tree."""
+    basis: list[Expression] = [ONE]
+    basis += dict.fromkeys(node for node in walk(base) if isinstance(node, Power))
+    basis = basis[: 1 + _MOST_ROOTS]
+    with mpmath.workdps(_PLACES):
+        values = [evaluate(part, {}) for part in (tree, *basis)]
+        relation = mpmath.pslq(values, maxcoeff=_LARGEST_COEFFICIENT, maxsteps=_LARGEST_COEFFICIENT)
+    if not relation or not relation[0]:
+        return None
+    weights = (number(Fraction(-c, relation[0])) for c in relation[1:])
+    return add(*(multiply(weight, part) for weight, part in zip(weights, basis, strict=True)))
 
 
 def with_letters(analysis: Analysis) -> Lettered | None:

@@ -66,11 +66,11 @@ def shortest(forms: Sequence[Expression]) -> Expression:
 
 def simplified(tree: Expression) -> Expression:
     """The shortest of: the tree as it is, collected, as one quotient; with sin^2 = 1 - cos^2 where both occur."""
-    collected = collect(tree)
-    forms = [collected, merge_powers(tree)]
+    collected, merged = collect(tree), merge_powers(tree)
+    forms = [collected, merged]
     if _is_monomial(collected):  # as momenta and energies of many masses are
         return shortest(forms)
-    forms.append(quotient(collected))
+    forms += [quotient(collected), *([quotient(merged)] if size(merged) < size(collected) else [])]
     for other in _without_squares(collected):
         forms += [collect(other), quotient(other)]
     return shortest(forms)

@@ -17,6 +17,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import merge_powers
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
+    ZERO,
     Arbitrary,
     Expression,
     Sum,
@@ -29,7 +30,7 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.mechanics.euler_lagrange import hessian, momenta
+from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
 from inverse_service.mechanics.legendre.forms import (
     cancelled,
@@ -101,7 +102,8 @@ def legendre(
     reach = Reach(deadline=now() + time_limit)
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
-    functions = tuple(simplified(tree) for tree in momenta(lagrangian, names))
+    slopes = gradient(lagrangian, map(Velocity, names))  # u log u has log u + 1 for a slope, if it is not expanded
+    functions = tuple(simplified(slopes.get(Velocity(name), ZERO)) for name in names)
     parts = split(lagrangian, names, dict(zip(names, symbols, strict=True)))
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
     points = sample_points([lagrangian, *functions], positive)
