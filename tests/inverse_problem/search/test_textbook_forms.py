@@ -9,6 +9,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_given, read_system
+from inverse_service.service.documents.translate import lagrangian_part
 from tests.inverse_problem.search.forty_digits import same_value
 from tests.inverse_problem.search.given import tree
 
@@ -94,3 +95,54 @@ def test_distances_stay_as_they_are_written() -> None:
     for formula in (answer.lagrangian.expression, answer.hamiltonian.expression):
         assert "sqrt((x + m)^2 + y^2)" in to_text(formula)
         assert "sqrt((x + m - 1)^2 + y^2)" in to_text(formula)
+
+
+# Each made from the Lagrangian on the right, by SymPy; its terms are products of velocities, powers of the velocity of
+# a cyclic coordinate, or functions whose denominators show as factors of f alone.
+MADE_FROM_LAGRANGIANS = [
+    ({"x": "2*w'^2*y^2/(3*x'*y'*sqrt(y^2 + 1)) - y*exp(-y)/(3*x'*y')",
+      "y": "-w'^2*y^2/(3*x'^2*sqrt(y^2 + 1)) + y'^2/(2*y) + y*exp(-y)/(6*x'^2)",
+      "z": "-3*sin(w - 2*z)/2", "w": "-w'*y*y'/(y^2 + 1) + sin(w - 2*z)/(4*sqrt(y^2 + 1))"},
+     "2*w'^2*sqrt(y^2 + 1) + x'^2*y'^2/y + 2*z'^2/3 - cos(w - 2*z) + exp(-y)"),
+    ({"r": "a'*b'*r'/(a*(8*a*b'^(3/2)*s'^2 - 8*a*b'^(3/2) + 3*a*r'^2 - 3*b'))",
+      "a": "(3*a*a'^2*b'^(3/2)*r'^2 + 8*a*a'^2*b'^3*s'^2 - 8*a*a'^2*b'^3 - 8*a*b'^(11/2)*s'^2 + 8*a*b'^(11/2)"
+           " - 3*a*b'^4*r'^2 - 7*a'^2*b'^(5/2) + 3*b'^5)"
+           "/(2*a*b'^(3/2)*(8*a*b'^(3/2)*s'^2 - 8*a*b'^(3/2) + 3*a*r'^2 - 3*b'))",
+      "s": "4*a'*b'*s'/(a*(8*a*b'^(3/2)*s'^2 - 8*a*b'^(3/2) + 3*a*r'^2 - 3*b'))",
+      "b": "-2*a'*b'^2/(a*(8*a*b'^(3/2)*s'^2 - 8*a*b'^(3/2) + 3*a*r'^2 - 3*b'))"},
+     "sqrt(b')*r'^2 + b'^2*s'^2/3 + b'^2 + a'^2/(a*b') + b'^(3/2)/a"),
+    ({"r": "r*(2*r'^2 + r'^2/(3*sqrt(a^2 + r^2 + 1)) + 18 + 3/sqrt(a^2 + r^2 + 1))",
+      "a": "a*exp(-a')/(3*sqrt(a^2 + r^2 + 1))"},
+     "r^2 + r'*atan(r'/3)/3 + sqrt(a^2 + r^2 + 1)/3 + exp(a') - log(r'^2/9 + 1)/2"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("equations", "known"), MADE_FROM_LAGRANGIANS, ids=["products", "a cyclic coordinate", "factors of f"]
+)
+def test_other_functions_of_the_velocities_are_found(equations: dict[str, str], known: str) -> None:
+    answer = _answered(equations)
+    assert answer.lagrangian is not None
+    assert len(to_text(answer.lagrangian.expression)) < 2 * len(known)
+
+
+def test_nested_roots_that_are_short_sums_are_one_constant() -> None:
+    """(2 + sqrt 5)^(1/3) = (1 + sqrt 5)/2."""
+    answer = _answered({"x": "(2+sqrt(5))^(1/3)*y' - y^2", "y": "-(1+sqrt(5))/2*x' - 2*x*y"})
+    assert answer.lagrangian is not None
+    assert same_value(answer.lagrangian.expression, tree("x'^2/2 + y'^2/2 + (1+sqrt(5))/2*x*y' - x*y^2"))
+
+
+def test_conditions_that_follow_from_others_are_left_out() -> None:
+    answer = _answered({"x": "-x - c*x'"}, "c")
+    assert answer.lagrangian is not None
+    part = lagrangian_part(answer.lagrangian)
+    assert part.domain == ["c < 2", "c > 0", "x > 0", "x' > 0"]
+
+
+def test_the_momentum_of_a_strongly_damped_oscillator_is_one_quotient() -> None:
+    """log((a x + 2 v)/(b x + 2 v))/(sqrt(5) x), a and b = 3 -+ sqrt 5."""
+    answer = _answered({"x": "-x - 3*x'"})
+    assert answer.hamiltonian is not None
+    (p,) = answer.hamiltonian.momenta
+    assert to_text(p) == "sqrt(5)*(log(-sqrt(5)*x + 3*x + 2*x') - log(sqrt(5)*x + 3*x + 2*x'))/(5*x)"

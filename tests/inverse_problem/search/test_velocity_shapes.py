@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import pytest
 
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Apply, Expression, add, multiply, number, power, square_root
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.families import possible_shapes
 from inverse_service.inverse_problem.search.material import gather
+from inverse_service.inverse_problem.search.motion import irreducible_factors
 from inverse_service.inverse_problem.search.shapes import quadratic
+from inverse_service.inverse_problem.search.terms import monomial, terms_of, tree_of
 from inverse_service.mechanics.reading import read_system
 from tests.generator import random_systems
+from tests.inverse_problem.search.given import tree
 
 POSSIBLE = [
     ({"x": "0"}, False),
@@ -51,3 +56,31 @@ def test_generated_quadratic_lagrangians_are_never_excluded(family: str) -> None
 @pytest.mark.parametrize(("equations", "with_time"), EXCLUDED)
 def test_a_system_without_one_is_excluded(equations: dict[str, str], with_time: bool) -> None:
     assert not possible(equations, with_time)
+
+
+def test_shapes_without_common_points_do_not_stop_the_others() -> None:
+    """sqrt(-1 - x'^2) is nowhere real: what is in velocities alone is tested all the same, and nothing else kept."""
+    given = gather(analyse(read_system(["x", "y"], {"x": "-x - y", "y": "-x - 2*y"})), False)
+    v = given.motion.velocities[0]
+    nowhere = add(number(-1), multiply(number(-1), power(v, 2)))
+    shapes = [*quadratic(given), monomial(square_root(nowhere)), monomial(Apply("log", v))]
+    assert set(possible_shapes(given, shapes, 1)) == set(quadratic(given))
+
+
+SUMS = [
+    ("2*x*x'^2 + x/2 + 3*x'^2*y^2 + 3*y^2/4", ["2*x + 3*y^2", "4*x'^2 + 1"]),
+    ("(1 + x'^2)*exp(-y) + (1 + x'^2)*y", ["x'^2 + 1", "y*exp(y) + 1"]),
+    ("x'^2*sqrt(x) + sqrt(x) + x'^2 + 1", ["sqrt(x) + 1", "x'^2 + 1"]),
+    ("x'^2 - y", ["x'^2 - y"]),
+]
+
+
+@pytest.mark.parametrize(("text", "factors"), SUMS)
+def test_sums_fall_into_irreducible_factors(text: str, factors: list[str]) -> None:
+    force = read_system(["x", "y"], {"x": text, "y": "0"}).accelerations[0]
+    assert sorted(same_sum(p) for p in irreducible_factors(force)) == sorted(same_sum(tree(p)) for p in factors)
+
+
+def same_sum(expression: Expression) -> str:
+    """A text that equal sums up to a factor share."""
+    return min(to_text(tree_of({k: sign * c for k, c in terms_of(expression).items()})) for sign in (1, -1))
