@@ -32,13 +32,15 @@ class Document(BaseModel):
 class ProblemPlace(Document):
     """One fault: RFC 6901 pointer, column from 1 in the string there, and what to write instead.
 
-    `instead` lists texts, each of which may have been meant in the place of the name at the column.
+    `instead` lists texts, each of which may have been meant in the place of the name at the column, or of
+    what stands from the first column of `span` up to the second.
     """
 
     pointer: str
     column: int | None = None
     detail: str
     instead: list[str] = Field(default_factory=list)
+    span: list[int] | None = None
 
 
 class ProblemDocument(Document):

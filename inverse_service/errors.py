@@ -22,22 +22,29 @@ class InputError(InverseServiceError):
 
     `detail` is one clear sentence (what, where, what instead) that never echoes raw input at
     length; `pointer` is an RFC 6901 JSON pointer into the document; `column` counts characters
-    from 1 in the string that the pointer names. `instead` are texts that may have been meant there.
+    from 1 in the string that the pointer names. `instead` are texts that may have been meant there:
+    for the name at the column, or for what stands from the one column of `span` up to the other.
     """
 
     code = "bad-input"
 
     def __init__(
-        self, detail: str, pointer: str = "", column: int | None = None, instead: tuple[str, ...] = ()
+        self,
+        detail: str,
+        pointer: str = "",
+        column: int | None = None,
+        instead: tuple[str, ...] = (),
+        span: tuple[int, int] | None = None,
     ) -> None:
         super().__init__(detail)
         self.pointer = pointer
         self.column = column
         self.instead = instead
+        self.span = span
 
     def at(self, pointer: str) -> InputError:
         """The same error at a place further down in the document."""
-        return type(self)(self.detail, pointer + self.pointer, self.column, self.instead)
+        return type(self)(self.detail, pointer + self.pointer, self.column, self.instead, self.span)
 
 
 class LimitError(InputError):

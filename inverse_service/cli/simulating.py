@@ -150,7 +150,7 @@ def _values(method: Mapping[str, Any], columns: list[str]) -> list[Any]:
 def _number(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(_number(part) for part in value)
-    return "-" if value is None else f"{value:.4g}"
+    return "-" if value is None else f"{value or 0:.4g}"
 
 
 def _costs(summary: Mapping[str, Any]) -> list[str]:

@@ -97,12 +97,40 @@ class FormulaParser(OperandParser):
         if ahead.kind == "number":
             raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
         if after_division:
-            raise refusal("what is divided is not clear", column, "write (a/b)*c or a/(b*c)")
+            raise self._unclear_quotient(column)
         last, before = self._stream.look(-1), self._stream.look(-2)
         if before.is_operator("-"):
             before = self._stream.look(-3)
         if last.kind == "number" and before.is_operator("^") and not ahead.space_before:
             raise refusal("where the power ends is not clear", column, "write x^2*y or x^(2*y)")
+
+    def _unclear_quotient(self, column: int) -> InputError:
+        """The refusal of a/b c, with both readings where what follows can be read."""
+        stream, place = self._stream, self._stream.position
+        said = ("what is divided is not clear", column, "write (a/b)*c or a/(b*c)")
+        start, bar = self._quotient_before()
+        try:
+            while self._continues(stream.ahead):
+                self._factor()
+        except InputError:
+            return refusal(*said)
+        if "|" in stream.source(start, stream.position):
+            return refusal(*said)
+        over, under = stream.source(start, bar), stream.source(bar + 1, place)
+        rest, last = stream.source(place, stream.position), stream.look(-1)
+        span = (stream.look(start - stream.position).column, last.column + len(last.text))
+        return refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
+
+    def _quotient_before(self) -> tuple[int, int]:
+        """The positions at which the term begins and its last / stands."""
+        distance = depth = slash = 0
+        while (before := self._stream.look(distance - 1)).kind != "end":
+            depth += before.is_operator(")") - before.is_operator("(")
+            if depth < 0 or (depth == 0 and before.is_operator("+", "-", ",", "=")):
+                break
+            distance -= 1
+            slash = slash or distance * (depth == 0 and before.is_operator("/"))
+        return self._stream.position + distance, self._stream.position + slash
 
     def _factor(self) -> Expression:
         base = self._base()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.notation import Formula, row
@@ -113,3 +115,93 @@ def _coefficient(term: Expression) -> Fraction:
 def _is_number(term: Expression) -> bool:
     """Whether no coordinate, velocity, parameter or function occurs."""
     return not any(isinstance(node, Symbol | Velocity | Arbitrary) and node != PI for node in walk(term))
+
+
+Bound = Fraction | float
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Numbers from `low` to `high`; an end that is `open` is none of them."""
+
+    low: Bound = -math.inf
+    high: Bound = math.inf
+    low_open: bool = True
+    high_open: bool = True
+
+    @property
+    def is_positive(self) -> bool:
+        return self.low > 0 or (self.low == 0 and self.low_open)
+
+    @property
+    def turned(self) -> Range:
+        """Those with the other sign."""
+        return Range(-self.high, -self.low, self.high_open, self.low_open)
+
+
+def needed(positive: Sequence[Expression], nonzero: Sequence[Expression]) -> tuple[list[int], list[int]]:
+    """The places of the conditions that do not follow from those on single names, such as 0 < c < 2 and x > 0."""
+    bounds: dict[Expression, Range] = {}
+    alone = {place: bound for place, tree in enumerate(positive) if (bound := _bounded(tree)) is not None}
+    for name, own in alone.values():
+        known = bounds.get(name, Range())
+        bounds[name] = Range(max(known.low, own.low), min(known.high, own.high))
+    kept = [k for k, tree in enumerate(positive) if k in alone or not _range(tree, bounds).is_positive]
+    settled = {*positive, *map(negate, positive)}
+    ranges = [_range(tree, bounds) for tree in nonzero]
+    rest = [
+        k
+        for k, (tree, found) in enumerate(zip(nonzero, ranges, strict=True))
+        if not (tree in settled or found.is_positive or found.turned.is_positive)
+    ]
+    return kept, rest
+
+
+def _bounded(tree: Expression) -> tuple[Expression, Range] | None:
+    """The name and its range where a condition u > 0 bounds one name by a number."""
+    left, right, is_greater = _sides(tree)
+    if not isinstance(left, Symbol | Velocity) or not isinstance(right, Number):
+        return None
+    return left, Range(right.value) if is_greater else Range(high=right.value)
+
+
+def _range(tree: Expression, bounds: Mapping[Expression, Range]) -> Range:
+    """Where the values of the tree lie, at least."""
+    match tree:
+        case Number(value):
+            return Range(value, value, False, False)
+        case Sum(terms):
+            found = [_range(term, bounds) for term in terms]
+            low, high = (sum(getattr(one, end) for one in found) for end in ("low", "high"))
+            return Range(low, high, any(one.low_open for one in found), any(one.high_open for one in found))
+        case Product(factors):
+            return _product_of([_range(factor, bounds) for factor in factors])
+        case Power(base, Number(exponent)):
+            return _power_of(_range(base, bounds), exponent)
+    return bounds.get(tree, Range(0) if is_plainly_positive(tree) else Range())
+
+
+def _product_of(factors: Sequence[Range]) -> Range:
+    """Of factors that keep their signs; anything where one does not."""
+    found, is_turned = Range(Fraction(1), Fraction(1), False, False), False
+    for one in factors:
+        is_below = one.low < 0
+        one, is_turned = (one.turned, not is_turned) if is_below else (one, is_turned)
+        if one.low < 0:
+            return Range()
+        low, high = found.low * one.low, 0 if 0 in (found.high, one.high) else found.high * one.high
+        low_open = found.low_open or one.low_open if low else found.is_positive and one.is_positive
+        found = Range(low, high, low_open, high != 0 and (found.high_open or one.high_open))
+    return found.turned if is_turned else found
+
+
+def _power_of(base: Range, exponent: Fraction) -> Range:
+    is_even = exponent.denominator == 1 and exponent.numerator % 2 == 0
+    if is_even and base.high <= 0:
+        base = base.turned
+    if base.low < 0:
+        return Range(0, low_open=exponent < 0) if is_even else Range()
+    if exponent < 0 or exponent.denominator > 1:
+        return Range(0, low_open=exponent < 0 or base.is_positive)
+    power = int(exponent)
+    return Range(base.low**power, base.high**power, base.low_open, base.high_open)

@@ -98,6 +98,8 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
             shown,
             column,
             f'declare it in "functions" with its arguments, use a known function{hint}, or write * before the bracket',
+            tuple(close),
+            (column, column + len(name)),
         )
     meant = (*difflib.get_close_matches(name, [*names.declared(), *FUNCTIONS], 1, 0.7), *readings(name, names))
     if meant:

@@ -157,7 +157,9 @@ class OperandParser(ABC):
         ahead = self._stream.ahead
         if ahead.is_operator("(") and not ahead.space_before:
             name = token.text
-            raise refusal(f"{name}( could be a product or a function", ahead.column, f"write {name}*( for a product")
+            what = f"{name}( could be a product or a function"
+            span = (ahead.column, ahead.column + 1)
+            raise refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span)
         if ahead.kind == "prime":
             raise refusal(f"{token.text} has no derivative in time; a prime occurs", ahead.column, "leave it out")
         return node

@@ -49,10 +49,14 @@ _REASONS = {
     ".": "a dot belongs to a number such as 0.5",
     "_": "a name begins with a letter, and a number has no _ in it",
     '"': "write two primes '' for a second derivative, and the formula without quotation marks",
+    "\u00a8": "write two primes '' for a second derivative",
+    "`": "leave it out",
+    "\u2014": "write - for a minus",
     "&": "write equations one after the other, separated by ;",
     "\u221e": "write a finite number",
     "\u222b": "write the integral itself",
 }
+_MEANT = {'"': "''", "\u00a8": "''", "\u2014": "-"}
 # Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
 _OTHER_PROGRAMS = re.compile(
     r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"
@@ -208,4 +212,5 @@ def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     if character in "+-*/^()[]{},=;|\u2202":
         return [Token("operator", character, column, space)], place + 1
     what = f"the character {describe(text[place])} is not accepted"
-    raise refusal(what, column, _REASONS.get(text[place], _OTHERWISE))
+    meant = (_MEANT[text[place]],) if text[place] in _MEANT else ()
+    raise refusal(what, column, _REASONS.get(text[place], _OTHERWISE), meant, (column, column + 1))

@@ -64,12 +64,14 @@ class Token:
         return self.kind == "operator" and self.text in texts
 
 
-def refusal(what: str, column: int, instead: str, meant: tuple[str, ...] = ()) -> InputError:
+def refusal(
+    what: str, column: int, instead: str, meant: tuple[str, ...] = (), span: tuple[int, int] | None = None
+) -> InputError:
     """An InputError whose sentence says what is wrong, where, and what to write instead.
 
-    `meant` are texts one of which may have been meant in the place of the token there.
+    `meant` are texts one of which may have been meant in the place of the name there, or of `span`.
     """
-    return InputError(f"{what} at column {column}: {instead}.", column=column, instead=meant)
+    return InputError(f"{what} at column {column}: {instead}.", column=column, instead=meant, span=span)
 
 
 def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
@@ -80,9 +82,11 @@ def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
         square += tokens[place - 1].is_operator("[") - tokens[place - 1].is_operator("]")
         numbers = tokens[place - 1].kind == "number" and after.kind == "number"
         if comma.is_operator(",") and numbers and not square and not after.space_before:
-            raise refusal(
-                "a comma occurs between digits", comma.column, "write a decimal point, or a space after a comma"
-            )
+            before = tokens[place - 1]
+            meant = tuple(f"{before.text}{mark}{after.text}" for mark in (".", "")[: 1 + (len(after.text) == 3)])
+            instead = "write a decimal point, or a space after a comma"
+            span = (before.column, after.column + len(after.text))
+            raise refusal("a comma occurs between digits", comma.column, instead, meant, span)
 
 
 def limit_passed(what: str, column: int, bound: int) -> LimitError:
@@ -109,6 +113,11 @@ class TokenStream:
         """The token `distance` places on (or back), the end token beyond either end."""
         place = self.position + distance
         return self._tokens[place] if 0 <= place < len(self._tokens) else self._tokens[-1]
+
+    def source(self, start: int, end: int) -> str:
+        """The tokens from one position up to another as they may be written."""
+        found = (f"{' ' * token.space_before}{token.text}" for token in self._tokens[start:end])
+        return "".join(found).strip()
 
     def take(self) -> Token:
         token = self.ahead

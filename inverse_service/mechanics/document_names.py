@@ -274,6 +274,7 @@ def _coordinates(
 
 
 _SUBSCRIPTS = re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])")
+_PRIMED_VALUE = re.compile(r"([A-Za-z]\w*)\s*\(t\)\s*(?:''|\u2033|\u2019\u2019)")
 
 
 def _why_nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> str:
@@ -285,6 +286,9 @@ def _why_nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> st
             f"{name} has {derivatives} in time, and {known} is declared as a {names.role(known)}: take it out, or "
             'name the "coordinates".'
         )
+    found = next(filter(None, map(_PRIMED_VALUE.search, texts.values())), None)
+    if found:
+        return f"the primes come after (t): write {found[1]}''(t) or {found[1]}'' for a second derivative."
     found = next(filter(None, map(_SUBSCRIPTS.search, texts.values())), None)
     return f"{found[0]} is read as a name: write {found[1]}''({found[2]}) for a second derivative." if found else ""
 

@@ -251,10 +251,11 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
 
 
 def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """The velocities for v, the coordinate Theta for theta; R beside r is a constant to most."""
+    """The velocities for v, the coordinate Theta for theta, x for X; R beside r is a constant to most."""
     if name == "v":
         return tuple(f"{coordinate}'" for coordinate in coordinates[:1])
-    return tuple(other for other in coordinates if other != name and other.lower() == name)
+    meant = name.lower() if name in ("X", "Y", "Z") else name
+    return tuple(other for other in coordinates if other != name and other.lower() == meant)
 
 
 def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinates: Sequence[str]) -> None:

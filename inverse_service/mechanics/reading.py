@@ -202,8 +202,9 @@ def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
             first, *rest = group.tokens
             moved = _ACCELERATION.fullmatch(first.text)
             if moved and not names.role(first.text) and rest and rest[0].is_operator("="):
-                instead = f"write {next(filter(None, moved.groups()))}'' for a second derivative"
-                raise refusal(f"{first.text} is read as a name; it occurs", first.column, instead).at(pointer)
+                meant = f"{next(filter(None, moved.groups()))}''"
+                what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
+                raise refusal(what, first.column, f"write {meant} for a second derivative", (meant,), span).at(pointer)
             moves = names.role(first.text) or derived_stem(first.text) or _DERIVATIVE.search(first.text)
             if first.kind != "name" or not rest or not rest[0].is_operator("=") or moves:
                 continue

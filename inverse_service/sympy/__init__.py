@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from inverse_service.sympy.result import Result, result_of
 
 if TYPE_CHECKING:
-    from inverse_service.sympy.helmholtz import Conditions
+    from inverse_service.sympy.conditions import Conditions
 
 __all__ = ["Result", "document", "from_result", "helmholtz", "nonholonomic", "solve", "solve_many", "table"]
 
@@ -78,7 +78,7 @@ def nonholonomic(
 
 def helmholtz(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> Conditions:
     """N, Phi, nabla Phi and R of a system, without a decision."""
-    from inverse_service.sympy.helmholtz import conditions_of
+    from inverse_service.sympy.conditions import conditions_of
 
     return conditions_of(system, coordinates, keys)
 

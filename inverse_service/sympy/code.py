@@ -6,7 +6,7 @@ Each quantity is a function of t, the coordinates, the velocities (the momenta, 
 from __future__ import annotations
 
 import keyword
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +16,10 @@ from sympy.printing.codeprinter import ccode, cxxcode, fcode, rust_code
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
+from inverse_service.sympy.trees import expression
 
 if TYPE_CHECKING:
+    from inverse_service.sympy.names import Table
     from inverse_service.sympy.result import Answer
 
 QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")
@@ -234,7 +236,10 @@ def _sympy_program(answer: Answer) -> str:
 
     symbols = [f'{renamed[each]} = Symbol("{each}")' for each in renamed]
     symbols += [f'{words[each]} = Function("{each.func}")' for each in calls]
-    symbols += [f'{name} = Function("{found}")' for name, found in table.functions.items()]
+    integrals = answer.get("integrals") or {}
+    symbols += [f'{name} = Function("{found}")' for name, found in table.functions.items() if name not in integrals]
+    for name, part in integrals.items():
+        symbols += _integral_class(name, part, table, text)
     lines = ["from sympy import *", "", *symbols]
     lines += [
         "motion = {",
@@ -253,6 +258,22 @@ def _sympy_program(answer: Answer) -> str:
         lines += [f'{p} = Symbol("{p}")' for p in answer.hamiltonian.momenta]
         lines += [f"H = {text(answer.hamiltonian.expr)}"]
     return "\n".join(lines) + "\n"
+
+
+def _integral_class(name: str, part: Mapping[str, Any], table: Table, text: Callable[[Any], str]) -> list[str]:
+    """A function that the program knows by its derivatives."""
+    formal = ", ".join(text(expression(argument, table)) for argument in part["arguments"])
+    slopes = (part["derivatives"].get(argument) for argument in part["arguments"])
+    known = {place: text(expression(slope, table)) for place, slope in enumerate(slopes, 1) if slope is not None}
+    return [
+        f"class {name}(Function):",
+        f"    nargs = {len(part['arguments'])}",
+        "    def fdiff(self, argindex=1):",
+        f"        known = {{{', '.join(f'{place}: {slope}' for place, slope in known.items())}}}",
+        "        if argindex not in known:",
+        "            return Function.fdiff(self, argindex)",
+        f"        return known[argindex].subs(dict(zip([{formal}], self.args)), simultaneous=True)",
+    ]
 
 
 def _python_words(answer: Answer) -> dict[Any, str]:

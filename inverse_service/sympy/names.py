@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import sympy
+from sympy.core.function import AppliedUndef
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names as FormulaNames
@@ -63,7 +64,7 @@ class Table:
 
 
 def _plain(found: Any) -> str:
-    return str(found.func) if found.is_Function else str(found)
+    return str(found.func) if isinstance(found, AppliedUndef) else str(found)  # x(t), or the class f itself
 
 
 def table_of_result(result: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> Table:

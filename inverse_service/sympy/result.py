@@ -68,7 +68,7 @@ class Verification:
     @property
     def holds(self) -> bool | None:
         """True where SymPy reduces all of them to 0, False where one differs from 0 in numbers, None where unsure."""
-        from inverse_service.sympy.helmholtz import is_zero
+        from inverse_service.sympy.conditions import is_zero
 
         verdicts = [is_zero(each) for each in (*self.euler_lagrange, self.hamiltonian) if each is not None]
         return False if False in verdicts else (None if None in verdicts else True)
@@ -184,7 +184,7 @@ class Answer(dict[str, Any]):
 
     def verify(self) -> Verification:
         """SymPy's own Euler-Lagrange residuals of L along the motion, and H - (p v - L); ValueError without L."""
-        from inverse_service.sympy.helmholtz import verification
+        from inverse_service.sympy.conditions import verification
 
         return verification(self)
 
@@ -237,7 +237,7 @@ class Result(Answer):
     @cached_property
     def conditions(self) -> Any:
         """Phi, nabla Phi and R as SymPy arrays, None where they were left out."""
-        from inverse_service.sympy.helmholtz import conditions_of_texts
+        from inverse_service.sympy.conditions import conditions_of_texts
 
         found = self.get("conditions")
         return None if found is None else conditions_of_texts(found, self._table)

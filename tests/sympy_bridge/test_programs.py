@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import subprocess
@@ -190,6 +192,15 @@ def test_a_lagrangian_with_an_integral_is_an_expression_that_sympy_differentiate
     assert str(found.lagrangian.diff(x)) == str(-force)
     assert name in str(found.lagrangian)
     assert found.verify().holds is True
+    assert found["system"]["functions"] == ({"f": ["x"]} if "f(" in str(force) else {})
+    assert printed(found.to_code("sympy")) == "[0]\n"
+
+
+def printed(program: str) -> str:
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        exec(program, {})
+    return said.getvalue()
 
 
 def test_texts_among_objects_are_not_evaluated() -> None:
@@ -277,3 +288,8 @@ def test_the_second_derivative_of_a_function_is_no_acceleration() -> None:
     result = inverse_service.solve({"equations": "x'' = -V''(x)", "functions": ["V(x)"]})
     assert list(result.equations.values()) == list(result.accelerations)
     assert result.verify().holds
+
+
+def test_helmholtz_is_a_function_after_its_first_call() -> None:
+    first, second = (inverse_service.sympy.helmholtz(sp.Eq(x.diff(t, 2), -x)) for _ in range(2))
+    assert first == second

@@ -10,6 +10,7 @@ from typing import Any
 
 import httpx
 import pytest
+from markupsafe import escape
 
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
 JSON = {"Content-Type": "application/json"}
@@ -265,3 +266,35 @@ def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
     assert "x&#39;&#39; = -k*x</textarea>" in chosen.text
     declared = client.post("/understood", data={**fields, "instead": "parameters:0:0:kx"})
     assert 'name="parameters" value="kx"' in declared.text
+
+
+@pytest.mark.parametrize(
+    ("typed", "at", "meant", "left"),
+    [
+        ("x'' = -k/m x", "8+5", "(k/m)*x", "x'' = -(k/m)*x"),
+        ("x'' = -k/m x", "8+5", "k/(m*x)", "x'' = -k/(m*x)"),
+        ("theta'' = -g/l sin(theta) - c", "12+14", "(g/l)*sin(theta)", "theta'' = -(g/l)*sin(theta) - c"),
+        ("x'' = -0,5 x", "8+3", "0.5", "x'' = -0.5 x"),
+        ("x'' = -1,000 x", "8+5", "1000", "x'' = -1000 x"),
+        ("x'' = -k(x-1)", "9+1", "*(", "x'' = -k*(x-1)"),
+        ('x" = -x', "2+1", "''", "x'' = -x"),
+        ("xdd = -x", "1+4", "x''", "x''= -x"),
+        ("x'' = -Sin(x)", "8+3", "sin", "x'' = -sin(x)"),
+        ("x'' = -X", "8", "x", "x'' = -x"),
+    ],
+)
+def test_each_reading_is_a_button_that_leaves_the_rest(
+    client: httpx.Client, typed: str, at: str, meant: str, left: str
+) -> None:
+    fields = {"kind": "equations", "equations": typed}
+    choice = f"equations:1:{at}:{meant}"
+    assert f'value="{escape(choice)}"' in client.post("/understood", data=fields).text
+    chosen = client.post("/understood", data={**fields, "instead": choice})
+    assert f"{escape(left)}</textarea>" in chosen.text
+    assert "data-problem" not in chosen.text
+
+
+def test_primes_after_the_time_are_told_their_place(client: httpx.Client) -> None:
+    refused = client.post("/understood", data={"kind": "equations", "equations": "x(t)'' = -x(t)"})
+    assert "the primes come after (t)" in refused.text.lower()
+    assert "x&#39;&#39;(t)" in refused.text

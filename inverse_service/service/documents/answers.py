@@ -108,7 +108,9 @@ def problem_document(status: int, kind: str, detail: str, places: Sequence[Place
         "status": status,
         "detail": detail,
         "errors": [
-            {"pointer": p.pointer, "column": p.column, "detail": p.detail, "instead": list(p.instead)} for p in places
+            {"pointer": p.pointer, "column": p.column, "detail": p.detail, "instead": list(p.instead)}
+            | ({"span": list(p.span)} if p.span else {})
+            for p in places
         ],
     }
 

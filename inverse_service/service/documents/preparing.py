@@ -79,7 +79,7 @@ class Prepared:
         if self.time == "t":
             return error
         detail = _in_plain_text(error.detail, {"t": self.time, self.other: "t"}, pad=False)
-        return InputError(detail, error.pointer, error.column, error.instead)
+        return InputError(detail, error.pointer, error.column, error.instead, error.span)
 
 
 def prepared(document: Any) -> Prepared:

@@ -19,6 +19,7 @@ from inverse_service.service.figures.style import (
     look,
     new_figure,
     plain,
+    run_of,
     save,
     shown,
     thinned,
@@ -54,7 +55,7 @@ def coordinate_figure(
         panels[-1].set_xlabel(with_unit("t", result))
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
-    start = f"{result['name'] or 'Motion'}: {result['steps']} steps of {shown(result['step'])}."
+    start = f"{result['name'] or 'Motion'}: {run_of(result)}."
     return figure, start + _finding(result) + thinned(every)
 
 
@@ -82,7 +83,7 @@ def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
             axes.set_visible(False)
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
-    dots = f" Dots are every {every}th point." if every > 1 else ""
+    dots = f" Dots are one point of {every}." if every > 1 else ""
     return figure, f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate.{dots}"
 
 
@@ -139,7 +140,8 @@ def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
             panels[0][column].set_title(method["label"])
             panels[-1][column].set_xlabel("t")
     count = methods[0][1]["members"]
-    caption = f"{count} members: the median, the range of all, and {min(DRAWN, count)} of them as thin lines."
+    members = f"{count} member{'s' if count != 1 else ''}"
+    caption = f"{members}: the median, the range of all, and {min(DRAWN, count)} of them as thin lines."
     return figure, caption
 
 

@@ -12,7 +12,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, joined, look, new_figure, plain, shown, spread
+from inverse_service.service.figures.style import (
+    SETTINGS,
+    TRUE_COLOUR,
+    joined,
+    look,
+    new_figure,
+    plain,
+    run_of,
+    shown,
+    spread,
+)
 from inverse_service.simulation.matching_circle import turned
 
 Tables = Mapping[str, Mapping[str, Array]]
@@ -88,7 +98,7 @@ def _below(method: Mapping[str, Any], path: Array, centre: Array, half: float) -
     elif circle and (circle["revolutions"] or 0) >= 1:
         notes.append(f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}")
     if len(path) > 2 * MOST_POINTS:
-        notes.append(f"every {len(path) // MOST_POINTS}th point is drawn")
+        notes.append(f"one point of {len(path) // MOST_POINTS} is drawn")
     if method["outcome"] != "completed":
         notes.append(f"ends: {method['outcome']}")
     far = float(np.abs(path - centre).max())
@@ -104,7 +114,7 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
         for m in drawn
         if m.get("circle") and (m["circle"]["revolutions"] or 2) >= 2 and math.isfinite(m["circle"]["radius_change"])
     }
-    start = f"{result['name'] or 'Path'}: {result['steps']} steps of {shown(result['step'])}."
+    start = f"{result['name'] or 'Path'}: {run_of(result)}."
     black = " The black curve is the true motion." if compared else ""
     if any((m.get("circle") or {}).get("through_three_points") for m in drawn):
         black += " Dashed: the matching circles through three points."

@@ -238,7 +238,12 @@ def _curve(axes: Axes, place: int, method: Mapping[str, Any], key: str) -> None:
 
 def _below(result: Mapping[str, Any]) -> str:
     failed = len(result["failed"])
-    listed = f" {failed} settings failed or were not measured and are listed in the table." if failed else ""
+    were = (
+        f"{failed} settings failed or were not measured and are"
+        if failed > 1
+        else "1 setting failed or was not measured and is"
+    )
+    listed = f" {were} listed in the table." if failed else ""
     machine = result["machine"]
     silent = [
         method["label"] for method in result["methods"] if not any(s["force_evaluations"] for s in method["settings"])

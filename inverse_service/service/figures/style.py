@@ -114,6 +114,11 @@ def draw_line(axes: Axes, times: Array, values: Array, style: Look, label: str =
     return every
 
 
+def run_of(result: Mapping[str, Any]) -> str:
+    """The run in words: 600 steps of 0.05, 1 step of 0.1."""
+    return f"{result['steps']} step{'s' if result['steps'] != 1 else ''} of {shown(result['step'])}"
+
+
 def thinned(every: int) -> str:
     """The sentence of a caption where bands stand for lines."""
     return f" Bands are the least and the greatest of {every} points each." if every > 1 else ""

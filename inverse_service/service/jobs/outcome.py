@@ -23,11 +23,12 @@ class Place:
     column: int | None = None
     code: str = "bad-input"
     instead: tuple[str, ...] = ()
+    span: tuple[int, int] | None = None
 
 
 def faults_of(error: InputError) -> tuple[Place, ...]:
     """The faults that an error reports: all of those that a schema found, else the one."""
-    alone = Place(error.detail, error.pointer, error.column, error.code, error.instead)
+    alone = Place(error.detail, error.pointer, error.column, error.code, error.instead, error.span)
     found: tuple[Place, ...] = getattr(error, "places", ())
     return found or (alone,)
 

@@ -63,6 +63,7 @@ class ShownFormula:
     implicit: bool = False
     family: str = ""
     regular: Sequence[str] = ()
+    integrals: Sequence[Markup] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,8 @@ class ShownAnswer:
 
 def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any]) -> ShownAnswer:
     """The main answer of a result, or its `with_time`."""
-    names = typesetting.names_of(result["system"])
+    integrals = part.get("integrals") or {}
+    names = typesetting.names_of(result["system"], integrals)
     matrices = matrices_of(result["conditions"], names)
     steps = _said_once([step_of(step, names, matrices) for step in part["explanation"][:MAX_STEPS]])
     return ShownAnswer(
@@ -94,7 +96,7 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
         part["verdict"],
         headline(part, question, subject_of(result)),
         part["reason"],
-        _lagrangian(part["lagrangian"], names),
+        _lagrangian(part["lagrangian"], names, typesetting.integrals(integrals, names)),
         [_lagrangian_part(other, names) for other in part["other_lagrangians"]],
         _hamiltonian(part["hamiltonian"], names),
         typesetting.matrix(part["multiplier"], names) if part["multiplier"] else None,
@@ -102,7 +104,7 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
         steps,
         max(0, len(part["explanation"]) - MAX_STEPS),
         proof_of(part),
-        [typesetting.formula(condition, names) for condition in part.get("domain", ())],
+        typesetting.conditions(part.get("domain", ()), names),
     )
 
 
@@ -265,12 +267,12 @@ def other_question(result: Mapping[str, Any], main: ShownAnswer) -> str:
     }[verdict]
 
 
-def _lagrangian(part: Mapping[str, Any] | None, names: Names) -> ShownFormula | None:
-    return None if part is None else _lagrangian_part(part, names)
+def _lagrangian(part: Mapping[str, Any] | None, names: Names, integrals: Sequence[Markup]) -> ShownFormula | None:
+    return None if part is None else replace(_lagrangian_part(part, names), integrals=integrals)
 
 
 def _lagrangian_part(part: Mapping[str, Any], names: Names) -> ShownFormula:
-    domain = [typesetting.formula(condition, names) for condition in part["domain"]]
+    domain = typesetting.conditions(part.get("domain", ()), names)
     shown = typesetting.equation("L", part["text"], names)
     return ShownFormula(
         shown, f"L = {part['text']}", domain, family=part.get("family", ""), regular=regular_where(part)
@@ -283,7 +285,7 @@ def _hamiltonian(part: Mapping[str, Any] | None, names: Names) -> ShownFormula |
     momenta = [typesetting.formula(f"{name} = {text}", names) for name, text in part["momenta"].items()]
     constraints = [typesetting.formula(f"{text} = 0", names) for text in part["constraints"]]
     shown = typesetting.equation("H", part["text"], names)
-    domain = [typesetting.formula(condition, names) for condition in part.get("domain", ())]
+    domain = typesetting.conditions(part.get("domain", ()), names)
     return ShownFormula(shown, f"H = {part['text']}", domain, momenta, constraints, part["implicit"])
 
 

@@ -30,7 +30,7 @@ LAGRANGIANS = {
 REVEALED = ("hint", "answer")
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
-_CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5}):(.{1,200})")
+_CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})")
 _IDENTIFIER = re.compile(r"^\\?\w+")
 _FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
 
@@ -44,21 +44,22 @@ def fields_of(form: Form) -> dict[str, str]:
 
 
 def _with_choice(fields: dict[str, str], choice: str) -> dict[str, str]:
-    """The fields with the reading that was chosen: "equations:2:9:k*x" puts k*x for the name at line 2, column 9.
+    """The fields with the reading that was chosen: "equations:2:9:k*x" puts k*x for the name at line 2, column 9;
+    "equations:2:9+4:k/(m*x)" puts it for the four characters there.
 
     "parameters:0:0:kx" declares kx.
     """
     match = _CHOICE.fullmatch(choice)
     if match is None:
         return fields
-    name, line, column, text = match[1], int(match[2]), int(match[3]), match[4]
+    name, line, column, text = match[1], int(match[2]), int(match[3]), match[5]
     if name == "parameters":
         return fields | {name: ", ".join(part for part in (fields[name], text) if part)}
     lines = fields[name].split("\n")
     if not 0 < line <= len(lines):
         return fields
     before, rest = lines[line - 1][: column - 1], lines[line - 1][column - 1 :]
-    lines[line - 1] = before + text + _IDENTIFIER.sub("", rest, count=1)
+    lines[line - 1] = before + text + (rest[int(match[4]) :] if match[4] else _IDENTIFIER.sub("", rest, count=1))
     return fields | {name: "\n".join(lines)}
 
 

@@ -143,12 +143,19 @@ def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
 
 def problem_of_error(error: InputError, fields: Mapping[str, str]) -> Problem:
     """A fault found while the form was read."""
-    found = (InputError(p.detail, p.pointer, p.column, p.instead) for p in faults_of(error))
+    found = (InputError(p.detail, p.pointer, p.column, p.instead, p.span) for p in faults_of(error))
     return Problem("Please change this:", [_place(fault, fields) for fault in found])
 
 
 def _error(place: Mapping[str, Any]) -> InputError:
-    return InputError(place["detail"], place["pointer"], place["column"], tuple(place["instead"]))
+    span = place.get("span")
+    return InputError(
+        place["detail"],
+        place["pointer"],
+        place["column"],
+        tuple(place["instead"]),
+        (span[0], span[1]) if span else None,
+    )
 
 
 def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
@@ -157,7 +164,7 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     field = steps[0] if steps else ""
     name = ", ".join([FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())])
     text = _text_at(steps, fields)
-    if detail.startswith(("the ", "a ", "an ", "this ")):
+    if detail.startswith(("the ", "a ", "an ", "this ", "what ", "where ")):
         detail = detail[:1].upper() + detail[1:]
     if column is None or text is None or column > len(text) + 1:
         return ShownPlace(detail, name)
@@ -174,12 +181,21 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     number = text.count("\n", 0, start) + 1 + _lines_before(steps)
     # The column in the sentence counts from the start of the whole text; the place is shown by its line.
     detail = _COLUMN.sub("", detail, count=1)
-    choices = _choices(error.instead, f"{field}:{number}:{place + 1}", line[place:])
+    first, after_last = (one - 1 - start for one in error.span) if error.span else (place, place)
+    length = after_last - first
+    at = f"{field}:{number}:{first + 1}" + (f"+{length}" if length else "")
+    choices = _choices(error.instead, at, line[first:], length)
     return ShownPlace(detail, name, number, place + 1, before, marked, after, choices)
 
 
-def _choices(instead: tuple[str, ...], at: str, rest: str) -> tuple[tuple[str, str], ...]:
-    """The readings of the name that stands there; the last declares it as a constant."""
+def _choices(instead: tuple[str, ...], at: str, rest: str, length: int) -> tuple[tuple[str, str], ...]:
+    """The readings of the text of this length that stands there, or of a name; then the last declares it constant.
+
+    LaTeX has none: they are written as plain text.
+    """
+    if length:
+        fits = length <= len(rest) and "\\" not in rest[:length]
+        return tuple((text, f"{at}:{text}") for text in dict.fromkeys(instead) if fits)
     word = re.match(r"\w+", rest)
     if not instead or word is None:
         return ()

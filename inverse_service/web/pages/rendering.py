@@ -138,7 +138,7 @@ def short_number(value: Any) -> str:
     """Three digits, powers of ten where they are shorter; a dash for what is no number."""
     if not isinstance(value, int | float):
         return "\u2013"
-    return f"{value:.3g}".replace("e-0", "e-").replace("e+0", "e")
+    return f"{value or 0:.3g}".replace("e-0", "e-").replace("e+0", "e")  # -0.0 is 0
 
 
 def duration(seconds: Any) -> str:

@@ -255,7 +255,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         also=answers.other_question(found, main),
         advice=advice_for(found, look.time_limit),
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
-        languages=LANGUAGES,
+        languages=["sympy"] if system and system["functions"] else LANGUAGES,
         exports=exports(found, address),
         timing=answers.timing(found["provenance"]),
         can_simulate=can_simulate() and system is not None,

@@ -56,7 +56,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         result=result,
         headings=[heading for _, heading in columns],
         formulas=formulas_of(result["system"]),
-        start={name: short_number(v) for name, v in start_of(result).items()},
+        start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
         rows=[method_row(method, columns) for method in result["methods"]],
         free=free_lagrangians(result),
         costs=costs(result),

@@ -127,7 +127,7 @@ def _drawn(plane: Array) -> str:
     size = high - low
     size = np.where(size > 1e-6 * size.max(), size, size.max() or 1.0)
     corners = SIDE / 2 + 0.9 * SIDE * (plane - (low + high) / 2) / size * (1, -1)
-    points = " ".join(f"{x:.0f},{y:.0f}" for x, y in corners)
+    points = " ".join(f"{round(x)},{round(y)}" for x, y in corners)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {SIDE} {SIDE}"><polyline fill="none" stroke="#3b82d0" '
         f'stroke-width="8" stroke-linejoin="round" points="{points}"/></svg>'
@@ -135,7 +135,7 @@ def _drawn(plane: Array) -> str:
 
 
 def _texts(names: Sequence[str], values: Array) -> dict[str, str]:
-    return {name: f"{value:g}" for name, value in zip(names, values, strict=True)}
+    return {name: f"{value or 0:g}" for name, value in zip(names, values, strict=True)}
 
 
 def _left(condition: str, names: Names) -> Expression:

@@ -12,10 +12,12 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.inequalities import needed
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import theory
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.tree import ZERO, Expression, subtract
 
 # Beyond this a formula is read as text, in a box that scrolls.
 MAX_CHARACTERS = 4_000
@@ -27,14 +29,18 @@ _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 
 
-def names_of(system: Mapping[str, Any] | None) -> Names:
-    """The names of a result's system; momenta, entries of the multiplier and L, H read as parameters."""
+def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
+    """The names of a result's system; momenta, entries of the multiplier and L, H read as parameters.
+
+    `integrals` are functions that an answer has besides.
+    """
     if system is None:
         return Names(parameters=("L", "H"))
     coordinates = tuple(system["coordinates"])
     n = len(coordinates)
     entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
     functions = {name: tuple(arguments) for name, arguments in system.get("functions", {}).items()}
+    functions |= {name: tuple(known["arguments"]) for name, known in (integrals or {}).items()}
     taken = {*coordinates, *functions}
     words = [system.get("time", "t"), *system["parameters"], *(f"p_{name}" for name in coordinates), *entries, "L", "H"]
     return Names(
@@ -79,6 +85,39 @@ def equation(letter: str, text: str, names: Names) -> Markup:
     if found is None:
         return code(f"{letter} = {text}")
     return math(f"<mrow><mi>{letter}</mi><mo>=</mo></mrow>") + found
+
+
+def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
+    """G(x) = ∫ F(x) dx for each integral; its derivatives where there are several."""
+    lines = []
+    for name, known in found.items():
+        whole = formula(f"{name}({', '.join(known['arguments'])})", names)
+        for by, slope in known["derivatives"].items():
+            within, variable = formula(slope, names), formula(by, names)
+            alone = len(known["derivatives"]) == 1
+            shape = "{} = \u222b ({}) d{}" if " " in slope else "{} = \u222b {} d{}"
+            pair = (whole, within, variable) if alone else (whole, variable, within)
+            lines.append(Markup(shape if alone else "\u2202{}/\u2202{} = {}").format(*pair))
+    return lines
+
+
+def conditions(texts: Sequence[str], names: Names) -> list[Markup]:
+    """The conditions of a domain without those that follow from the rest; the JSON has all of them."""
+    try:
+        found = [_difference(text, names) for text in texts]
+    except (InputError, ValueError):  # a sentence
+        return [formula(text, names) for text in texts]
+    groups = [[k for k, text in enumerate(texts) if (" != " in text) is unequal] for unequal in (False, True)]
+    kept = needed(*([found[k] for k in group] for group in groups))
+    places = sorted(group[k] for group, chosen in zip(groups, kept, strict=True) for k in chosen)
+    return [formula(texts[k], names) for k in places]
+
+
+def _difference(condition: str, names: Names) -> Expression:
+    """What is positive, or not 0, where the condition holds."""
+    left, sign, right = re.split(r" (!=|>|<) ", condition)
+    sides = [read_formula(side, names) for side in ((right, left) if sign == "<" else (left, right))]
+    return sides[0] if sides[1] == ZERO else subtract(*sides)
 
 
 def _breakable(text: str, names: Names) -> Markup | None:

@@ -43,6 +43,7 @@ function echo(form) {
       if (error.name !== "AbortError") target.textContent = "The service does not answer at the moment.";
     }
   };
+  target.addEventListener("click", (event) => meant(form, event));
   form.addEventListener("input", (event) => {
     // Other equations are no longer the example whose name the form carries.
     if (form.elements.name && event.target.tagName === "TEXTAREA") form.elements.name.value = "";
@@ -53,6 +54,25 @@ function echo(form) {
     timer = setTimeout(ask, ECHO_PAUSE);
   });
   return ask;
+}
+
+// A reading that was chosen is put where it belongs; without scripts the service does the same.
+function meant(form, event) {
+  const [, name, line, column, length, text] = event.target.value?.match(/^(\w+):(\d+):(\d+)(?:\+(\d+))?:(.+)$/) ?? [];
+  const field = text && form.elements.namedItem(name);
+  if (!field) return;
+  event.preventDefault();
+  if (name === "parameters") {
+    field.value = [field.value, text].filter(Boolean).join(", ");
+    field.closest("details").open = true;
+  } else {
+    const lines = field.value.split("\n");
+    const [before, rest] = [lines[line - 1].slice(0, column - 1), lines[line - 1].slice(column - 1)];
+    lines[line - 1] = before + text + (length ? rest.slice(length) : rest.replace(/^\\?[\p{L}\p{N}_]+/u, ""));
+    field.value = lines.join("\n");
+    field.focus();
+  }
+  field.dispatchEvent(new Event("input", { bubbles: true }));
 }
 
 function said(text) {
@@ -83,7 +103,7 @@ function answers(form) {
         place.innerHTML = text;
         place.hidden = false;
         focusWide(place);
-        said([...place.querySelectorAll("p:not(.hint), .formula")].map((part) => part.getAttribute("aria-label") ?? part.textContent).join(" "));
+        said([...place.querySelectorAll("p:not(.hint), .formula")].map((part) => part.getAttribute("aria-label") ?? part.textContent).join(" ") || place.textContent.trim());
       }
     } catch { /* the form works without */ }
     busy = false;

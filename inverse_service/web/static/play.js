@@ -266,6 +266,9 @@ class Play {
 
   field(kind, name) { return this.form.elements.namedItem(`${kind}.${name}`); }
 
+  // The name of a coordinate as its box shows it.
+  called(name) { return this.field("position", name)?.labels[0]?.textContent ?? name; }
+
   async load() {
     const answer = await fetch(this.panel.dataset.preview, { method: "POST", body: new URLSearchParams(new FormData(this.form)) });
     const told = answer.ok ? await answer.json() : { reason: "The service does not answer at the moment." };
@@ -276,7 +279,7 @@ class Play {
     this.values = told.values;
     if (!this.stage) {
       choices(this.part.picture, picturesFor(told.coordinates, told.angles));
-      this.part.coordinate.replaceChildren(...told.coordinates.map((name) => new Option(name)));
+      this.part.coordinate.replaceChildren(...told.coordinates.map((name) => new Option(this.called(name), name)));
       this.part.coordinate.parentElement.hidden = told.coordinates.length < 2;
       if (told.coordinates.length < 2) this.part.kind.querySelector("[value=section]").remove();
       this.panel.hidden = false;
@@ -339,15 +342,15 @@ class Play {
     if (!this.tracks) return;
     const { coordinates } = this.system;
     const c = Math.max(0, this.part.coordinate.selectedIndex);
-    const name = coordinates[c];
+    const [name, following] = [c, (c + 1) % coordinates.length].map((place) => this.called(coordinates[place]));
     const [first, second] = this.tracks;
     const kinds = {
-      phase: () => ({ lines: this.tracks.map((track) => ({ x: track.q[c], y: track.v[c] })), x: name, y: `${name}'` }),
+      phase: () => ({ lines: this.tracks.map((track) => ({ x: track.q[c], y: track.v[c] })), x: name, y: `${name}\u2032` }),
       time: () => ({ lines: this.tracks.map((track) => ({ x: track.t, y: track.q[c] })), x: "t", y: name }),
       difference: () => ({ lines: second ? [{ x: second.t, y: second.t.map((_, k) => second.q[c][k] - first.q[c][k]) }] : [], x: "t", y: `${name}, method \u2212 small steps` }),
       section: () => {
         const d = (c + 1) % coordinates.length;
-        return { lines: [section(this.system, this.start, c, d)], x: `${coordinates[d]} where ${name} rises through 0`, y: `${coordinates[d]}'`, dots: true };
+        return { lines: [section(this.system, this.start, c, d)], x: `${following} where ${name} rises through 0`, y: `${following}\u2032`, dots: true };
       },
     };
     const kind = this.part.kind.value;
