@@ -37,7 +37,8 @@ def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     observed, found = set(result["observe"]), []
     if "trajectory" in observed:
         if result["circle_coordinates"]:
-            found.append(("path", "Path in the plane"))
+            a, b = (greek_letter(name) or name for name in result["circle_coordinates"])
+            found.append(("path", "Path in the plane" if (a, b) == ("x", "y") else f"{b} over {a}"))
         found.append(("coordinates", "Coordinates in time"))
     if any(event["count"] for method in result["methods"] for event in method.get("events", ())):
         found.append(("section", "Points at events"))
@@ -94,7 +95,8 @@ def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, A
         precise = [_precision_line(k, method) for k, method in enumerate(methods)]
         return [_view(title, "steady time in s", "relative error", precise, log_x=True, log_y=True)]
     if name == "path":
-        return [_plane_view(title, result, result["circle_coordinates"])]
+        pair = result["circle_coordinates"]
+        return [_plane_view(title, result, pair, equal=tuple(pair) == ("x", "y"))]
     if name == "coordinates":
         return [view for c in result["system"]["coordinates"] for view in _views_of(c, methods)]
     if name == "section":
@@ -242,7 +244,8 @@ def _space(result: Mapping[str, Any]) -> list[dict[str, Any]]:
             line = _line(k, method, columns[axes[0]], columns[axes[1]])
             every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
             lines.append({**line, "z": [_short(value) for value in columns[axes[2]][::every]]})
-    space = {"name": "space", "title": "In three dimensions", "axes": axes, "dots": is_thinned(result), "lines": lines}
+    shown = [greek_letter(axis) or axis for axis in axes]
+    space = {"name": "space", "title": "In three dimensions", "axes": shown, "dots": is_thinned(result), "lines": lines}
     return [space] if lines else []
 
 

@@ -146,7 +146,7 @@ def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]
     if not form.methods and not form.kept:
         raise InputError("Tick at least one method.", "/methods")
     if not form.steps.isdigit() or len(form.steps) > 12:
-        raise InputError("The number of steps must be an integer.", "/steps")
+        raise InputError("The number of steps must be a positive integer.", "/steps")
     scene: dict[str, Any] = {
         "name": form.title,
         "system": dict(system),

@@ -76,7 +76,7 @@ def math(inner: str, display: bool = False) -> Markup:
 def formula(text: str, names: Names) -> Markup:
     """A formula or a relation such as "x' != 0"; a long one may be broken between its terms."""
     found = _breakable(text, names)
-    return found if found is not None else code(text)
+    return _copied(found, text) if found is not None else code(text)
 
 
 def equation(letter: str, text: str, names: Names) -> Markup:
@@ -84,7 +84,12 @@ def equation(letter: str, text: str, names: Names) -> Markup:
     found = _breakable(text, names)
     if found is None:
         return code(f"{letter} = {text}")
-    return math(f"<mrow><mi>{letter}</mi><mo>=</mo></mrow>") + found
+    return _copied(math(f"<mrow><mi>{letter}</mi><mo>=</mo></mrow>") + found, f"{letter} = {text}")
+
+
+def _copied(found: Markup, text: str) -> Markup:
+    """With the text that the button next to it copies."""
+    return Markup(found.replace("<math", Markup('<math data-text="{}"').format(text), 1))
 
 
 def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:

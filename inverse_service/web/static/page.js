@@ -214,33 +214,48 @@ function submitKey(form) {
   });
 }
 
+// A word on a button for a moment, which a screen reader hears too.
+function tell(button, word) {
+  const label = button.dataset.label ?? button.textContent;
+  const called = button.getAttribute("aria-label");
+  const heard = document.querySelector("main").appendChild(Object.assign(document.createElement("span"), { className: "visually-hidden", role: "status" }));
+  button.dataset.label = label;
+  button.textContent = word;
+  if (called && called !== word) button.setAttribute("aria-label", word);
+  setTimeout(() => (heard.textContent = word), 50); // a region speaks what changes in it
+  setTimeout(() => {
+    button.textContent = label;
+    if (called && called !== word) button.setAttribute("aria-label", called);
+    heard.remove();
+  }, 1600);
+}
+
 function copying() {
   for (const button of document.querySelectorAll("[data-copy]")) {
-    const label = button.textContent;
     button.addEventListener("click", async () => {
-      const text = document.getElementById(button.dataset.copy).textContent;
+      const place = document.getElementById(button.dataset.copy);
       try {
-        await navigator.clipboard.writeText(text);
-        button.textContent = "Copied";
+        await navigator.clipboard.writeText(place.textContent);
+        tell(button, "Copied");
       } catch {
-        getSelection().selectAllChildren(document.getElementById(button.dataset.copy));
-        button.textContent = "Selected";
+        getSelection().selectAllChildren(place);
+        tell(button, "Selected");
       }
-      setTimeout(() => (button.textContent = label), 1600);
     });
   }
 }
 
 // A formula that says its text is copied with one press.
 function copyingFormulas() {
-  for (const formula of document.querySelectorAll("main:not(.embed) .formula[aria-label*=' = ']")) {
-    const text = formula.getAttribute("aria-label");
+  for (const formula of document.querySelectorAll("main:not(.embed) .formula")) {
+    const label = formula.getAttribute("aria-label") ?? "";
+    const text = formula.querySelector("[data-text]")?.dataset.text ?? (label.includes(" = ") ? label : "");
+    if (!text || formula.closest(".gallery, .popover")) continue;
     const button = Object.assign(document.createElement("button"), { type: "button", className: "quiet copy-formula", textContent: "Copy" });
     button.setAttribute("aria-label", `Copy ${text.slice(0, 60)}`);
     button.addEventListener("click", async () => {
       await navigator.clipboard?.writeText(text);
-      button.textContent = "Copied";
-      setTimeout(() => (button.textContent = "Copy"), 1600);
+      tell(button, "Copied");
     });
     formula.after(button);
   }
@@ -361,10 +376,19 @@ focusWide(document);
 addEventListener("resize", () => focusWide(document));
 for (const details of document.querySelectorAll("details")) details.addEventListener("toggle", () => focusWide(details));
 for (const place of document.querySelectorAll("[data-today]")) place.textContent = new Date().toISOString().slice(0, 10);
+const PAPER = 620; // CSS pixels between the margins of a page, with a step's number in front
 addEventListener("beforeprint", () => {
   for (const details of document.querySelectorAll("main details:not([open])")) {
     details.open = true;
     details.dataset.printed = "";
+  }
+  for (const math of document.querySelectorAll("main math")) {
+    // Small fractions in it shrink less than the rest, so it is measured again.
+    for (let share = 1, size = 1; size > 0.1; math.style.fontSize = `${size.toFixed(3)}em`) {
+      share = PAPER / Math.max(1, ...[math, ...math.children].map((part) => part.getBoundingClientRect().width));
+      if (share >= 1) break;
+      size *= Math.min(share, 0.95);
+    }
   }
 });
 addEventListener("afterprint", () => {
@@ -372,6 +396,7 @@ addEventListener("afterprint", () => {
     details.open = false;
     delete details.dataset.printed;
   }
+  for (const math of document.querySelectorAll("main math[style]")) math.removeAttribute("style");
 });
 for (const form of document.querySelectorAll("[data-theme-form]")) themes(form);
 for (const place of document.querySelectorAll("[data-events]")) following(place);

@@ -100,3 +100,38 @@ def test_small_fractions_in_exponents_stay_on_their_line() -> None:
 
 def test_the_rate_d_dt_is_a_fraction() -> None:
     assert str(typesetting.of_theory("d/dt(dL/dv)")).count("<mfrac>") == 1
+
+
+DOMAINS = [
+    (["c < 2", "c > 0", "-c^2 + 4 != 0"], ["c < 2", "c > 0"]),
+    (["x > 0", "x' > 0", "c > 0", "c*x*x' + x^2 + x'^2 > 0", "x + x' > 0"], ["x > 0", "x' > 0", "c > 0"]),
+    (["x != 0", "x > 0"], ["x > 0"]),
+    (["x > 0", "x' < 0", "x*x' != 0", "x - x' > 0", "x + x' > 0"], ["x > 0", "x' < 0", "x + x' > 0"]),
+    (["x < 5", "x - 5 != 0", "x - 4 != 0"], ["x < 5", "x - 4 != 0"]),
+    (["x > -1", "x^2 != 0", "x + 1 > 0", "x^2 + 1 != 0"], ["x > -1", "x^2 != 0", "x + 1 > 0"]),
+    (["x > 1", "x^2 - 1 != 0", "x^2 - 2 != 0", "1/x - 1 != 0"], ["x > 1", "x^2 - 2 != 0", "1/x - 1 != 0"]),
+    (["x > 0", "sqrt(x) != 0", "x - c != 0", "exp(x) - 1 != 0"], ["x > 0", "x - c != 0", "exp(x) - 1 != 0"]),
+    (["det g is not 0", "x != 0"], ["det g is not 0", "x != 0"]),
+]
+
+
+@pytest.mark.parametrize(("conditions", "needed"), DOMAINS)
+def test_a_domain_is_shown_without_what_follows_from_bounds(conditions: list[str], needed: list[str]) -> None:
+    names = Names(("x",), ("c",))
+    assert typesetting.conditions(conditions, names) == [typesetting.formula(text, names) for text in needed]
+
+
+def test_an_integral_is_shown_with_what_it_is() -> None:
+    known = {"G": {"arguments": ["x"], "derivatives": {"x": "F(x) + x"}}}
+    names = typesetting.names_of({"coordinates": ["x"], "parameters": [], "functions": {"F": ["x"]}}, known)
+    (line,) = typesetting.integrals(known, names)
+    shown = text_of(f"<p>{line}</p>").replace("\u2061", "")
+    assert shown == "G(x) = \u222b (F(x)+x) dx"
+    assert "<code>" not in typesetting.equation("L", "x'^2/2 - G(x)", names)
+
+
+def test_a_formula_has_the_text_that_is_copied() -> None:
+    names = Names(("x", "y"))
+    long = "x'^2*y'^2*x^3*y^5/2 + x^4*y'^4*x'^6 - 2*x*y*x'*y' < 0"
+    assert 'data-text="L = x&#39;^2/2"' in typesetting.equation("L", "x'^2/2", names)
+    assert typesetting.formula(long, names).count("data-text") == 1
