@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from dataclasses import dataclass
 from functools import lru_cache
@@ -55,6 +56,17 @@ class Call:
     parameters: list[tuple[str, str, str]]
     answers: list[tuple[str, str]]
     example: str
+    body: str
+
+    @property
+    def key(self) -> str:
+        """Its name on the page."""
+        return "call" + re.sub(r"\W+", "-", f"{self.method}{self.path}").rstrip("-")
+
+    @property
+    def tried(self) -> str:
+        """Where the page sends it."""
+        return self.path.replace("{name}", _some_name())
 
 
 @router.get("/docs")
@@ -86,7 +98,14 @@ def _call(method: str, path: str, call: dict[str, Any], address: str) -> Call:
     ]
     answers = [(status, answer.get("description", "")) for status, answer in call.get("responses", {}).items()]
     return Call(
-        method.upper(), path, paragraphs[0], paragraphs[1:], parameters, answers, _example(method, path, address)
+        method.upper(),
+        path,
+        paragraphs[0],
+        paragraphs[1:],
+        parameters,
+        answers,
+        _example(method, path, address),
+        json.dumps(BODIES[path], indent=1) if method == "post" and path in BODIES else "",
     )
 
 

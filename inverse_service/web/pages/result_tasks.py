@@ -181,7 +181,8 @@ def _embedded(store: str, id: str, visitor: Visitor) -> HTMLResponse:
     VISITOR.set(visitor)
     found = _result(store, id)
     lines = answers.equations_of(found["system"]) if found.get("system") else []
-    return page("embed.html", active="", equations=lines, glance=answers.glance_of(found), result=found, id=id)
+    title = answers.title_of(found) if "verdict" in found else "Equations of motion"
+    return page("embed.html", active="", equations=lines, glance=answers.glance_of(found), title=title, id=id)
 
 
 def _file(store: str, id: str, label: str, ending: str) -> bytes | None:
@@ -216,13 +217,15 @@ def _forward_result(job: Mapping[str, Any]) -> HTMLResponse:
     """The page of a Lagrangian alone."""
     found = job["result"]
     names = typesetting.names_of(found["system"])
-    rows = [("L", found["lagrangian"]), *((f"p_{name}", part) for name, part in found["momenta"].items())]
-    lines = answers.equations_of(found["system"])
-    lines += [
-        typesetting.formula(f"{left} = {part['text']}", names) for left, part in (*rows, ("H", found["hamiltonian"]))
+    momenta = [typesetting.equation(f"p_{name}", part["text"], names) for name, part in found["momenta"].items()]
+    groups = [
+        ("Lagrangian", [typesetting.equation("L", found["lagrangian"]["text"], names)]),
+        ("Equations of motion", answers.equations_of(found["system"])),
+        ("Momenta", momenta),
+        ("Hamiltonian", [typesetting.equation("H", found["hamiltonian"]["text"], names)]),
     ]
     kept = [(part["name"], typesetting.formula(part["text"], names)) for part in found["conserved"]]
-    return page("forward.html", active="", job=job, result=found, lines=lines, kept=kept)
+    return page("forward.html", active="", job=job, result=found, groups=groups, kept=kept)
 
 
 def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | None) -> HTMLResponse:

@@ -84,7 +84,8 @@ def equation(letter: str, text: str, names: Names) -> Markup:
     found = _breakable(text, names)
     if found is None:
         return code(f"{letter} = {text}")
-    return _copied(math(f"<mrow><mi>{letter}</mi><mo>=</mo></mrow>") + found, f"{letter} = {text}")
+    left = inner_mathml(letter, names) or f"<mi>{letter}</mi>"
+    return _copied(math(f"<mrow>{left}<mo>=</mo></mrow>") + found, f"{letter} = {text}")
 
 
 def _copied(found: Markup, text: str) -> Markup:

@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from .conftest import Visit
+from .test_every_page import violations
 
 
 def test_a_system_of_the_gallery_is_solved(visit: Visit) -> None:
@@ -121,3 +122,15 @@ def test_every_call_is_described_with_an_example(visit: Visit) -> None:
     first = visit.page.locator(".call", has_text="/v1/solve").locator("details")
     first.locator("summary").click()
     expect(first.locator("pre")).to_contain_text("curl -s http")
+
+
+def test_a_call_is_tried_on_the_page_that_describes_it(visit: Visit) -> None:
+    visit.go("/docs")
+    call = visit.page.locator("article", has=visit.page.get_by_text("/v1/parse", exact=True))
+    call.get_by_text("Example and answers").click()
+    call.get_by_label("Body").fill('{"equations": "x\'\' = -4*x"}')
+    call.get_by_role("button", name="Send it").click()
+    answer = call.get_by_role("region", name="Answer of POST /v1/parse")
+    expect(answer).to_contain_text("200")
+    expect(answer).to_contain_text('"text": "-4*x"')
+    assert violations(visit) == []

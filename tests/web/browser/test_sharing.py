@@ -8,7 +8,7 @@ import httpx
 import pytest
 from playwright.sync_api import expect
 
-from .conftest import Visit
+from .conftest import WIDE, Visit
 from .test_every_page import is_too_wide, violations
 
 EXERCISE = "/?equations=x''+%3D+-9*x&reveal=hint,answer"
@@ -110,3 +110,38 @@ def test_plain_equations_are_a_batch_and_its_table_is_csv(visit: Visit) -> None:
     assert "variational" in table[1]
     assert "not_variational" in table[2]
     assert "failed" in table[3]
+
+
+def test_a_reading_that_was_meant_is_put_into_the_field(visit: Visit) -> None:
+    visit.go("/")
+    typed = visit.page.get_by_label("Equations", exact=True)
+    typed.fill("x'' = -k/m x\ny'' = -y")
+    visit.page.get_by_role("button", name="(k/m)*x", exact=True).click()
+    expect(typed).to_have_value("x'' = -(k/m)*x\ny'' = -y")
+    expect(visit.page.locator("#understood dl")).to_contain_text("Coordinates")
+    assert visit.page.url == visit.address + "/"
+
+
+def test_a_copied_formula_says_so(visit: Visit) -> None:
+    visit.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    visit.go("/?equations=x''+%3D+-F(x)")
+    visit.page.get_by_role("button", name="Find out").click()
+    hero = visit.page.locator(".hero")
+    expect(hero).to_contain_text("with")
+    hero.get_by_role("button", name="Copy L = ").click()
+    expect(visit.page.get_by_role("status").last).to_have_text("Copied")
+    assert visit.page.evaluate("navigator.clipboard.readText()") == "L = x'^2/2 - G(x)"
+
+
+def test_what_is_printed_fits_the_paper(visit: Visit) -> None:
+    visit.go("/?equations=x''+%3D+-x-c*x'")
+    visit.page.get_by_role("button", name="Find out").click()
+    expect(visit.page.locator(".hero")).to_be_visible()
+    visit.page.emulate_media(media="print")
+    visit.page.set_viewport_size({"width": 690, "height": 900})
+    visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert visit.page.locator("details:not([open])").count() == 0
+    assert visit.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    visit.page.evaluate("dispatchEvent(new Event('afterprint'))")
+    visit.page.emulate_media(media="screen")
+    visit.page.set_viewport_size(WIDE)
