@@ -121,7 +121,7 @@ def test_every_call_is_described_with_an_example(visit: Visit) -> None:
         expect(visit.page.locator(".call", has_text=path).first).to_be_visible()
     first = visit.page.locator(".call", has_text="/v1/solve").locator("details")
     first.locator("summary").click()
-    expect(first.locator("pre")).to_contain_text("curl -s http")
+    expect(first.locator("pre").first).to_contain_text("curl -s http")
 
 
 def test_a_call_is_tried_on_the_page_that_describes_it(visit: Visit) -> None:
