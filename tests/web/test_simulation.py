@@ -57,7 +57,8 @@ def test_files_of_the_page_hold_every_recorded_step(client: httpx.Client) -> Non
     rows = client.get(f"{address}/data/nonholonomic-0.5.csv").text.splitlines()
     assert rows[0].startswith("t,phi,theta,x,y,v_phi,v_theta,v_x,v_y,p_phi")
     assert len(rows) == 5002
-    assert [float(rows[4].split(",")[k]) for k in (0, 3)] == [method["points"]["columns"][n][1] for n in ("t", "x")]
+    t, x = (method["points"]["columns"][name][1] for name in ("t", "x"))
+    assert (rows[4].split(",")[0], float(rows[4].split(",")[3])) == (f"{t:.15g}", x)
     with np.load(io.BytesIO(client.get(f"{address}/data/nonholonomic-0.5.npz").content)) as archive:
         assert archive["x"].shape == (5001,)
         assert json.loads(str(archive["metadata"]))["scene"]["steps"] == 5000
