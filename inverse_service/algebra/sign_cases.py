@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import combinations
 
 from flint import fmpz_mat
 
@@ -19,6 +20,7 @@ from inverse_service.algebra.kernels import is_root
 from inverse_service.algebra.modular import prime_factors
 from inverse_service.algebra.tower import Tower, atoms_in_order
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.pieces import STEP
 from inverse_service.expressions.tree import (
     HALF,
@@ -63,7 +65,7 @@ class Case:
 
 
 def sign_cases(formulas: Sequence[Expression]) -> Iterator[Case]:
-    """The cases in order, that of positive signs first; some may have no point at all."""
+    """The cases in order, that of positive signs first; some may have no point all the same."""
     yield from _split(Case(tuple(formulas)))
 
 
@@ -74,7 +76,14 @@ def _split(case: Case) -> Iterator[Case]:
         yield case
         return
     for way in ways:
-        yield from _split(way)
+        if not _is_empty(way.positive):
+            yield from _split(way)
+
+
+def _is_empty(positive: Sequence[Expression]) -> bool:
+    """Whether two of these cannot be positive at once because their sum is a number that is not: x - 3 and 2 - x."""
+    sums = (collect(add(one, other)) for one, other in combinations(positive, 2))
+    return any(isinstance(each, Number) and each.value <= 0 for each in sums)
 
 
 def _ways(case: Case) -> list[Case] | None:

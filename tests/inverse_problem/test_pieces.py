@@ -10,9 +10,12 @@ import pytest
 import sympy as sp
 
 from inverse_service import sympy as bridge
+from inverse_service.algebra.sign_cases import sign_cases
 from inverse_service.cli import solving
 from inverse_service.cli.exits import ExitCode
 from inverse_service.errors import InputError
+from inverse_service.expressions.pieces import STEP
+from inverse_service.expressions.tree import Apply, Symbol, number, subtract
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
 from inverse_service.service.documents.checking import check_plain
@@ -159,3 +162,8 @@ def test_where_a_lagrangian_is_regular_is_told_in_every_form() -> None:
     parts: Any = environment().get_template("result_parts.html").module
     assert f"regular {told}" in parts.lagrangian_card(answer_of(generic, "L(q, q')", generic))
     assert all("generic" not in form(everywhere, False) for form in (text_page, latex_page))
+
+
+def test_sides_that_no_point_has_are_no_cases() -> None:
+    steps = [Apply(STEP, subtract(Symbol("x"), number(k))) for k in range(9)]
+    assert len(list(sign_cases(steps))) == 10
