@@ -136,6 +136,7 @@ def test_an_inserted_or_changed_line_is_never_given_the_answer_of_another(files:
     assert batch(source, output).stderr.endswith("5 answered by an earlier run.\n")
 
 
+@pytest.mark.slow
 def test_errors_and_undetermined_lines_are_asked_again_where_it_is_wished(files: tuple[Path, Path]) -> None:
     source, output = files
     source.write_text(written({"id": "good", **SPRING}, {"id": "bad", "equations": "x'' = -k*x"}))

@@ -118,6 +118,7 @@ def test_no_method_that_gets_through_is_exit_one(call: Any) -> None:
     assert json.loads(out)["methods"][0]["outcome"] == "unavailable"
 
 
+@pytest.mark.slow
 def test_work_precision_writes_table_json_and_figure(call: Any, tmp_path: Path) -> None:
     scene = short("particle-work-precision", time=2, repeats=1, methods=["variational", "nonholonomic", "exact"])
     code, out, _ = call("work-precision", "-", "--output", str(tmp_path), given=scene)

@@ -52,7 +52,10 @@ def run(page: Path, folder: Path, request: pytest.FixtureRequest, with_slow: boo
     assert run_page(page, folder, address, with_slow) == []
 
 
-@pytest.mark.parametrize("page", QUICK, ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.name, marks=() if page.name == "README.md" else pytest.mark.slow) for page in QUICK],
+)
 def test_every_program_does_what_the_page_says(page: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     run(page, tmp_path, request, with_slow=False)
 

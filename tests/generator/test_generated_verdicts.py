@@ -22,11 +22,13 @@ def assert_variational(system: GeneratedSystem) -> None:
     assert with_time == "variational", f"{system.id}: {system.equations}"
 
 
+@pytest.mark.slow
 def test_systems_with_a_lagrangian_are_variational() -> None:
     for system in random_systems(32, seed=17):
         assert_variational(system)
 
 
+@pytest.mark.slow
 def test_they_stay_so_in_other_coordinates() -> None:
     for system in random_systems(16, seed=18):
         assert_variational(disguised(system, 1))

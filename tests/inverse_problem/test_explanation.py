@@ -106,6 +106,7 @@ def forty_digits() -> Iterator[None]:
         yield
 
 
+@pytest.mark.slow
 def test_every_negative_system_is_explained_and_the_large_ones_in_numbers() -> None:
     found = {name: negative(catalogue_system(name), with_time=False) for name in NEGATIVE}
     assert [name for name, explanation in found.items() if not explanation.complete] == []

@@ -89,7 +89,10 @@ def residuals(equations: dict[str, str], lagrangian: str, dissipation: str) -> l
     return found
 
 
-@pytest.mark.parametrize(("name", "equations"), WITH_FRICTION)
+@pytest.mark.parametrize(
+    ("name", "equations"),
+    [pytest.param(*case, marks=pytest.mark.slow if len(case[1]) > 2 else ()) for case in WITH_FRICTION],
+)
 def test_damped_systems_have_a_natural_lagrangian_and_a_dissipation(name: str, equations: Any) -> None:
     result = solved(equations, "rayleigh")
     found = result["kinds"]["rayleigh"]

@@ -52,6 +52,7 @@ def test_numbers_of_any_size_get_their_verdict(equations: dict[str, str]) -> Non
     assert {check(result)["verdict"] for _ in range(3)} == {"valid"}
 
 
+@pytest.mark.slow
 def test_four_relativistic_particles_get_the_lagrangian_that_was_refused() -> None:
     """sqrt(1 - v^2) of four velocities, each between -1 and 1 (relativistic-7-29 of the generator)."""
     forces = {"u": "phi^2/2", "v": "-theta", "phi": "2*(phi*u - sin(phi))", "theta": "-3*v/2"}

@@ -344,6 +344,7 @@ print(thrice(7))
 """
 
 
+@pytest.mark.slow
 def test_processes_that_compile_at_once_leave_one_entry(folder: Path) -> None:
     environment = {**os.environ, "INVERSE_SERVICE_CACHE": str(folder)}
     command = [sys.executable, "-c", MANY]

@@ -126,6 +126,7 @@ run(Ready(module, [*wanted, *unmet], 60, 1), [test], lambda one, said: print(one
 """
 
 
+@pytest.mark.slow
 def test_a_trial_tells_what_was_noticed_and_by_which_test(tmp_path: Path) -> None:
     """First with the package loaded anew, then with one function changed in a session that is collected already."""
     test = tmp_path / "test_keys.py"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import random
 from itertools import combinations
 
+import pytest
+
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
@@ -30,6 +32,7 @@ def natural(n: int) -> dict[str, str]:
     }
 
 
+@pytest.mark.slow
 def test_a_toda_chain_of_twelve_and_a_coupled_potential_of_ten_coordinates_are_variational() -> None:
     for equations in (toda(12), natural(10)):
         found = solve_document({"equations": equations}, SolveOptions(time_limit=60))

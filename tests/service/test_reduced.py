@@ -140,7 +140,13 @@ def by_hand(asked: dict[str, Any], found: dict[str, Any], numbers: Numbers) -> l
     return [accelerations[names.index(r)] - numbers.value(numbers.read(f)) for r, f in found["equations"].items()]
 
 
-@pytest.mark.parametrize(("source", "asked", "plain", "clocked"), KNOWN, ids=[known[0][:40] for known in KNOWN])
+@pytest.mark.parametrize(
+    ("source", "asked", "plain", "clocked"),
+    [
+        pytest.param(*known, id=known[0][:40], marks=pytest.mark.slow if len(known[1]["coordinates"]) > 4 else ())
+        for known in KNOWN
+    ],
+)
 def test_known_reduced_systems(source: str, asked: dict[str, Any], plain: str, clocked: str | None) -> None:
     found = reduced(asked)
     assert found is not None

@@ -45,7 +45,7 @@ def four() -> dict[str, Any]:
     return solved(pendulums_on_a_cart(4))
 
 
-@pytest.mark.parametrize("n", [3, 4, 5])
+@pytest.mark.parametrize("n", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (4, 5))])
 def test_pendulums_on_a_cart_with_letters_have_their_own_lagrangian(n: int) -> None:
     found = solved(pendulums_on_a_cart(n))
     assert (found["verdict"], found["verdict_with_time"], found["checked"]) == ("variational", "variational", "valid")

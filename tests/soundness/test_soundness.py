@@ -23,7 +23,9 @@ from tests.soundness.rewriting import rewritten
 EQUATIONS = {"x": "sin(x*y)*x'^2+sqrt(1+x^2)", "y": "exp(x-y)*log(y)*y'+cos(x)*x'*y'/(1+y^2)"}
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind == "corrupted" else ()) for kind in KINDS]
+)
 def test_no_verdict_is_wrong(kind: str) -> None:
     count = 4 if kind in ("corrupted", "disguised") else 10
     outcomes = [run_case(kind, 5, index) for index in range(count)]

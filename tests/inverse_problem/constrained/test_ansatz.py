@@ -129,6 +129,7 @@ def test_there_is_no_lagrangian_of_a_reduced_system_where_none_reduces_or_none_h
         assert lagrangian_of_reduced(motion_of(document), False, 1, 60.0) is None
 
 
+@pytest.mark.slow
 def test_where_there_is_none_nothing_is_found() -> None:
     assert find_lagrangians(motion_of(particle("x^2")), False, 1, float("inf")) == []
 

@@ -23,6 +23,7 @@ def missing(systems: Sequence[Solved]) -> list[str]:
     return [given.id for given, _, answer in systems if answer.lagrangian is None]
 
 
+@pytest.mark.slow
 def test_some_disguised_systems_keep_their_closed_form() -> None:
     families = ("velocity-ratio", "velocity-logarithm")
     systems = [solved(disguised(system, 1)) for system in random_systems(6, seed=33, families=families)]

@@ -69,6 +69,7 @@ def share_implicit(systems: Sequence[Solved]) -> float:
     return 1 - len(closed) / len(with_lagrangian)
 
 
+@pytest.mark.slow
 def test_all_are_variational_and_nearly_all_have_a_closed_form() -> None:
     assert {answer.verdict for _, _, answer in sample()} == {"variational"}
     share, missing = share_without(sample())

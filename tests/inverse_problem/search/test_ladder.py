@@ -147,6 +147,7 @@ def test_a_family_whose_lagrangians_do_not_hold_is_passed_over() -> None:
     assert search(analysis, False, 1, now() + 20, lambda _: None, (), lambda _: False).found is None
 
 
+@pytest.mark.slow
 def test_a_metric_given_by_a_frame_has_entries_of_many_letters() -> None:
     """L = w'^2/2 + x'^2/2 + z'^2/2 + (w^2 + 1) (y' + y z')^2/2 - V: g_zz holds w^2 y^2 beside other letters."""
     force = "2*w - 6*z^2 - 3*x*y + 3*y^3 - (w^2+1)*(y' + y*z')^2"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from inverse_service.deadline import now
 from inverse_service.inverse_problem.special_cases.cases import condition_texts
 from inverse_service.inverse_problem.special_cases.tree import Node, SpecialCases, special_cases
@@ -58,6 +60,7 @@ def test_limits_end_the_search_and_are_named() -> None:
     assert "time limit" in " ".join(late.reasons)
 
 
+@pytest.mark.slow
 def test_what_is_open_for_one_question_may_be_settled_for_the_other() -> None:
     """Where a = c there is L = exp(a t) (...), but no L(q, v) in closed form that shows all its values."""
     found = tree({"x": "-a*x' + b*y", "y": "-c*y' + d*x"}, "abcd")
