@@ -274,7 +274,8 @@ function copyingFormulas() {
       await navigator.clipboard?.writeText(text);
       tell(button, "Copied");
     });
-    formula.after(button);
+    if (formula.tagName === "DD") formula.append(button); // a list of definitions holds nothing else
+    else formula.after(button);
   }
 }
 
