@@ -1,12 +1,10 @@
 """Whether the steps of a run saw what it moves through: a run to the end that leapt over something is `unresolved`.
 
-In one step: the energy, a constant, changes by half of the kinetic energy. Over the whole run: a force changes with t
+In two steps: the energy, a constant, changes by half of the kinetic energy. Over the whole run: a force changes with t
 faster than the steps, and the end is far from the true motion. What lies between two points: `between_steps`.
 """
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -14,13 +12,19 @@ from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.between_steps import greatest_near
-from inverse_service.simulation.observing import point_kinetic, wall_of_energy, why_energy_varies
+from inverse_service.simulation.observing import (
+    lagrangian_of_energy,
+    point_energy,
+    point_kinetic,
+    wall_of_energy,
+    why_energy_varies,
+)
 from inverse_service.simulation.quantities import Observed, velocities_at_points
 from inverse_service.simulation.scene import OWN_STEPS, SCIPY
 from inverse_service.simulation.truth import Truth, places_of
 from inverse_service.simulation.watches import RESOLVE
 
-_JUMPS = "the change of the energy, a constant, in one step: more than half of the kinetic energy"
+_JUMPS = "the change of the energy, a constant, in two steps: more than half of the kinetic energy"
 _NOISE = 1e-6
 UNSEEN = "the error at the end: the force changes with t within each step, which its ends do not show"
 # A change with t is lost between steps where half of the steps do not show this share of it; then so large an error,
@@ -30,25 +34,29 @@ NOTICED = 1e-3
 LOOKED_AT, INSIDE = 256, 33
 
 
-def jump_of_energy(run: Observed, series: Mapping[str, Array]) -> Outcome | None:
-    """The outcome where one step changes the energy, a constant, by as much as half of the kinetic energy."""
+def jump_of_energy(run: Observed) -> Outcome | None:
+    """The outcome where one step or two change the energy, a constant, by as much as half of the kinetic energy."""
     choice = run.requested.choice
     if choice is not None and not choice.guard:
         return None
-    energies = series.get("energy")
-    if run.scene.grid.record_every > 1 or energies is None or why_energy_varies(run.scene):
+    at, steps = run.trajectory, run.scene.grid.steps
+    unknown = lagrangian_of_energy(run.scene) is None or why_energy_varies(run.scene)
+    if unknown or not 0 < steps < len(at.times):  # not every step was recorded
         return None
     velocities = velocities_at_points(run)
-    if velocities is None or wall_of_energy(run.scene, run.trajectory.positions, velocities):
+    if velocities is None or wall_of_energy(run.scene, at.positions, velocities):
         return None
-    kinetic = point_kinetic(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
+    energies = point_energy(run.scene, at.positions, velocities, at.times)
+    kinetic = point_kinetic(run.scene, at.positions, velocities, at.times)
     allowed = greatest_near(kinetic)[1:] / 2 + kinetic.max() / 20 + _NOISE * np.abs(energies[1:])
-    places = np.flatnonzero(np.abs(np.diff(energies)) > allowed)
+    before = np.stack([energies[:-1], np.concatenate([energies[:1], energies[:-2]])])  # one step, and two
+    changes = energies[1:] - before
+    places = np.flatnonzero((np.abs(changes) > allowed).any(axis=0))
     if not len(places):
         return None
     step = int(places[0])
-    change = float(energies[step + 1] - energies[step])
-    return Outcome("unresolved", step + 1, float(run.trajectory.times[step + 1]), _JUMPS, change, RESOLVE)
+    change = float(changes[np.abs(changes[:, step]).argmax(), step])
+    return Outcome("unresolved", step + 1, float(at.times[step + 1]), _JUMPS, change, RESOLVE)
 
 
 def changes_unseen(run: Observed) -> bool:

@@ -181,10 +181,11 @@ def run_method(
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
     values, hidden, looked = values_of(scene, requested, known), None, POLYNOMIAL
-    if found.outcome.completed and forces(scene):
+    if found.outcome.completed:
         with timed(seconds, "between steps"):
             whole = Observed(scene, requested, found, problem, values, truth)
-            hidden, looked = hidden_in(whole, derived, stop)
+            hidden, looked = hidden_in(whole, derived, stop) if forces(scene) else (None, POLYNOMIAL)
+            hidden = jump_of_energy(whole) or hidden
     if requested.method != EXACT and whole_grid(scene) != scene.grid:
         found = thinned(scene, found)
     events: tuple[Found, ...] = ()
@@ -196,7 +197,9 @@ def run_method(
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     observed = Observed(scene, requested, found, problem, values, truth)
     numbers, series = observed_quantities(observed, seconds)
-    outcome = (found.outcome.completed and (jump_of_energy(observed, series) or hidden)) or found.outcome
+    outcome = found.outcome
+    if outcome.completed and hidden and (outcome.time is None or (hidden.time or 0.0) < outcome.time):
+        outcome = hidden
     numbers |= {"between_points": looked} if requested.method != EXACT and outcome.completed else {}
     if COST in scene.observe and problem is not None:
         with timed(seconds, COST):

@@ -37,6 +37,28 @@ def test_a_barrier_of_any_width_is_not_leapt_over(sharpness: str, every: int) ->
     assert {len(method["points"]["columns"]["t"]) for method in found} == {30 // every + 1}
 
 
+@pytest.mark.parametrize("observe", [["trajectory"], ["energy"]])
+@pytest.mark.parametrize("every", [1, 10])
+def test_a_run_that_gains_energy_in_two_steps_is_unresolved(observe: list[str], every: int) -> None:
+    """A barrier of half a step throws the motion on with twice its energy; it turns round there."""
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - exp(-((x - 3)/s)^2)", "parameters": {"s": 0.02}}
+    scene = {"system": system, "initial": {"positions": {"x": 0}, "velocities": {"x": 1.2}}, "step": 0.1, "time": 5}
+    scene |= {"methods": [{"method": "stormer-verlet", "order": 8}], "observe": observe, "record_every": every}
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] == "unresolved"
+    assert found["stopped"]["time"] == pytest.approx(2.7, abs=0.11)
+    (finer,) = simulate(scene | {"step": 0.01})["methods"]
+    assert finer["outcome"] == "completed"
+    assert finer["final"]["positions"]["x"] < 3
+
+
+def test_what_comes_after_the_end_of_a_run_does_not_count() -> None:
+    """The barrier is behind the place at which an event ends the run."""
+    scene = START | {"system": barrier(0.3, "1000"), "methods": ["stormer-verlet"]}
+    assert set(outcomes(scene).values()) == {"unresolved"}
+    assert set(outcomes(scene | {"events": [{"when": "x - 1/2", "do": "stop"}]}).values()) == {"completed"}
+
+
 def test_friction_and_forces_are_looked_at_too() -> None:
     spike = "5000*exp(-(1000*(x - 1.03))^2)"
     with_force = START | {
