@@ -13,17 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from benchmarks.problems import HENON_HEILES
 from inverse_service.integrators.tableaux import composition
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Start
+from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Start
 
-LAGRANGIAN = "(x'^2 + y'^2)/2 - (x^2 + y^2)/2 - x^2*y + y^3/3"
-HAMILTONIAN = "(p_x^2 + p_y^2)/2 + (x^2 + y^2)/2 + x^2*y - y^3/3"
 START = Start((0.0, 0.1), (0.3, 0.1))
 STEPS, STEP = 20_000, 0.05
-CHOICE = MethodChoice("variational", 0.0, True, 8, "verlet")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,17 +34,13 @@ class HandwrittenRow:
 
 def handwritten_row(rounds: int) -> HandwrittenRow:
     """Best of `rounds`, alternating."""
-    problem = Problem(
-        ("x", "y"), free_lagrangian=read_formula(LAGRANGIAN, Names(("x", "y"))),
-        free_hamiltonian=read_formula(HAMILTONIAN, Names(("x", "y"), ("p_x", "p_y"))),
-    )  # fmt: skip
     times: dict[str, list[float]] = {"ours": [], "unwatched": [], "by hand": []}
     by_hand, ends = _compiled(), {}
     bare = Observation(momenta=False, velocities=False)
     for _ in range(rounds):
         for name, guard in (("ours", True), ("unwatched", False)):
             choice = MethodChoice("variational", 0.0, True, 8, "verlet", guard)
-            found = run(problem, choice, START, Grid(STEP, STEPS, STEPS), {}, bare)
+            found = run(HENON_HEILES, choice, START, Grid(STEP, STEPS, STEPS), {}, bare)
             times[name].append(found.run_seconds)
             ends[name] = found.positions[-1]
         if by_hand is not None:

@@ -135,6 +135,13 @@ CONTACT = problem(
 )
 # The magnetic term does no work: both keep the same energy.
 CONTACT_ENERGY = Observable("energy", read(f"{_CONTACT_KINETIC} + {_CONTACT_POTENTIAL}", CONTACT.coordinates, ("k",)))
+HENON_HEILES = problem(
+    "x y",
+    lagrangian="(x'^2 + y'^2)/2 - (x^2 + y^2)/2 - x^2*y + y^3/3",
+    free="(x'^2 + y'^2)/2 - (x^2 + y^2)/2 - x^2*y + y^3/3",
+    hamiltonian="(p_x^2 + p_y^2)/2 + (x^2 + y^2)/2 + x^2*y - y^3/3",
+    accelerations=("-x - 2*x*y", "-y - x^2 + y^2"),
+)
 # A system whose mass matrix depends on the place, and a chain of four with cubic forces: L has no constraints.
 DOUBLE_PENDULUM = problem(
     "a b",

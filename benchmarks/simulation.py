@@ -95,15 +95,20 @@ def peers_section(rounds: int) -> str:
     return f"## Time to a relative error of 1e-9 at T = 100\n\n{table(head, cells)}\n{text}\n"
 
 
+GEOMETRIC = ("variational", "nonholonomic", "Stormer")
+
+
 def _winners(rows: Sequence[peers.PeerRow]) -> list[str]:
     """One line a problem: which is fastest, and where the geometric methods and SciPy stand."""
     lines = []
     for name in dict.fromkeys(row.problem for row in rows):
         reached = [(row.seconds[0], row.method) for row in rows if row.problem == name and row.seconds]
         first, winner = min(reached)
-        geometric = min(item for item in reached if item[1].startswith(("variational", "nonholonomic")))
+        geometric = min(item for item in reached if item[1].startswith(GEOMETRIC))
         text = f"- {name}: {winner} is fastest; the best geometric method ({geometric[1]}) takes"
         text += f" {geometric[0] / first:.1f} times as long"
+        ours, heyoka = (min(s for s, m in reached if m.startswith("heyoka") == its) for its in (False, True))
+        text += f"; our best method takes {ours / heyoka:.2f} times as long as heyoka"
         scipy = [f"{method} {seconds / first:.0f} times" for seconds, method in reached if method.startswith("SciPy")]
         lines.append(", ".join([text, *scipy]) + ".")
     return lines

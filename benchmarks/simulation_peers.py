@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.handwritten import START as HENON_HEILES_START
 from benchmarks.hard_cases import contact_start, disk_start, particle_start
-from benchmarks.problems import CONTACT, DISK, PARTICLE
+from benchmarks.problems import CONTACT, DISK, HENON_HEILES, PARTICLE
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.peers import taylor_integrator, used_parameters
 from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Start
@@ -43,6 +44,7 @@ class _Setting:
 _PROBLEMS: dict[str, tuple[Problem, Start, dict[str, float]]] = {
     "disk": (DISK, disk_start(), {"c": 1.0}),
     "particle": (PARTICLE, particle_start(), {"c": 1.0}),
+    "Henon and Heiles": (HENON_HEILES, HENON_HEILES_START, {}),
     "contact oscillator": (CONTACT, contact_start(), {"k": 0.3}),
 }
 
@@ -83,14 +85,18 @@ def _cheapest(settings: Iterator[_Setting], truth: Array) -> tuple[_Setting, flo
 def _methods(problem: Problem, start: Start, values: dict[str, float]) -> dict[str, Iterator[_Setting]]:
     found: dict[str, Iterator[_Setting]] = {}
     if problem.free_hamiltonian is not None:
-        for constant in (1.0, 1e-8):
+        for constant in (1.0, 1e-8) if values else (1.0,):
             given = dict.fromkeys(values, constant)
             for order in (2, 8):
                 choice = MethodChoice("variational", 0.5, order=order)
                 found[f"variational, order {order}, C = {constant:g}"] = _ours(problem, choice, start, given)
     for order in (2, 8):
-        choice = MethodChoice("nonholonomic", 0.5, order=order)
-        found[f"nonholonomic, order {order}"] = _ours(problem, choice, start, values)
+        if problem.constraints:
+            choice = MethodChoice("nonholonomic", 0.5, order=order)
+            found[f"nonholonomic, order {order}"] = _ours(problem, choice, start, values)
+        else:
+            choice = MethodChoice("variational", 0.0, True, order, "verlet")
+            found[f"Stormer and Verlet, order {order}"] = _ours(problem, choice, start, values)
     found["our Runge-Kutta 8, fixed step"] = _ours(problem, MethodChoice("runge_kutta", order=8), start, values)
     found["our adaptive DOP853"] = _own_steps(problem, start, values)
     found["our Gauss-Legendre 12"] = _ours(problem, MethodChoice("reference"), start, values)
