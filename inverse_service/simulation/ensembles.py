@@ -29,9 +29,9 @@ from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
 from inverse_service.simulation.execution import stopped
 from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.impulses import Ways
-from inverse_service.simulation.methods import check, kernel_of, weights_of
+from inverse_service.simulation.methods import check, kernel_of
 from inverse_service.simulation.observing import energy, point_velocities, why_energy_varies
-from inverse_service.simulation.outcomes import unknown_names
+from inverse_service.simulation.outcomes import unknown_names, weights_of
 from inverse_service.simulation.scene import (
     EXACT,
     OWN_STEPS,

@@ -13,11 +13,11 @@ import numpy as np
 from inverse_service.codegen.algebra import free_names, real_value
 from inverse_service.codegen.compiled import Compiled, compiled
 from inverse_service.errors import InputError
-from inverse_service.integrators.tableaux import ORDERS, composition
+from inverse_service.integrators.tableaux import ORDERS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.formulas import MOMENT, Formulas
-from inverse_service.simulation.outcomes import Ended, failed_start, trajectory_of
+from inverse_service.simulation.outcomes import Ended, failed_start, trajectory_of, weights_of
 from inverse_service.simulation.peers import run_heyoka, run_scipy
 from inverse_service.simulation.scene import (
     OWN_STEPS,
@@ -74,10 +74,6 @@ def parameter_values(problem: Problem, values: Mapping[str, float]) -> dict[str,
             raise InputError(f"The parameter {name} must be a finite number.")
         found[f"c{place}"] = number
     return found
-
-
-def weights_of(choice: MethodChoice) -> tuple[float, ...]:
-    return composition(choice.order) if choice.method in ("variational", "nonholonomic", "modified") else (1.0,)
 
 
 def lane_of(

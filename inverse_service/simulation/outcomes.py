@@ -30,6 +30,7 @@ from inverse_service.expressions.tree import (
     number,
     power,
 )
+from inverse_service.integrators.tableaux import composition
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.execution import Run, Stopped, at_last, stopped
 from inverse_service.simulation.formulas import Denominator, Formulas
@@ -202,11 +203,15 @@ def trajectory_of(ended: Ended, observation: Observation) -> Trajectory:
     )
 
 
+def weights_of(choice: MethodChoice) -> tuple[float, ...]:
+    return composition(choice.order) if choice.method in ("variational", "nonholonomic", "modified") else (1.0,)
+
+
 def _evaluations(choice: MethodChoice, card: Card, taken: int, iterations: int) -> int:
-    """Of forces: in every trial step where the method chooses its own, else in every step and iteration."""
+    """Of forces: in every trial step where the method chooses its own, else in every substep and iteration."""
     if choice.method in OWN_STEPS:
         return card.forces * iterations
-    return card.forces * taken + iterations * (6 if choice.method == "reference" else 1)
+    return card.forces * taken * len(weights_of(choice)) + iterations * (6 if choice.method == "reference" else 1)
 
 
 def _with_start(columns: dict[str, Array], begin: Initial, names: list[str]) -> Array:

@@ -10,6 +10,7 @@ import pytest
 
 from inverse_service.service.documents.reading import read_json
 from inverse_service.service.figures.series import precision_figure
+from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import measured_order, seconds_to, work_precision
 from inverse_service.simulation.precision import Setting, _with_floor
 from inverse_service.simulation.scene import MethodChoice, Requested
@@ -122,3 +123,12 @@ def test_the_time_to_an_error_is_interpolated() -> None:
 
 def test_an_order_is_the_slope() -> None:
     assert measured_order([setting(2.0**-k, 1e-3 * 8.0**-k) for k in range(5)], 1.0) == pytest.approx(3)
+
+
+@pytest.mark.parametrize(("order", "stages"), [(2, 1), (4, 5), (6, 9), (8, 17)])
+def test_every_substep_of_a_composition_evaluates_its_forces(order: int, stages: int) -> None:
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
+    start = {"positions": {"x": 1}, "velocities": {"x": 0}}
+    methods = [{"method": "stormer-verlet", "order": order}]
+    found = simulate({"system": system, "initial": start, "step": 0.1, "steps": 100, "methods": methods})
+    assert found["methods"][0]["force_evaluations"] == 100 * stages
