@@ -56,7 +56,7 @@ def made_folder(output: Path) -> Path:
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"The directory of --output cannot be made: {error.strerror}; name another.") from None
+        raise InputError(f"The directory of --output cannot be created: {error.strerror}; name another.") from None
     return output
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.checked import check_depth
 from inverse_service.expressions.grammar import parse_tokens
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tokens import LIMITS, Token, refusal
+from inverse_service.expressions.tokens import LIMITS, Token, refusal, shorten
 from inverse_service.expressions.tree import ZERO, Expression
+from inverse_service.expressions.vocabulary import FUNCTIONS
 
 _EXPECTS_MORE = ("+", "-", "*", "/", "^", "=", ",", "(", "[")
 _GOES_ON = ("+", "*", "/", "^", "=", ")", "]")
@@ -43,7 +45,7 @@ def split(tokens: Sequence[Token], end_column: int) -> list[EquationTokens]:
     groups.append(EquationTokens(tuple(current), end_column))
     found = [group for group in groups if group.tokens]
     if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
-        raise refusal("a comma parts an equation", commas[0].column, "write a decimal point, or ; between equations")
+        raise refusal("a comma splits an equation", commas[0].column, "write a decimal point, or ; between equations")
     return found
 
 
@@ -84,10 +86,51 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[Expression, E
     if len(places) > 1:
         column = equation.tokens[places[1]].column
         raise refusal("a second = occurs", column, "separate equations by ;")
+    _refuse_label(equation.tokens)
     if not places:
         return _side(list(equation.tokens), equation.end_column, names), ZERO
     left, right = list(equation.tokens[: places[0]]), list(equation.tokens[places[0] + 1 :])
     return _side(left, equation.tokens[places[0]].column, names), _side(right, equation.end_column, names)
+
+
+def _refuse_label(tokens: Sequence[Token]) -> None:
+    """InputError for (2) or 2. before an equation: its number to most writers, and no factor."""
+    texts, kinds = [token.text for token in tokens[:4]], [token.kind for token in tokens[:4]]
+    bracketed = texts[:1] + texts[2:3] == ["(", ")"] and kinds[1:2] + kinds[3:] == ["number", "name"]
+    dotted = kinds[:2] == ["number", "name"] and texts[0].endswith(".") and tokens[1].space_before
+    if bracketed or dotted:
+        shown = "".join(texts[: 3 if bracketed else 1])
+        what = f"{shown} could be an equation number"
+        raise refusal(what, tokens[0].column, "leave it out, or write * after a factor")
+
+
+def remark(line: Sequence[Token], place: int) -> InputError | None:
+    """The refusal of names in brackets, (spring) after an equation and (a) before one: no factors to their writers."""
+    start = end = place
+    while start and line[start - 1].kind == "name":
+        start -= 1
+    while end < len(line) and line[end].kind == "name":
+        end += 1
+    if not start or end == len(line) or not (line[start - 1].is_operator("(") and line[end].is_operator(")")):
+        return None
+    before, after = line[start - 2] if start > 1 else None, line[end + 1] if end + 1 < len(line) else None
+    begins = _is_edge(before) and after is not None and after.kind == "name"
+    follows = line[start - 1].space_before and _ends_factor(before) and _is_edge(after)
+    if not begins and not follows:
+        return None
+    shown = shorten(f"({' '.join(token.text for token in line[start:end])})")
+    return refusal(f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor")
+
+
+def _is_edge(token: Token | None) -> bool:
+    """Whether an equation ends or begins there."""
+    return token is None or token.kind == "newline" or token.is_operator(";", ",")
+
+
+def _ends_factor(token: Token | None) -> bool:
+    if token is None or token.text in FUNCTIONS:
+        return False
+    return token.kind in ("name", "number", "prime") or token.is_operator(")")
 
 
 def _side(tokens: list[Token], end_column: int, names: Names) -> Expression:

@@ -93,7 +93,7 @@ class FormulaParser(OperandParser):
         ahead, column = self._stream.ahead, self._stream.ahead.column
         if ahead.is_operator("(") and self._stream.look(3).kind == "end" and self._stream.look(1).kind == "number":
             shown = f"({shorten(self._stream.look(1).text)})"
-            raise refusal(f"{shown} could number the equation", column, "leave it out, or write * before a factor")
+            raise refusal(f"{shown} could be an equation number", column, "leave it out, or write * before a factor")
         if ahead.kind == "number":
             raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
         if after_division:

@@ -125,7 +125,7 @@ def _command(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
         return None, mark.end()
     match = _COMMAND.match(text, place)
     if match is None:
-        raise refusal("a backslash is alone", place + 1, "write a command such as \\dot{x}")
+        raise refusal("a backslash stands by itself", place + 1, "write a command such as \\dot{x}")
     name, end = match.group(1), match.end()
     if name in _SPACING or name in _SIZES:
         return None, end

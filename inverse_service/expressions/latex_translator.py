@@ -134,7 +134,7 @@ class LatexTranslator(LatexDerivatives):
         digits = "".join(piece.text for piece in self._run(start))
         match = NUMBER.match(digits)
         if match is None:
-            raise refusal("a dot is alone", start.column, "a dot belongs to a number such as 0.5")
+            raise refusal("a dot stands by itself", start.column, "a dot belongs to a number such as 0.5")
         self._place += match.end()
         self._tokens.append(number_token(match.group(), start.column, start.space_before, self._limits))
 
@@ -179,7 +179,7 @@ class LatexTranslator(LatexDerivatives):
         if name == "d" and self._names.role("d") is None:
             raise refusal("a differential occurs", raw.column, "write \\frac{dx}{dt} for a derivative")
         if not name:
-            raise refusal(f"\\{raw.text} holds no name", raw.column, "write letters and digits in it")
+            raise refusal(f"\\{raw.text} contains no name", raw.column, "write letters and digits in it")
         self._emit_name(self._with_subscript(name), raw)
 
     def _delimiter(self, raw: Raw) -> None:

@@ -125,8 +125,8 @@ _COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
 
 def looks_like_a_coordinate(name: str) -> bool:
     """Whether most people mean a variable by the name: x, r_2, tau; x_0 is a constant to most."""
-    stem = name.rstrip("123456789").rstrip("_")
-    return stem in _COORDINATE_LETTERS
+    numbered = _NUMBERED.fullmatch(name)
+    return (numbered[1] if numbered and numbered[2][0] != "0" else name) in _COORDINATE_LETTERS
 
 
 def readings(name: str, names: Names) -> tuple[str, ...]:
@@ -145,9 +145,10 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     called = _CALLED_WITH_A_NUMBER.fullmatch(name)
     if called and called[1] in FUNCTIONS:
         return (f"{called[1]}({called[2]}{called[3] and '*' + called[3]})",)
-    known = {*names.declared(), "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
+    moving = {f"{each}{ending}" for each in names.coordinates for ending, _ in DOTTED}
+    known = {*names.declared(), *moving, "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
     letters, cut = _cut(name, known)
-    moves = any(part in names.coordinates for part in cut)
+    moves = any(part in names.coordinates or part in moving for part in cut)
     if len(cut) < 2 or letters > 1 + moves or (cut[-1] in FUNCTIONS and not names.role(cut[-1])):
         return ()
     motion = (f"{name[1:]}'",) if name[0] == "d" and name[1:] in names.coordinates else ()
@@ -157,7 +158,7 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
 GREEK_NAMES = frozenset(GREEK.values())
 _POTENTIALS = frozenset(("U", "V"))
 _CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
-_NUMBERED = re.compile(r"([A-Za-z]+)_?[0-9]+")
+_NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
 
 
 def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:

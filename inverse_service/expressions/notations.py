@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 
 from inverse_service.expressions.differentials import with_differentials
 from inverse_service.expressions.names import Names
@@ -188,11 +189,15 @@ def _is_maple_power(tokens: Sequence[Token], place: int) -> bool:
 
 def _derivative_of(tokens: Sequence[Token], place: int, order: int, found: Tokens) -> int:
     """(x) after D or Derivative[2], as x with primes; the (t) after it follows by itself."""
-    name = tokens[place + 1 : place + 3]
-    if not _opens(tokens, place) or len(name) < 2 or name[0].kind != "name" or not name[1].is_operator(")"):
-        raise refusal("a derivative of a name occurs", tokens[place - 1].column, "write x'' or diff(x, t, 2)")
-    found += [name[0], Token("prime", "'" * order, name[0].column, False, Fraction(order))]
-    return place + 3
+    start, inner = place, 0
+    while [token.text for token in tokens[place + 1 : place + 3]] == ["D", "("]:  # D(D(x))
+        place, inner = place + 2, inner + 1
+    name, *closing = tokens[place + 1 : place + 3 + inner]
+    closed = len(closing) == 1 + inner and all(token.is_operator(")") for token in closing)
+    if not _opens(tokens, start) or name.kind != "name" or not closed:
+        raise refusal("a derivative of a name occurs", tokens[start - 1].column, "write x'' or diff(x, t, 2)")
+    found += [name, Token("prime", "'" * (order + inner), name.column, False, Fraction(order + inner))]
+    return place + 3 + inner
 
 
 def _maple_d(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
@@ -297,13 +302,36 @@ def _der(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> in
     return after
 
 
+def _differential(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+    """ModelingToolkit's Differential(t)(u) is diff(u, t)."""
+    by, after = _arguments(tokens, place + 1)
+    if len(by) != 1 or not _opens(tokens, after):
+        raise refusal("Differential has no operand", tokens[place].column, "write Differential(t)(x), or x'")
+    operand, end = _arguments(tokens, after)
+    found += [replace(tokens[place], text="diff"), tokens[after], *_rewritten(operand[0], names)]
+    found += [_sign(",", tokens[after]), *by[0], tokens[end - 1]]
+    return end
+
+
+def _column(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+    """SymPy's Matrix([[u], [v]]) is u, v: its entries without the brackets of the rows' list."""
+    arguments, after = _arguments(tokens, place + 1)
+    if len(arguments) != 1 or not _opens(arguments[0], 0) or _close(arguments[0], 0) != len(arguments[0]) - 1:
+        raise refusal("a matrix occurs", tokens[place].column, "write its entries, separated by ;")
+    found += _rewritten(arguments[0][1:-1], names)
+    return after
+
+
 _Rewrite = Callable[[Sequence[Token], int, Tokens, Names], int]
 _STARTS: dict[str, _Rewrite] = {
     **dict.fromkeys(("Symbol", "Dummy", "Function"), _quoted),
     **dict.fromkeys(("Integer", "Rational"), _number),
     **dict.fromkeys((*_JOINED, *_HEADS), _joined),
     **dict.fromkeys(("Float", "RealNumber"), _float),
+    **dict.fromkeys(("Diff", "Dt"), partial(_call, name="diff")),  # Maple's and Mathematica's
+    **dict.fromkeys(("Matrix", "ImmutableMatrix", "ImmutableDenseMatrix", "MutableDenseMatrix"), _column),
     "der": _der,
+    "Differential": _differential,
     "D": _maple_d,
     "Log": _logarithm,
     _PIECES: _pieces,

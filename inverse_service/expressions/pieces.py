@@ -38,7 +38,7 @@ def step(u: Expression, column: int) -> Expression:
         root = isinstance(node, Power) and not (isinstance(node.exponent, Number) and _is_natural(node.exponent))
         if root or isinstance(node, Apply | Arbitrary | Acceleration):
             wanted = "polynomials of t, coordinates, velocities and parameters, as in x^2 + y^2 < 1"
-            raise refusal("a condition is no inequality of polynomials", column, f"compare {wanted}")
+            raise refusal("a condition is not an inequality of polynomials", column, f"compare {wanted}")
     u = collect(u)
     if isinstance(u, Number):
         return ONE if u.value > 0 else ZERO

@@ -194,8 +194,10 @@ def _long_name(text: str, place: int) -> tuple[str, int, int]:
 
 def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     character, column = text[place], place + 1
-    if text.startswith("==", place):
-        return [Token("operator", "=", column, space)], place + 2
+    if text.startswith(("==", "~"), place):  # ~ in Julia
+        return [Token("operator", "=", column, space)], place + 1 + (character == "=")
+    if text.startswith("-- ", place):
+        raise refusal("-- occurs", column, "write one sign, and leave remarks out")
     if text.startswith(":=", place):
         raise refusal(":= occurs", column, "write =, and leave out a name that is given to an equation")
     if character in _COMPARISONS or text.startswith("!=", place):

@@ -24,7 +24,8 @@ ALIASES = {
     "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "tg": "tan", "ctg": "cot", "sh": "sinh",
     "ch": "cosh", "th": "tanh", "arsinh": "asinh", "arcosh": "acosh", "artanh": "atanh", "arcsinh": "asinh",
     "arccosh": "acosh", "arctanh": "atanh", "cosec": "csc", "Abs": "abs", "sgn": "sign", "signum": "sign",
-    "heaviside": STEP,
+    "heaviside": STEP, "arctg": "atan", "tgh": "tanh", "cotg": "cot", "cotan": "cot", "arsh": "asinh", "arch": "acosh",
+    "arth": "atanh",
 }  # fmt: skip
 
 
@@ -51,6 +52,8 @@ _COMMAND = ("is a command of another program", "write the equations alone")
 _VECTORS = ("belongs to vectors", "write an equation for each component")
 _WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", "given", "equation", "equations",
           "model", "system", "when", "const", "constant", "begin", "end", "is", "the")  # fmt: skip
+_OTHER_TONGUES = (("sen", "sin"), ("seno", "sin"), ("sinus", "sin"), ("sine", "sin"), ("cosinus", "cos"),
+                  ("cosine", "cos"), ("tangent", "tan"), ("senh", "sinh"))  # fmt: skip
 _DECLARE = 'declare a function of your own in "functions" and use its derivatives'
 REFUSED: dict[str, tuple[str, str]] = {
     "floor": (_KINK, "write the integer for the interval that you study"),
@@ -81,7 +84,13 @@ REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
     "gamma": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
     "Gamma": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
     "zeta": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
+    "j": ("is not declared and complex numbers are not accepted", 'write real equations, or add it to "parameters"'),
     "lg": ("is log10 to some and log2 to others", 'write log10(x), or add it to "parameters"'),
+    "sqr": ("is a square to some and a root to others", 'write x^2 or sqrt(x), or add it to "parameters"'),
+    **{word: (f"is {plain} to many", f'write {plain}(x), or add it to "parameters"') for word, plain in _OTHER_TONGUES},
+    **dict.fromkeys(("acot", "arccot", "arcctg"), ("has two meanings", "write atan(1/x) or pi/2 - atan(x)")),
+    **dict.fromkeys(("asec", "arcsec"), ("is not accepted", "write acos(1/x)")),
+    **dict.fromkeys(("acsc", "arccsc"), ("is not accepted", "write asin(1/x)")),
     "inf": ("is not a number", "write a finite number"),
     "infinity": ("is not a number", "write a finite number"),
     "Infinity": ("is not a number", "write a finite number"),
@@ -94,7 +103,7 @@ REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
     "NaN": ("is not a number", "write a finite number"),
 }
 # Short names of functions that people also give to coordinates: th for theta.
-MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg"))
+MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))
 RESERVED = (FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}) - MAY_BE_DECLARED
 
 

@@ -52,7 +52,7 @@ def _constant(value: str | int | float, pointer: str) -> Expression:
         return read_formula(text, Names(time=False))
     except InputError as error:
         if "is not declared" in error.detail:
-            detail = 'the value of a parameter holds a name: write a number as in "1/2" or "2*pi", or use "where".'
+            detail = 'the value of a parameter contains a name: write a number as in "1/2" or "2*pi", or use "where".'
             raise InputError(detail, pointer, error.column) from None
         raise error.at(pointer) from None
 

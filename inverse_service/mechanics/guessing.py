@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.equations import remark
 from inverse_service.expressions.names import (
     DOTTED,
     GREEK_NAMES,
@@ -218,7 +219,13 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
             if token.kind != "name" or names & known:
                 continue
             _refuse_operators(line, place, pointer, coordinates)
+            if error := remark(line, place):
+                raise error.at(pointer)
             arguments = _call_arguments(line, place + 1, coordinates)
+            if arguments and _is_apart(line, place):
+                called = f"({', '.join(arguments)})"
+                instead = f"write {token.text}*{called} for a product, {token.text}{called} for a function"
+                raise refusal(f"{token.text} ( could be a product or a function", token.column, instead).at(pointer)
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
             elif not arguments and not _is_primed(line, place) and not _may_be_called(line, place):
@@ -242,12 +249,22 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
             raise refusal(shown, column, instead, meant).at(pointer)
         if looks_like_a_coordinate(name):
             raise refusal(shown, column, ask_for_the_time(name, names.coordinates), ("t",)).at(pointer)
-        if alike := _may_be_motion(name, names.coordinates):
+        if alike := _word_of_motion(name, names.coordinates) or _may_be_motion(name, names.coordinates):
             instead = f'did you mean {" or ".join(alike)}? a constant of this name? add it to "parameters"'
             raise refusal(shown, column, instead, alike).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
             raise refusal(shown, column, f"{other} occurs too; write one of the two", (other,)).at(pointer)
+
+
+_WORDS_OF_MOTION = {"velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
+
+
+def _word_of_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
+    """t for time, the velocity of the first coordinate for velocity."""
+    if name == "time":
+        return ("t",)
+    return tuple(f"{each}{_WORDS_OF_MOTION[name]}" for each in coordinates[:1] if name in _WORDS_OF_MOTION)
 
 
 def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
@@ -281,6 +298,13 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinat
         instead = f'a product? write Delta*{after.text} and add Delta to "parameters"'
         raise refusal(f"Delta {after.text} is a difference or a Laplacian to most; it occurs", token.column, instead,
                       (f"Delta*{after.text}",)).at(pointer)  # fmt: skip
+
+
+def _is_apart(line: Sequence[Token], place: int) -> bool:
+    """Whether k (x) stands there, which may be k*x; f (x) and V (x) are functions to most."""
+    return (
+        line[place].text not in FUNCTION_LETTERS and line[place + 1].is_operator("(") and line[place + 1].space_before
+    )
 
 
 def _tokens(text: str, declared: Names) -> list[Token]:

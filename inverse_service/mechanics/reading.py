@@ -35,12 +35,17 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.document_names import Declared, Parameters, bounded, escaped, known_names
-from inverse_service.mechanics.guessing import derived_stem, inferred_coordinates, key_coordinate
+from inverse_service.mechanics.guessing import (
+    derived_stem,
+    inferred_coordinates,
+    key_coordinate,
+    moving_names,
+)
 from inverse_service.mechanics.implicit_equations import has_acceleration, linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 
 NOT_PAIRS = (
-    "these are first-order equations, and they are no pairs x' = h, p' = F with h affine in p and solvable for p "
+    "these are first-order equations, and not pairs x' = h, p' = F with h affine in p and solvable for p "
     "(of such a pair x alone is a coordinate): write equations of second order such as x'' = -x."
 )
 
@@ -59,7 +64,8 @@ def from_pairs(
     """The second-order system of u' = …, one equation for each of `coordinates`; InputError where there is none.
 
     `preferred` are the names that are to be coordinates, where the writer said so; else they are those whose
-    derivatives are momenta and nothing else (x' = v), else the first half in the order of the equations.
+    derivatives are momenta and nothing else (x' = v), else those that are called neither p nor v, else the first half
+    in the order of the equations.
     """
     slopes = _slopes(equations, coordinates)
     order = tuple(slopes)
@@ -67,12 +73,18 @@ def from_pairs(
     if len(order) != 2 * half or set(order) != set(coordinates):
         raise InputError(NOT_PAIRS, "/equations")
     plain = tuple(name for name in order if slopes[name] in {Symbol(other) for other in order if other != name})
-    for chosen in (tuple(preferred), plain if len(plain) == half else (), order[:half]):
+    named = tuple(name for name in order if not _is_momentum(name, order))
+    for chosen in (tuple(preferred), plain, named, order[:half]):
         if len(chosen) == half and set(chosen) <= set(order) and (found := _solved(slopes, chosen)):
             return found
         if chosen and chosen == tuple(preferred):
             break
     raise InputError(NOT_PAIRS, "/equations")
+
+
+def _is_momentum(name: str, names: Sequence[str]) -> bool:
+    """Whether p, p_x, v_x or vx stands there to most."""
+    return name in ("p", "v") or any(name in (f"{letter}_{q}", f"{letter}{q}") for letter in "pv" for q in names)
 
 
 def _slopes(equations: Sequence[tuple[Expression, Expression]], coordinates: Sequence[str]) -> dict[str, Expression]:
@@ -206,10 +218,11 @@ def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
                 what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
                 raise refusal(what, first.column, f"write {meant} for a second derivative", (meant,), span).at(pointer)
             moves = names.role(first.text) or derived_stem(first.text) or _DERIVATIVE.search(first.text)
-            if first.kind != "name" or not rest or not rest[0].is_operator("=") or moves:
+            is_definition = first.kind == "name" and rest and rest[0].is_operator("=") and not moves
+            if not is_definition or moving_names(rest, 2):  # F = m*x'' moves x
                 continue
             key = '"lagrangian": "…"' if first.text == "L" else f'"where": {{"{first.text}": "…"}}'
-            what = f"{first.text} = … is a definition and no equation of motion; it occurs"
+            what = f"{first.text} = … is a definition, not an equation of motion; it occurs"
             raise refusal(what, first.column, f"write it in the document as {key}").at(pointer)
 
 

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 from sympy.core.function import AppliedUndef
-from sympy.printing.codeprinter import ccode, cxxcode, fcode, rust_code
+from sympy.printing.codeprinter import CodePrinter, ccode, cxxcode, fcode
+from sympy.printing.precedence import PRECEDENCE
+from sympy.printing.rust import RustCodePrinter
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
@@ -47,9 +49,32 @@ class Language:
 _RESERVED = frozenset(("C", "D", "E", "I", "K", "N", "O", "Pi", "gamma", "Gamma", "Zeta", "Psi", "Chi"))
 
 
+class _RustPrinter(RustCodePrinter):  # type: ignore[misc]
+    """All numbers are f64. SymPy 1.14 loses brackets: k*(x + y) of real symbols is k*x + y, exp(-2) is -2.exp()."""
+
+    _print_Add, _print_Mul = CodePrinter._print_Add, CodePrinter._print_Mul
+
+    def _print_caller_var(self, expr: Any) -> str:
+        return str(self.parenthesize(expr, PRECEDENCE["Func"]))
+
+    def _print_Pow(self, expr: Any) -> str:
+        if expr.exp.is_Integer and expr.exp != -1:
+            return f"{self._print_caller_var(expr.base)}.powi({expr.exp})"
+        return str(self._print_Function(expr))
+
+    def _print_Integer(self, expr: Any) -> str:
+        return f"{expr}_f64"
+
+    def _print_Pi(self, expr: Any) -> str:
+        return "std::f64::consts::PI"
+
+    def _print_Exp1(self, expr: Any) -> str:
+        return "std::f64::consts::E"
+
+
 def _rust(expression: Any) -> str:
-    text = str(rust_code(expression))
-    return f"{text}.0" if expression.is_Integer else text
+    printer = _RustPrinter()
+    return str(printer.doprint(printer._rewrite_known_functions(expression)))
 
 
 def _maxima(expression: Any) -> str:

@@ -165,7 +165,7 @@ def _expression(value: Any) -> Any:
         raise InputError(detail, "/equations")
     for derivative in found.atoms(sympy.Derivative):
         if not all(count.is_Integer for _, count in derivative.variable_count):
-            raise InputError(f"the order of {derivative} is no number: write second derivatives.", "/equations")
+            raise InputError(f"the order of {derivative} is not a number: write second derivatives.", "/equations")
     return found.replace(
         lambda part: isinstance(part, sympy.Derivative) and not isinstance(part.expr, AppliedUndef),
         lambda part: part.doit(deep=False) if part.expr.has(AppliedUndef) else part,
@@ -182,7 +182,7 @@ def _refuse_without_velocities(moving: Iterable[Any], velocities: Mapping[Any, A
 def _time_of(moving: Sequence[Any]) -> Any:
     found = {each.args[0] for each in moving if isinstance(each, AppliedUndef) and len(each.args) == 1}
     if len(found) > 1:
-        raise InputError("the coordinates depend on different variables: write all of them over one time.")
+        raise InputError("the coordinates depend on different variables: write all of them as functions of one time.")
     return found.pop() if found else sympy.Symbol("t")
 
 
@@ -197,7 +197,7 @@ def _found_time(zeros: Sequence[Any]) -> Any:
     if orders and not found:
         raise InputError("no second derivative occurs here: write equations such as x'' = -x.", "/equations")
     if len(found) != 1:
-        raise InputError("what the time is cannot be seen from the derivatives: say time=t.", "/time")
+        raise InputError("the derivatives do not show which variable is the time: pass time=t.", "/time")
     return found.pop()
 
 
@@ -264,7 +264,7 @@ def _refuse_other_motions(given: _Given, applied: set[Any], symbols: Sequence[An
         known = moving.get(str(each.func))
         if known is not None and each.func == known.func:
             raise InputError(
-                f"{each} occurs together with {known}: only {known} itself is accepted, no delay.", "/equations"
+                f"{each} occurs together with {known}: only {known} itself is accepted, without a delay.", "/equations"
             )
         if known is not None:
             detail = f"two functions are called {known.func} and have other assumptions: use one of them."

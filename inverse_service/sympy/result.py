@@ -363,7 +363,7 @@ def table_of(results: Iterable[Mapping[str, Any]]) -> Any:
 def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
     """The columns that are compared first: verdicts, L, H, how many multipliers, seconds, size."""
     if not isinstance(result, Mapping):
-        raise InputError("A table is made of results.")
+        raise InputError("A table needs results.")
     row = {key: result.get(key) for key in COLUMNS}
     if error := result.get("error"):
         row |= {"verdict": "error", "reason": error["detail"]}

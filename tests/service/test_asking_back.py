@@ -236,3 +236,19 @@ def test_a_potential_with_its_argument_is_guessed(equations: str) -> None:
 def test_names_that_are_declared_are_not_asked_back() -> None:
     found = parse_document({"equations": "x'' = -v*dV/dx - V_x*x", "parameters": ["v", "dV", "dx", "V_x"]})
     assert found["equations"]["x"]["text"] == "-v*dV/dx - V_x*x"
+
+
+@pytest.mark.parametrize(
+    ("equations", "parameters", "f"),
+    [
+        ("x'' = -arch*x - tgh", ["arch", "tgh"], "-arch*x - tgh"),
+        ("x'' = -sqr*x - velocity*time", ["sqr", "velocity", "time"], "-sqr*x - velocity*time"),
+        ("x'' = -x (a)", ["a"], "-x*a"),
+        ("x'' = -x10*j", ["x10", "j"], "-x10*j"),
+        ("x'' = -k (x)", ["k"], "-k*x"),
+        ("(2)*x'' = -x", [], "-x/2"),
+    ],
+)
+def test_what_is_declared_is_no_word_no_label_and_no_remark(equations: str, parameters: list[str], f: str) -> None:
+    found = parse_document({"equations": equations, "parameters": parameters})
+    assert found["equations"]["x"]["text"] == f

@@ -45,9 +45,9 @@ def test_the_answer_is_about_the_motion_alone() -> None:
     ("change", "words"),
     [
         ({"motion": {"phi": "0"}}, "free velocities"),
-        ({"motion": {"phi": "0", "q": "1"}}, "no coordinate"),
+        ({"motion": {"phi": "0", "q": "1"}}, "not a coordinate"),
         ({"motion": {"phi": "0", "x": "y''"}}, "acceleration"),
-        ({"motion": {"x": "0", "y": "0"}, "constraints": ["y' = tan(phi)*x'"]}, "do not fix"),
+        ({"motion": {"x": "0", "y": "0"}, "constraints": ["y' = tan(phi)*x'"]}, "do not determine"),
         ({"special_cases": True}, "special cases"),
     ],
 )

@@ -132,7 +132,7 @@ REFUSALS: dict[str, tuple[dict[str, Any], str, str]] = {
     "third outside the class": (SPHERE | {"associated": "third"}, "/associated", "paper's class"),
     "second of a constraint with two velocities": (SPHERE | {"associated": "second"}, "/associated", "several free"),
     "a multiple that is none": (DISK | {"multiples": {"x": "x' - R*theta'"}}, "/multiples/x", "does not vanish"),
-    "a multiple for no coordinate": (DISK | {"multiples": {"q": "0"}}, "/multiples/q", "no coordinate"),
+    "a multiple for no coordinate": (DISK | {"multiples": {"q": "0"}}, "/multiples/q", "not a coordinate"),
     "an acceleration in a multiple": (DISK | {"multiples": {"x": "x''"}}, "/multiples/x", "acceleration"),
     "an unknown kind": (DISK | {"associated": "fourth"}, "/associated", "first"),
     "an unknown key": (DISK | {"colour": 1}, "/colour", "nonholonomic system"),

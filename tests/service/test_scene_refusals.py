@@ -59,7 +59,7 @@ CASES = [
     ("/parameters/M", "10^999", "/parameters/M", "number"),
     ("/effects", ["constraints", "friction"], "/effects/1", "use constraints, potential, magnetic, kinetic"),
     ("/terms", {"spring": "-k*x^2/2"}, "/terms/spring", "k"),
-    ("/functions", {"A": "cos(phi)"}, "/functions/A", "no function"),
+    ("/functions", {"A": "cos(phi)"}, "/functions/A", "not a function"),
     ("/initial/positions/x", None, "/initial/positions", "of x is missing"),
     ("/initial/positions/z", 0, "/initial/positions/z", "coordinates are phi, theta, x, y"),
     ("/initial/velocities", None, "/initial", "either 'velocities' or 'momenta'"),

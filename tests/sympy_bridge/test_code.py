@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import shutil
 import subprocess
 import sys
@@ -132,3 +133,82 @@ def test_what_has_no_code_is_refused() -> None:
         solve({x: -V(x)}).to_code("c")
     with pytest.raises(InputError, match="languages are"):
         from_result(solve({x: -x})).to_code("cobol")
+
+
+def formulas(count: int, seed: int) -> list[sp.Expr]:
+    """Random formulas of a and b that are real in each part, and of moderate size, at the point."""
+    maker = random.Random(seed)
+    a, b = sp.symbols("a b", real=True)
+    functions = [sp.sin, sp.cos, sp.tan, sp.exp, sp.log, sp.sqrt, sp.atan, sp.asin, sp.sinh, sp.cosh, sp.tanh, sp.sign]
+    exponents = [2, 3, -1, -2, sp.Rational(1, 2), sp.Rational(-3, 2), sp.Rational(1, 3), a, -b]
+
+    def tree(depth: int) -> sp.Expr:
+        kind = maker.random()
+        if depth == 0 or kind < 0.1:
+            return maker.choice([a, b, sp.pi, sp.E, sp.Rational(maker.randint(-9, 9), maker.choice((1, 2, 3, 7)))])
+        if kind < 0.65:
+            return maker.choice([sp.Add, sp.Mul])(*(tree(depth - 1) for _ in range(maker.randint(2, 3))))
+        if kind < 0.8:
+            return tree(depth - 1) ** maker.choice(exponents)
+        return maker.choice([*functions, sp.Abs])(tree(depth - 1))
+
+    found: list[sp.Expr] = []
+    while len(found) < count:
+        formula = tree(4)
+        values = [each.subs({a: POINT[0], b: POINT[1]}).evalf(12) for each in sp.preorder_traversal(formula)]
+        if formula.free_symbols and all(value.is_real for value in values) and 1e-6 < abs(values[0]) < 1e6:
+            found.append(formula)
+    return found
+
+
+POINT = (sp.Rational(5, 16), sp.Rational(11, 8))
+FEW, MANY = 40, 1000
+
+
+def languages_agree(language: str, found: list[sp.Expr], folder: Path) -> None:
+    """The formulas as this language has them, run, against SymPy's numbers."""
+    printed = [LANGUAGES[language].printed(each) for each in found]
+    a, b = (float(each) for each in POINT)
+    match language:
+        case "python":
+            text = f"import math\na, b = {a}, {b}\n" + "\n".join(f"print({each})" for each in printed)
+            (folder / "all.py").write_text(text)
+            command = [sys.executable, "all.py"]
+        case "javascript":
+            text = f"const a = {a}, b = {b};\n" + "\n".join(f"console.log({each});" for each in printed)
+            (folder / "all.js").write_text(text)
+            command = ["node", "all.js"]
+        case "c" | "cpp":
+            body = "\n".join(f'printf("%.17g\\n", (double)({each}));' for each in printed)
+            text = (
+                f"{LANGUAGES[language].start}#include <stdio.h>\nint main(void) {{ double a = {a}, b = {b};\n{body} }}"
+            )
+            (folder / f"all.{language}").write_text(text)
+            compiler = ["gcc"] if language == "c" else ["g++", "-std=c++17"]
+            subprocess.run([*compiler, f"all.{language}", "-o", "all", "-lm"], cwd=folder, check=True)
+            command = ["./all"]
+        case _:
+            body = "\n".join(f'println!("{{}}", {each});' for each in printed)
+            (folder / "all.rs").write_text(f"fn main() {{ let a: f64 = {a}_f64; let b: f64 = {b}_f64;\n{body} }}")
+            subprocess.run(["rustc", "-A", "warnings", "all.rs", "-o", "all"], cwd=folder, check=True)
+            command = ["./all"]
+    values = dict(zip(sp.symbols("a b", real=True), POINT, strict=True))
+    assert run(command, folder) == pytest.approx([float(each.subs(values).evalf(25)) for each in found], rel=1e-7)
+
+
+TOOLS = {"python": sys.executable, "javascript": "node", "c": "gcc", "cpp": "g++", "rust": "rustc"}
+
+
+@pytest.mark.parametrize("language", ["python", "javascript", "c", pytest.param("rust", marks=pytest.mark.slow)])
+def test_random_formulas_have_the_value_that_sympy_gives(language: str, tmp_path: Path) -> None:
+    if shutil.which(TOOLS[language]) is None:
+        pytest.skip(f"no {language}")
+    languages_agree(language, formulas(FEW, 1), tmp_path)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("language", sorted(TOOLS))
+def test_a_thousand_random_formulas_have_the_value_that_sympy_gives(language: str, tmp_path: Path) -> None:
+    if shutil.which(TOOLS[language]) is None:
+        pytest.skip(f"no {language}")
+    languages_agree(language, formulas(MANY, 2), tmp_path)

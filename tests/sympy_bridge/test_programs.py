@@ -156,7 +156,7 @@ REFUSED = [
     ([x.diff(t) + x], "second derivative"),
     ([x.diff(t, 3) + x], "third derivative"),
     ([sp.Derivative(x, (t, sp.Symbol("n"))) + x], "order"),
-    ([x.diff(t, 2) + sp.Function("x")(t - 1)], "no delay"),
+    ([x.diff(t, 2) + sp.Function("x")(t - 1)], "without a delay"),
     ([x.diff(t, 2) + sp.Function("x")(0)], "x(0) occurs together"),
     ([x.diff(t, 2) + sp.Function("x", positive=True)(t)], "two functions are called x"),
     ([x.diff(t, 2) + sp.Symbol("x") * x], "the symbol x occurs together"),

@@ -198,7 +198,7 @@ async function nine() {
   await client.POST("/v1/solve", { body: { lagrangian: "x'^2/2", constraints: ["x'"], coordinates: ["x"] } });
   const parsed = await client.POST("/v1/parse", { body: { equations: "x'' = -x", parameters: "guess" } });
   console.log(parsed.data?.coordinates, parsed.data?.guessed);
-  await client.POST("/v1/check", { body: {} });
+  await client.POST("/v1/check", { body: { system: { equations: "x'' = -x" }, lagrangian: "x'^2/2 - x^2/2" } });
   const job = await client.GET("/v1/jobs/{id}", { params: { path: { id: "a" } } });
   console.log(job.data?.status);
   const initial = { positions: { x: 1 }, velocities: { x: 0 } };
@@ -236,8 +236,8 @@ from generated.api.jobs import dismiss_jobs, job, list_jobs
 from generated.api.operations import limits
 from generated.api.simulations import simulate
 from generated.api.systems import check, parse, solve
-from generated.models import CheckBody, LagrangianDocument, ProblemDocument, ResultDocument, SceneDocument
-from generated.models import SimulationResult, SystemDocument
+from generated.models import LagrangianDocument, ProblemDocument, ResultDocument, SceneDocument
+from generated.models import CheckAnswer, SimulationResult, SystemDocument
 
 client = Client(base_url="ADDRESS")
 solved = solve.sync(client=client, body=SystemDocument.from_dict({"equations": "x'' = -x", "id": 1}), prefer="wait=20")
@@ -247,8 +247,8 @@ refused = parse.sync(client=client, body=SystemDocument.from_dict({"equations": 
 assert isinstance(refused, ProblemDocument), refused
 print(refused.detail)
 parse.sync(client=client, body=LagrangianDocument.from_dict({"lagrangian": "x'^2/2"}))
-checked = check.sync_detailed(client=client, body=CheckBody.from_dict(solved.to_dict()))
-print(checked.status_code)
+checked = check.sync(client=client, body=solved)
+assert isinstance(checked, CheckAnswer) and checked.verdict == "valid", checked
 scene = {"system": {"catalogue": "sho"}, "step": 0.1, "steps": 10, "methods": ["runge-kutta"],
          "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}}
 run = simulate.sync(client=client, body=SceneDocument.from_dict(scene), prefer="wait=20")

@@ -232,7 +232,7 @@ def _refuse_dependent(parts: Geometry) -> None:
         )
     if len(parts.rows) >= n:
         raise InputError(
-            f"{len(parts.rows)} independent constraints leave no freedom to {n} coordinates: give fewer constraints.",
+            f"{len(parts.rows)} independent constraints leave {n} coordinates no freedom: give fewer constraints.",
             "/constraints",
         )
 

@@ -198,7 +198,7 @@ def motion_on(system: NonholonomicSystem, accelerations: Mapping[str, Expression
     choice = next((found for found in frames(parts) if found.dependent == dependent), None)
     if choice is None:
         listed = ", ".join(names[place] for place in dependent)
-        raise InputError(f"the constraints do not fix the velocities of {listed} by the others.", "/motion")
+        raise InputError(f"the constraints do not determine the velocities of {listed} from the others.", "/motion")
     speeds = [parts.velocity(place) for place in choice.free]
     rates = [dot(parts.zero, choice.basis[place], speeds) + choice.drift[place] for place in dependent]
     velocities = tuple(parts.tree(rate) for rate in rates)

@@ -63,7 +63,7 @@ def read_motion(
     free = {known.names.spelling(name): name for name in motion}
     strange = next((name for key, name in free.items() if key not in names.coordinates), None)
     if strange is not None:
-        raise InputError(f"there is a motion for '{strange}', which is no coordinate.", "/motion")
+        raise InputError(f"there is a motion for '{strange}', which is not a coordinate.", "/motion")
     if len(free) + len(trees) != len(names.coordinates):
         raise InputError(
             f"{len(names.coordinates)} coordinates with {len(trees)} constraints leave "
@@ -154,7 +154,7 @@ def read_multiples(
         name = names.spelling(key)
         if name not in system.coordinates:
             raise InputError(
-                f"there is a multiple for a name that is no coordinate: the coordinates are "
+                f"there is a multiple for a name that is not a coordinate: the coordinates are "
                 f"{', '.join(system.coordinates)}.",
                 place,
             )

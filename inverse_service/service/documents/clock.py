@@ -34,7 +34,7 @@ def read_clock(system: SecondOrderSystem, text: str, schema: SystemDocument | No
     """N(q) of a text, parameters with values in the document put in; InputError as above."""
     factor = translate.formula_about(text, system.names, schema, "/clock")
     if any(node == TIME or isinstance(node, Velocity | Acceleration) for node in walk(factor)):
-        raise InputError("a clock N in dtau = N dt holds coordinates and parameters only.", "/clock")
+        raise InputError("a clock N in dtau = N dt may contain coordinates and parameters only.", "/clock")
     if with_clock(system, factor) is None:
         raise InputError("a clock N needs real values other than 0 where the equations have values.", "/clock")
     return factor

@@ -22,7 +22,7 @@ SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions
 NAMES = ("coordinates", "parameters", "functions")
 # Not for people, or not ours to change.
 KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict"))
-_LETTERS = "jwzkbcudhgnalsTYZWJKBUDGNCP"
+_LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
 _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 _NAME = r"([A-Za-z]\w*)"

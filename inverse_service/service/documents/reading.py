@@ -81,7 +81,7 @@ def read_toml(data: bytes | str) -> Any:
     except ValueError as error:
         if isinstance(error, InputError):
             raise
-        raise InputError("The document holds a number with too many digits; write it as a formula.") from None
+        raise InputError("The document contains a number with too many digits; write it as a formula.") from None
     refuse_surrogates(value)
     return value
 
@@ -114,7 +114,7 @@ def refuse_surrogates(value: Any) -> None:
     while stack:
         node, pointer, depth = stack.pop()
         if isinstance(node, str) and not _is_encodable(node):
-            raise InputError("A text holds half of a surrogate pair; write the whole character.", pointer)
+            raise InputError("A text contains half of a surrogate pair; write the whole character.", pointer)
         if depth > MAX_DEPTH:
             raise _too_deep()
         stack.extend((part, place, depth + 1) for part, place in _parts(node, pointer))

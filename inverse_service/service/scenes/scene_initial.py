@@ -67,7 +67,7 @@ def _by_coordinate(given: Mapping[str, str], names: Names, pointer: str) -> dict
         name = names.spelling(key.removeprefix("p_") if pointer.endswith("momenta") else key)
         if name not in names.coordinates:
             known = ", ".join(names.coordinates)
-            raise InputError(f"'{escape(key)}' is no coordinate: the coordinates are {known}.", place)
+            raise InputError(f"'{escape(key)}' is not a coordinate: the coordinates are {known}.", place)
         found[name] = number_of(text, place)
     return found
 
@@ -139,7 +139,7 @@ def _together(
     tables, free = [scene.positions[None], scene.velocities[None]], set(base.velocities or {})
     if given is not None:
         if len({len(column) for column in _columns(given)}) != 1:
-            raise InputError("the columns of an ensemble have one length.", "/initial")
+            raise InputError("the columns of an ensemble must have the same length.", "/initial")
         for k, what in enumerate(("positions", "velocities")):
             tables[k] = np.tile(tables[k], (len(_columns(given)[0]), 1))
             for key, texts in getattr(given, what).items():

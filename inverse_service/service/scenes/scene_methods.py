@@ -183,7 +183,7 @@ def read_circle(schema: SceneDocument, names: Names) -> tuple[int, int] | None:
         for place, name in enumerate(pair):
             if name not in names.coordinates:
                 known = ", ".join(names.coordinates)
-                raise InputError(f"this is no coordinate: the coordinates are {known}.", f"/circle/{place}")
+                raise InputError(f"this is not a coordinate: the coordinates are {known}.", f"/circle/{place}")
         if pair[0] == pair[1]:
             raise InputError("the two coordinates of the circle are the same: name two.", "/circle")
     elif {"x", "y"} <= set(names.coordinates):

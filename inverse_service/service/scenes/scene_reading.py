@@ -102,7 +102,7 @@ def beginning(schema: SceneDocument) -> tuple[float, SceneInitial]:
         begin = number_of(repr(float(final["t"])), "/restart")
         return begin, SceneInitial(positions=positions, velocities=velocities, project=True)
     except (AttributeError, TypeError, ValueError):
-        raise InputError("the last point of this result is none: give the result of simulate.", "/restart") from None
+        raise InputError("this result has no last point: give the result of simulate.", "/restart") from None
 
 
 def _final(result: dict[str, Any]) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
         name = names.spelling(key)
         if name not in names.functions:
             known = ", ".join(names.functions) or "none"
-            raise InputError(f"'{key[:40]}' is no function of this system: its functions are {known}.", pointer)
+            raise InputError(f"'{key[:40]}' is not a function of this system: its functions are {known}.", pointer)
         arguments = names.functions[name]
         try:
             tree = read_formula(text, Names(names.coordinates, names.parameters))
