@@ -122,7 +122,8 @@ CHECKED = {
                      lagrangian={"type": "string"}),
         _object_with("Certificate", False, format={"enum": [FORMAT, OLD_FORMAT]}, system={"type": "object"}),
         _object_with("Identities", False, theorems={
-            "type": "array", "items": {"type": "object"}, "description": "What `solve --format identities` writes."}),
+            "type": "array", "items": {"description": "One theorem."},
+            "description": "What `solve --format identities` writes."}),
     ]
 }  # fmt: skip
 ID = {"type": ["string", "number", "boolean", "null"]}

@@ -46,7 +46,13 @@ BATCH_BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
         "content": {
-            "application/json": {"schema": {"type": "array", "minItems": 1, "items": {"type": "object"}}},
+            "application/json": {
+                "schema": {
+                    "type": "array",
+                    "minItems": 1,
+                    "items": {"description": "A document; what is none gets an error line."},
+                }
+            },
             NDJSON: {"schema": {"type": "string"}},
         },
     }
