@@ -43,16 +43,17 @@ Grid = list[list[int]]
 def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
     """Those that can occur in a regular multiplier.
 
-    Where the test cannot be made, since letters have no common points, those in velocities alone are tested.
+    Where the test cannot be made, since letters have no common points, those in velocities alone are tested; where
+    none of these is left either, all are kept.
     """
     try:
         return _possible_shapes(material, shapes, seed)
     except _NO_POINTS:
         plain = [shape for shape in shapes if all(_is_of_velocities(letter) for letter, _ in shape)]
     try:
-        return _possible_shapes(material, plain, seed) if len(plain) < len(shapes) else plain[:_MOST]
+        return _possible_shapes(material, plain, seed) or list(shapes[:_MOST])
     except _NO_POINTS:
-        return plain[:_MOST]
+        return list(shapes[:_MOST])
 
 
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)

@@ -203,14 +203,19 @@ def moving_letters(material: Material) -> list[Expression]:
 
 
 def _moving_letters(material: Material) -> Iterator[Expression]:
+    """Letters of f stay whole, as the root of 1 - v^2 does; other sums, as in an f multiplied out, give factors."""
     known = [p for p in material.velocity_letters if not (isinstance(p, Apply) and p.function == "exp")]
-    sums = [p for p in known if isinstance(p, Sum)]
-    sums += [node for f in material.analysis.system.accelerations for node in walk(f) if isinstance(node, Sum)]
-    yield from (p for p in known if not isinstance(p, Sum))
-    for node in dict.fromkeys(sums):
-        if has_velocity(node):
+    yield from (p for p in known if not isinstance(p, Sum) or _is_plain(p))
+    for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in walk(f)):
+        if isinstance(node, Sum) and has_velocity(node):
             with suppress(TooManyTerms):
-                yield from (p for p in irreducible_factors(node) if has_velocity(p) and _is_plain(p))
+                whole = split_content(terms)[2] if (terms := terms_of(node)) else node  # a sum may be 0
+                parts = (
+                    ()
+                    if whole in known or tree_of({key: -value for key, value in terms_of(whole).items()}) in known
+                    else irreducible_factors(node)
+                )
+                yield from (p for p in parts if has_velocity(p) and _is_plain(p))
 
 
 def _positive(letter: Expression, table: RealTable) -> Expression:
