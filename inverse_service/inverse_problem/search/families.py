@@ -176,13 +176,12 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
         return chosen
     terms = family.terms if material.motion.size > 1 else min(family.terms, _MOST_OF_ONE)
     room = max(_FEWEST, terms // (len(chosen) * len(factors.in_time)))
-    found = products(factors.in_time, products(_functions(material, factors, room), chosen))
+    found = products(factors.in_time, products(_functions(material, factors, room), chosen))[: 2 * family.terms]
     found += [m for shape in chosen for m in products(_fitted(material, factors, shape), [shape])]
     if material.motion.with_time and not material.position_letters:
         # Where f holds no position, first integrals can be linear in t: x'' = x'^2 keeps 1/x' + t.
         found += products([monomial(TIME)], chosen)
-    kept = [key for key in distinct(found) if is_admissible(material, key) and not is_linear(key)]
-    return kept[: 2 * family.terms]
+    return [key for key in distinct(found) if is_admissible(material, key) and not is_linear(key)]
 
 
 # For one coordinate every f has a Lagrangian, so the large rows end most searches in vain; they found none there.
