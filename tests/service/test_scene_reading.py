@@ -66,7 +66,7 @@ def test_the_time_gives_the_steps() -> None:
 def test_long_runs_are_thinned_and_say_so() -> None:
     scene = read(changed("/steps", 10_000_000))
     assert scene.grid.record_every == 100
-    assert "Every 100th step" in scene.notes[0]
+    assert "One step in 100" in scene.notes[0]
     assert read(changed("/record_every", 4)).grid.record_every == 4
 
 

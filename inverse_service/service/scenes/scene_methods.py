@@ -64,7 +64,7 @@ def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[Grid, tuple[st
     if steps // every <= MOST_RECORDED:
         return Grid(step, steps, min(every, steps), begin), notes
     every = math.ceil(steps / MOST_RECORDED)
-    note = f"One step of {every} is recorded, so that at most {MOST_RECORDED} points are kept."
+    note = f"One step in {every} is recorded, so that at most {MOST_RECORDED} points are kept."
     return Grid(step, steps, every, begin), (*notes, note)
 
 
