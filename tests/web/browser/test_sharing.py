@@ -60,6 +60,7 @@ def test_two_results_are_compared_side_by_side(light: Visit) -> None:
         light.go("/")
         light.page.get_by_label("Equations", exact=True).fill(equation)
         light.page.get_by_role("button", name="Find out").click()
+        light.page.wait_for_url("**/results/*")  # loaded: its script keeps the question
         expect(light.page.locator(".verdict").first).to_be_visible()
         paths.append(light.page.url.removeprefix(light.address))
     light.page.get_by_role("link", name="Compare with another").click()
