@@ -19,10 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
+import numpy as np
+from numpy.typing import NDArray
 
 from inverse_service.codegen.kernel import AdaptiveKernel, Kernel
 from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.program import Layout, Program, Solve, changing, layout_of
+from inverse_service.integrators.trajectory import Array
 from inverse_service.machine_code import store
 from inverse_service.machine_code.loading import processor_name, target_machine
 
@@ -80,14 +83,21 @@ def _optimise(machine: Any, module: Any, thorough: bool) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A loaded kernel; it lives as long as its engine."""
+    """A loaded kernel; it lives as long as its engine. `groups` is there where it has lanes."""
 
     engine: Any
     function: Any
+    groups: Any = None
 
     def call(self, memory: int, weights: int, control: int, record: int) -> None:
         """Run the kernel on these addresses; Python's lock is free meanwhile."""
         self.function(memory, weights, control, record)
+
+    def call_groups(self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array) -> None:
+        """Run the kernel with one row of `memory`, `control` and `record` after another."""
+        strides = np.array([memory.strides[0], control.strides[0], record.strides[0]], dtype=np.int64)
+        starts = memory.ctypes.data, weights.ctypes.data, control.ctypes.data, record.ctypes.data
+        self.groups(*starts, len(memory), strides.ctypes.data)
 
 
 def load(code: bytes) -> Machine:
@@ -98,7 +108,10 @@ def load(code: bytes) -> Machine:
     address = engine.get_function_address("kernel")
     if not address:
         raise OSError("the object file has no kernel")
-    return Machine(engine, ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(address))
+    one, pointers = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(address), [ctypes.c_void_p] * 4
+    several = engine.get_function_address("groups")
+    many = ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64, ctypes.c_void_p)(several) if several else None
+    return Machine(engine, one, many)
 
 
 _MOST_IN_MEMORY = 256

@@ -48,7 +48,7 @@ from inverse_service.simulation.scene import (
     Unavailable,
 )
 
-MOST_NUMBERS = 4_000_000  # of records and memory that one chunk of groups holds
+STEPS_AT_ONCE = 100_000  # of groups, after which it is asked whether to stop
 ALL_METHODS = "Ensembles are run by methods that step with kernels: variational, nonholonomic, runge-kutta, and so on."
 
 
@@ -189,25 +189,25 @@ def _run_groups(
     record = np.full((len(memory), whole + bool(rest), *width), np.nan)
     substeps = np.array(weights, dtype=np.float64)
 
-    def call(group: int) -> int:
-        if stop is not None and stop():
-            return -1
-        control = np.zeros((2, len(CONTROL)), dtype=np.int64)
-        control[:, :4] = (whole * every, len(substeps), every, every), (rest, len(substeps), every, rest)
-        done = 0
-        for row in control[: 1 + bool(rest)]:
-            kernel.machine.call(
-                memory[group].ctypes.data, substeps.ctypes.data, row.ctypes.data, record[group, done:].ctypes.data
-            )
-            done += int(row[CONTROL.index("rows")])
-        return int(control[:, CONTROL.index("iterations")].sum())
+    control = np.zeros((2, len(memory), len(CONTROL)), dtype=np.int64)
+    control[0, :, :4] = whole * every, len(substeps), every, every
+    control[1, :, :4] = rest, len(substeps), every, rest
+    at_once = max(1, STEPS_AT_ONCE // max(1, grid.steps * len(substeps)))
 
+    def call(part: NDArray[np.int64]) -> bool:
+        for groups in (slice(k, k + at_once) for k in range(part[0], part[-1] + 1, at_once)):
+            if stop is not None and stop():
+                return False
+            groups = slice(groups.start, min(groups.stop, int(part[-1]) + 1))
+            kernel.machine.call_groups(memory[groups], substeps, control[0, groups], record[groups])
+            if rest:
+                kernel.machine.call_groups(memory[groups], substeps, control[1, groups], record[groups, whole:])
+        return True
+
+    parts = [part for part in np.array_split(np.arange(len(memory)), cores()) if len(part)]
     with ThreadPoolExecutor(cores()) as pool:
-        ran = list(
-            pool.map(lambda part: [call(group) for group in part], np.array_split(np.arange(len(memory)), cores()))
-        )
-    counts = [count for part in ran for count in part]
-    return record, sum(max(0, count) for count in counts), -1 in counts
+        ran = list(pool.map(call, parts))
+    return record, int(control[:, :, CONTROL.index("iterations")].sum()), not all(ran)
 
 
 def _gathered(

@@ -1,8 +1,10 @@
 """Events: zeros of formulas along a run, located to round-off by shorter steps of the method itself.
 
 Between two recorded points a method is continued by its own step of length theta h, theta from 0 to 1, which ends where
-the whole step does. Of all crossings at once theta is found by regula falsi (Illinois; M. Dowell, P. Jarratt, BIT 11
-(1971) 168), in SIMD lanes. Methods that have no such step are continued by DOP853 from the point before.
+the whole step does. The sign is looked at in PIECES such places of each step, and where the formula turns towards 0
+between them at its turning point, so that two zeros within a step are found. Of all crossings at once theta is found
+by regula falsi (Illinois; M. Dowell, P. Jarratt, BIT 11 (1971) 168), in SIMD lanes. Methods that have no such step are
+continued by DOP853 from the point before.
 """
 
 from __future__ import annotations
@@ -33,13 +35,19 @@ State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n
 CONTINUED = MethodChoice("adaptive", tolerance=1e-14)
 ITERATIONS = 60
 ROUND_OFF = 4e-16
+PIECES, LEAST_PIECES, MOST_PLACES = 16, 2, 2**18  # of a step, and of a run
+AT_ONCE = 2**17
+NEAR = 4.0  # differences between places: beyond them the formula does not reach 0 before the next
+GOLDEN, TURNS = (np.sqrt(5) - 1) / 2, 40
+TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the ends of the run
+TOUCHED = "At t = {:.12g} the formula is 0 within round-off and its sign stays: that is no event."
 ENDED = "The run was ended by an event at t = {:.12g}."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The points of one event: times (m,), positions and velocities (m, n); `note` says why there is none."""
+    """The points of one event: times (m,), positions and velocities (m, n); `note` says what else was seen."""
 
     event: Event
     times: Array
@@ -135,32 +143,137 @@ def _located(
 
     try:
         along = value((ran.times, ran.positions, velocities))
+        if follow is None:
+            return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES if _turns(along) else "")
+        way = Way(ran.times, along, follow, value)
+        with np.errstate(invalid="ignore"):
+            brackets, touched = _brackets(way)
+        brackets = brackets.part(np.isin(brackets.sense, {1: (1,), -1: (-1,), 0: (1, -1)}[event.direction]))
+        note = TOUCHED.format(touched[0]) if len(touched) else ""
+        if not len(brackets.places):
+            return Found(event, nothing[:, 0], nothing, nothing, note)
+        state = _zeros(brackets, way)
     except NoValue:
         return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES)
-    rising = (along[:-1] < 0) & (along[1:] >= 0)
-    falling = (along[:-1] > 0) & (along[1:] <= 0)
-    places = np.nonzero({1: rising, -1: falling, 0: rising | falling}[event.direction])[0]
-    if not len(places):
-        return Found(event, nothing[:, 0], nothing, nothing)
-    if follow is None:
-        return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES)
-    try:
-        state = _zeros(places, ran.times, along, follow, value)
     except InputError as error:
         return Found(event, nothing[:, 0], nothing, nothing, error.detail)
     # At a pole the sign changes too, and the value is beyond those on both sides.
-    zero = np.abs(value(state)) <= np.maximum(np.abs(along[places]), np.abs(along[places + 1]))
-    times, positions, speeds = (part[zero] for part in state)
-    return Found(event, times, positions, speeds)
+    zero = np.abs(value(state)) <= np.maximum(np.abs(brackets.below), np.abs(brackets.above))
+    order = np.argsort(state[0][zero], kind="stable")
+    times, positions, speeds = (part[zero][order] for part in state)
+    return Found(event, times, positions, speeds, note)
 
 
-def _zeros(
-    places: NDArray[np.int64], times: Array, along: Array, follow: Follow, value: Callable[[State], Array]
-) -> State:
-    """The states at the zeros, one between points k and k + 1 for each place k."""
+def _turns(along: Array) -> bool:
+    return bool((np.sign(along[1:]) != np.sign(along[:-1])).any())
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A run with the values of a formula at its points, (m,), and what continues it from each."""
+
+    times: Array
+    along: Array
+    follow: Follow
+    value: Callable[[State], Array]
+
+    def at(self, places: NDArray[np.int64], shares: Array) -> State:
+        """The states a share of the step behind the points at these places."""
+        return self.follow(places, shares * (self.times[places + 1] - self.times[places]))
+
+    def values(self, shares: Array) -> Array:
+        """The formula at `shares`, in steps from the first point."""
+        places = np.minimum(shares.astype(np.int64), len(self.times) - 2)
+        return self.value(self.at(places, shares - places))
+
+
+@dataclass(frozen=True, slots=True)
+class Brackets:
+    """Changes of sign: between the shares `low` and `high` of the step behind a point, from `below` to `above`."""
+
+    places: NDArray[np.int64]
+    low: Array
+    high: Array
+    below: Array
+    above: Array
+
+    @property
+    def sense(self) -> Array:
+        """1 where the formula rises, -1 where it falls, 0 where it does not change its sign."""
+        found = np.where(self.above > 0, 1, -1) * (np.sign(self.below) * np.sign(self.above) < 0)
+        return np.where((self.above == 0) & (self.below != 0), -np.sign(self.below), found)
+
+    def part(self, rows: NDArray[np.bool_]) -> Brackets:
+        return Brackets(self.places[rows], self.low[rows], self.high[rows], self.below[rows], self.above[rows])
+
+
+def _brackets(way: Way) -> tuple[Brackets, Array]:
+    """The changes of sign along a run, and the times at which the formula is 0 and does not change it.
+
+    Each step is looked at in PIECES places, and where the formula turns towards 0 between them, at its turning point.
+    """
+    steps = len(way.times) - 1
+    pieces = int(np.clip(MOST_PLACES // steps, LEAST_PIECES, PIECES))
+    inner = np.arange(1, pieces) / pieces
+    places = np.repeat(np.arange(steps), pieces - 1)
+    fine = np.empty(steps * pieces + 1)
+    fine[::pieces] = way.along
+    shares = np.tile(inner, steps)
+    chunks = [slice(k, k + AT_ONCE) for k in range(0, len(places), AT_ONCE)]
+    fine[np.arange(len(fine)) % pieces != 0] = np.concatenate([way.value(way.at(places[k], shares[k])) for k in chunks])
+    turned, least = _turning_points(way, fine, pieces)
+    shares = np.concatenate([np.arange(len(fine)) / pieces, turned])
+    values = np.concatenate([fine, least])
+    size = np.abs(fine).max(initial=0.0, where=np.isfinite(fine))
+    touching = (np.abs(least) <= TOUCH * size) & (turned > TOUCH_FROM) & (turned < steps - TOUCH_FROM)
+    order = np.argsort(shares, kind="stable")
+    shares, values = shares[order], values[order]
+    k = np.minimum(((shares[:-1] + shares[1:]) / 2).astype(np.int64), steps - 1)
+    found = Brackets(k, shares[:-1] - k, shares[1:] - k, values[:-1], _signed(values)[1:])
+    moments = np.interp(turned[touching], np.arange(steps + 1), way.times)
+    return found.part(found.sense != 0), moments
+
+
+def _signed(values: Array) -> Array:
+    """The values, where a 0 within the run stands for the sign behind it: to touch 0 is no change of sign."""
+    rest = np.flatnonzero((values == 0) & (np.arange(len(values)) < len(values) - 1))
+    if not len(rest):
+        return values
+    found = values.copy()
+    for place in rest[::-1]:
+        found[place] = np.copysign(np.finfo(float).tiny, found[place + 1]) if found[place + 1] else 0.0
+    return found
+
+
+def _turning_points(way: Way, fine: Array, pieces: int) -> tuple[Array, Array]:
+    """Where the formula comes nearest to 0 between places at which its sign is one and the same, and its values.
+
+    Golden section search in SIMD lanes; the start and the end of the run are looked at in any case.
+    """
+    size, last = np.abs(fine), len(fine) - 1
+    middle = np.arange(1, last)
+    alike = (np.sign(fine[:-2]) == np.sign(fine[1:-1])) & (np.sign(fine[2:]) == np.sign(fine[1:-1])) & (fine[1:-1] != 0)
+    step = np.maximum(np.abs(size[:-2] - size[1:-1]), np.abs(size[2:] - size[1:-1]))
+    near = alike & (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] <= NEAR * step)
+    low = np.concatenate([middle[near] - 1, [0, last - 1]]) / pieces
+    high = np.concatenate([middle[near] + 1, [1, last]]) / pieces
+    sign = np.sign(np.concatenate([fine[1:-1][near], [fine[1], fine[last - 1]]]))
+    for _ in range(TURNS):
+        width = high - low
+        a, b = high - GOLDEN * width, low + GOLDEN * width
+        one, two = way.values(np.concatenate([a, b])).reshape(2, -1) * sign
+        left = one <= two
+        low, high = np.where(left, low, a), np.where(left, b, high)
+    found = np.where(left, a, b)
+    return found, np.where(left, one, two) * sign
+
+
+def _zeros(brackets: Brackets, way: Way) -> State:
+    """The states at the zeros, one in each bracket."""
+    places, times = brackets.places, way.times
     whole = times[places + 1] - times[places]
-    low, high = np.zeros(len(places)), np.ones(len(places))
-    below, above = along[places].copy(), along[places + 1].copy()
+    low, high = brackets.low, brackets.high
+    below, above = brackets.below.copy(), brackets.above.copy()
     state: State | None = None
     for _ in range(ITERATIONS):
         with np.errstate(all="ignore"):
@@ -168,8 +281,8 @@ def _zeros(
         share = np.where(
             np.isfinite(share), np.clip(share, np.minimum(low, high), np.maximum(low, high)), (low + high) / 2
         )
-        state = follow(places, share * whole)
-        new = value(state)
+        state = way.at(places, share)
+        new = way.value(state)
         with np.errstate(invalid="ignore"):
             same = np.sign(new) == np.sign(above)
         # The end that stays counts half, so that both ends move (Illinois).

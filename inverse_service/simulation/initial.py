@@ -192,7 +192,8 @@ def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Mapping[
             f"the velocity of {shown} is missing and the constraints do not determine it: add it.",
             "/initial/velocities",
         )
-    inverse = np.asarray(np.linalg.pinv(inner), dtype=float)
+    square = inner.shape[1] == inner.shape[2]
+    inverse = np.asarray((np.linalg.inv if square else np.linalg.pinv)(inner), dtype=float)
     velocities[:, missing] = -_times(inverse, offsets + _times(rows, velocities))
     return velocities
 

@@ -327,12 +327,21 @@ def _from_lagrangian(
     table = table_of(scene.coordinates, trajectory.positions, rest, values, trajectory.times)
     mass = np.array([[array_value(entry, table) for entry in row] for row in matrix]).transpose(2, 0, 1)
     offsets = np.column_stack([array_value(p, table) for p in momenta(lagrangian, scene.coordinates)])
-    free = np.linalg.solve(mass, (trajectory.momenta - offsets)[:, :, None])
+    free = _solved(mass, (trajectory.momenta - offsets)[:, :, None])
     if not scene.constraints:
         return np.asarray(free[:, :, 0])
     rows = np.array([[array_value(differentiate(w, rate), table) for rate in rates] for w in scene.constraints])
     rows = rows.transpose(2, 0, 1)
     drifts = np.column_stack([array_value(w, table) for w in scene.constraints])[:, :, None]
-    lifted = np.linalg.solve(mass, rows.transpose(0, 2, 1))
+    lifted = _solved(mass, rows.transpose(0, 2, 1))
     reactions = np.linalg.solve(rows @ lifted, rows @ free + drifts)
     return np.asarray((free - lifted @ reactions)[:, :, 0])
+
+
+def _solved(matrices: Array, right: Array) -> Array:
+    """matrices^-1 right for each point, (m, n, k); one that is the same everywhere is taken apart once."""
+    if not (matrices == matrices[:1]).all():
+        return np.asarray(np.linalg.solve(matrices, right))
+    columns = right.transpose(1, 0, 2).reshape(right.shape[1], -1)
+    found = np.linalg.solve(matrices[0], columns).reshape(right.shape[1], len(right), -1)
+    return np.asarray(found.transpose(1, 0, 2))
