@@ -97,7 +97,7 @@ def _write(path: Path, n: int, count: int) -> None:
 def _run(source: Path, count: int, where: str, workers: int) -> Sample:
     """Between the first WARM of the answers and the last one."""
     output = source.with_suffix(f".{time.monotonic_ns()}.out")
-    command = [sys.executable, "-m", "inverse_service.cli", "batch", str(source), "--output", str(output)]
+    command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(output)]
     alone: Machines = contextlib.nullcontext(("", []))
     machines: Machines = _cluster(source.parent, workers) if where == "cluster" else alone
     with machines as found:

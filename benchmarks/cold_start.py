@@ -44,7 +44,7 @@ def cold_starts(names: Sequence[str], limit: float, report: Report) -> list[Cold
 
 
 def _cold_start(name: str, path: Path, limit: float) -> ColdStart:
-    command = [sys.executable, "-m", "inverse_service.cli", "solve", str(path)]
+    command = [sys.executable, "-m", "inverse_service", "solve", str(path)]
     began, used = time.perf_counter(), _used_by_children()
     try:
         done = subprocess.run(command, capture_output=True, timeout=limit, check=False, env=dict(os.environ))

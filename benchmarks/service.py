@@ -89,7 +89,7 @@ def service(**settings: str) -> Iterator[tuple[str, int]]:
     with tempfile.TemporaryDirectory() as folder:
         environment = {"DATABASE": f"{folder}/jobs.sqlite", "LOG_LEVEL": "info", **settings}
         whole = os.environ | {f"INVERSE_SERVICE_{name}": value for name, value in environment.items()}
-        command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+        command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
         with (
             open(f"{folder}/log", "wb") as log,
             subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True, env=whole) as process,

@@ -8,9 +8,10 @@ import ipaddress
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from inverse_service.errors import InputError
+from inverse_service.records import dataclass
 
 PREFIX = "INVERSE_SERVICE_"
 LOG_LEVELS = ("debug", "info", "warning", "error")

@@ -151,7 +151,7 @@ def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 def running_service(folder: Path, time_limit: int = 10) -> Iterator[str]:
     """A service with its store in a folder; `time_limit` in s by the clock, so a busy machine needs more."""
-    command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+    command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
     environment = {
         **os.environ,
         "INVERSE_SERVICE_TIME_LIMIT": str(time_limit),

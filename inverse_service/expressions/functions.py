@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.tree import (
@@ -17,6 +16,7 @@ from inverse_service.expressions.tree import (
     power,
     subtract,
 )
+from inverse_service.records import dataclass
 
 Rule = Callable[[Expression], Expression]
 

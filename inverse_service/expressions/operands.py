@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.checked import check_depth, raised
@@ -33,6 +32,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
+from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal
 
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.records import dataclass
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[Expression, ...], ...]

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from mpmath import mp, mpf
 
@@ -46,6 +45,7 @@ from inverse_service.mechanics.opaque_fractions import (
     expanded_terms,
     solved_rows,
 )
+from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

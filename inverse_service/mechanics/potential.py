@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
 import flint
@@ -21,6 +20,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.nonholonomic.writing import readable
 from inverse_service.mechanics.quotient_matrices import common_multiple, solution
+from inverse_service.records import dataclass
 
 Partial = Callable[[Quotient], Quotient]
 MOST_CANDIDATES = 200

@@ -13,12 +13,12 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.errors import InputError
+from inverse_service.records import dataclass
 
 if TYPE_CHECKING:
     from inverse_service.sympy.names import Table
@@ -334,7 +334,7 @@ def answers_to_many(
 
 def _run(source: Path, target: Path, workers: int, time_limit: float) -> None:
     """The batch as a program of its own, so that a script needs no guard against being imported again."""
-    command = [sys.executable, "-m", "inverse_service.cli", "batch", str(source), "--output", str(target)]
+    command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(target)]
     command += ["--workers", str(workers), "--time-limit", str(time_limit)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if not target.exists():

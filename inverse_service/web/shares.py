@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from inverse_service.records import dataclass
 from inverse_service.web.problems import Refusal
 
 QUICK_PROCESSES = 3

@@ -22,7 +22,7 @@ from types import TracebackType
 
 import httpx
 
-COMMAND = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+COMMAND = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
 OTHER = "127.0.0.2"
 LOOK_EVERY = 0.02
 FEWEST_LOOKS = 40

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
-COMMAND = [sys.executable, "-m", "inverse_service.cli", "batch"]
+COMMAND = [sys.executable, "-m", "inverse_service", "batch"]
 
 
 def batch(source: object, output: object, *more: str, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -219,7 +219,7 @@ def test_a_full_output_is_exit_2(files: tuple[Path, Path]) -> None:
 
 
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-    asked = [sys.executable, "-m", "inverse_service.cli", *arguments]
+    asked = [sys.executable, "-m", "inverse_service", *arguments]
     return subprocess.run(asked, capture_output=True, text=True, timeout=300, check=False)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 pytestmark = [pytest.mark.nightly, pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")]
-COMMAND = [sys.executable, "-m", "inverse_service.cli", "batch"]
+COMMAND = [sys.executable, "-m", "inverse_service", "batch"]
 LINES = 2000
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
 

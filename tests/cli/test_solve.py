@@ -204,7 +204,7 @@ def test_a_port_that_is_taken_is_exit_2(call: Any) -> None:
 
 
 def test_a_cold_start_takes_two_seconds_of_processor_time_or_little_more(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "inverse_service.cli", "solve", written(tmp_path, OSCILLATOR)]
+    command = [sys.executable, "-m", "inverse_service", "solve", written(tmp_path, OSCILLATOR)]
 
     def seconds() -> float:
         used = resource.getrusage(resource.RUSAGE_CHILDREN)

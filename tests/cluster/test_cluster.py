@@ -129,7 +129,7 @@ def test_a_batch_is_answered_once_a_line(machines: processes.Cluster, tmp_path: 
     lines[7]["equations"] = {"x": "omega"}
     source, output = tmp_path / "in.ndjson", tmp_path / "out.ndjson"
     source.write_text("".join(json.dumps(line) + "\n" for line in lines))
-    command = [sys.executable, "-m", "inverse_service.cli", "batch", str(source), "--output", str(output)]
+    command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(output)]
     done = subprocess.run([*command, "--cluster", machines.address], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1, done.stderr  # one line is an error
     answers = [json.loads(line) for line in output.read_text().splitlines()]
@@ -145,7 +145,7 @@ def test_the_service_solves_on_the_cluster(machines: processes.Cluster, tmp_path
         "INVERSE_SERVICE_DATABASE": str(tmp_path / "jobs.sqlite"),
         "INVERSE_SERVICE_LOG_LEVEL": "error",
     }
-    command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+    command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         try:
             assert process.stdout is not None

@@ -54,7 +54,7 @@ def kill_worker(cluster: processes.Cluster) -> None:
 def test_every_line_is_answered_once_through_ten_kills(kill: Kill, tmp_path: Path) -> None:
     source, output = tmp_path / "in.ndjson", tmp_path / "out.ndjson"
     write_source(source)
-    command = [sys.executable, "-m", "inverse_service.cli", "batch", str(source), "--output", str(output)]
+    command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(output)]
     moments, killed, end = random.Random(1), 0, time.monotonic() + 900
     with processes.dask_cluster(tmp_path / "dask", workers=2) as cluster:
         with subprocess.Popen([*command, "--cluster", cluster.address], stderr=subprocess.PIPE, text=True) as batch:

@@ -100,7 +100,7 @@ def test_what_cannot_be_done_is_said_in_a_sentence_and_makes_nothing(
         from inverse_service.service.jobs.sqlite_store import SqliteStore
 
         SqliteStore(path).close()
-    command = [sys.executable, "-m", "inverse_service.cli", "admin", *words]
+    command = [sys.executable, "-m", "inverse_service", "admin", *words]
     environment = os.environ | {"INVERSE_SERVICE_DATABASE": str(path)}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=60)
     assert (done.returncode, says in done.stderr, done.stdout) == (2, True, "")

@@ -46,7 +46,7 @@ def start(postgres: Server) -> Iterator[Start]:
     with contextlib.ExitStack() as stack:
 
         def front_end() -> tuple[subprocess.Popen[str], Client]:
-            command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+            command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
             process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
             stack.enter_context(process)
             stack.callback(process.kill)

@@ -17,7 +17,7 @@ import pytest
 from inverse_service.service.jobs.locks import remove_abandoned
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc; the kernel's death signal is Linux")
-COMMAND = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+COMMAND = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
 NAMES = [f"x{k}" for k in range(8)]
 TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
 HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}

@@ -58,7 +58,7 @@ class Service:
         self.start()
 
     def start(self) -> None:
-        command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", str(self.port)]
+        command = [sys.executable, "-m", "inverse_service", "serve", "--port", str(self.port)]
         self._process = subprocess.Popen(command, env=self._environment, stdout=subprocess.DEVNULL)
         end = time.monotonic() + 60
         while time.monotonic() < end:

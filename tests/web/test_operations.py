@@ -26,7 +26,7 @@ HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
 EASY = {"coordinates": ["x"], "equations": {"x": "-x"}}
 ALICE, BOB = {"Authorization": "Bearer alice-key"}, {"X-API-Key": "bob-key"}
 ASYNC = {"Prefer": "respond-async"}
-COMMAND = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+COMMAND = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
         "INVERSE_SERVICE_WORKERS": "2",
         "INVERSE_SERVICE_LOG_LEVEL": "warning",
     }
-    command = [sys.executable, "-m", "inverse_service.cli", "serve", "--port", "0"]
+    command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         with httpx.Client(base_url=process.stdout.readline().strip(), timeout=60) as client:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -25,6 +24,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
+from inverse_service.records import dataclass
 
 STEPS, STEP = 100, 0.01
 _STARTS = 12

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -23,6 +22,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     distinct_nodes,
 )
+from inverse_service.records import dataclass
 
 DIGITS = 60
 AGREEING_DIGITS = 40

@@ -15,7 +15,6 @@ import threading
 import time
 import uuid
 from concurrent.futures import CancelledError
-from dataclasses import dataclass
 from typing import Any
 
 import dask
@@ -23,6 +22,7 @@ import distributed
 from distributed.scheduler import KilledWorker
 
 from inverse_service.errors import InputError
+from inverse_service.records import dataclass
 from inverse_service.service.cluster import remote
 from inverse_service.service.cluster.orders import Fingerprint, Order, difference, fingerprint
 from inverse_service.service.cluster.remote import Terms

@@ -9,7 +9,6 @@ import importlib
 import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
@@ -18,6 +17,7 @@ from starlette.responses import HTMLResponse
 from inverse_service.errors import InputError
 from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
+from inverse_service.records import dataclass
 from inverse_service.service.documents import documents
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs.identity import write_json

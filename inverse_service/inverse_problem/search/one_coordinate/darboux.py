@@ -14,7 +14,6 @@ x'' = a x'^2 + b x' + c becomes y'' = b y' + h b, h = E c / b. Where dh/dy = -al
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -59,6 +58,7 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
+from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 
 from inverse_service.algebra.real_point import real_sign
@@ -77,6 +77,7 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
+from inverse_service.records import dataclass
 
 _MOST_FACTORS = 5
 _MOST_LETTERS = 6

@@ -1,6 +1,0 @@
-"""`python -m inverse_service.cli` is `inverse-service`."""
-
-from inverse_service.cli import main
-
-if __name__ == "__main__":
-    main()
