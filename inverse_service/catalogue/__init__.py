@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import json
 from functools import lru_cache
-from importlib import resources
+from pathlib import Path
 from typing import Any, Literal
 
 Kind = Literal["system", "nonholonomic"]
@@ -40,7 +40,7 @@ def document(name: str) -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def _entries() -> dict[str, dict[str, Any]]:
-    folder = resources.files("inverse_service.catalogue") / "entries"
+    folder = Path(__file__).parent / "entries"  # importlib.resources takes 0.02 s to load
     texts = [(folder / file).read_text(encoding="utf-8") for file in FILES]
     return {found["name"]: found for text in texts for found in json.loads(text)}
 
