@@ -150,8 +150,7 @@ def _function(name: str, box: Box) -> Box:
     if name == "cosh":
         return _even(box, np.cosh)
     if name in ("sin", "cos"):
-        shift = np.pi / 2 if name == "sin" else 0.0
-        return _cosine(low - shift, high - shift)
+        return _wave(low, high, array_function(name, low), array_function(name, high), 0.25 * (name == "sin"))
     if name == "tan":
         pole = np.floor(low / np.pi + 0.5) != np.floor(high / np.pi + 0.5)
         return np.where(pole, -np.inf, np.tan(low)), np.where(pole, np.inf, np.tan(high))
@@ -160,9 +159,8 @@ def _function(name: str, box: Box) -> Box:
     return (ends[1], ends[0]) if name in _FALLING else ends
 
 
-def _cosine(low: Array, high: Array) -> Box:
-    turns = 2 * np.pi
-    ends = np.cos(low), np.cos(high)
-    top = np.ceil(low / turns) <= np.floor(high / turns)
-    bottom = np.ceil(low / turns - 0.5) <= np.floor(high / turns - 0.5)
-    return np.where(bottom, -1.0, np.minimum(*ends)), np.where(top, 1.0, np.maximum(*ends))
+def _wave(low: Array, high: Array, first: Array, last: Array, shift: float) -> Box:
+    """A cosine later by `shift` of its period, from its values at the ends: those of a small angle keep its digits."""
+    a, b = low / (2 * np.pi) - shift, high / (2 * np.pi) - shift
+    top, bottom = np.ceil(a) <= np.floor(b), np.ceil(a - 0.5) <= np.floor(b - 0.5)
+    return np.where(bottom, -1.0, np.minimum(first, last)), np.where(top, 1.0, np.maximum(first, last))

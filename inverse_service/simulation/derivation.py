@@ -47,12 +47,19 @@ class LagrangianParts:
 
 
 def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> LagrangianParts:
-    """The terms of L by their kind; a term is taken as a whole."""
-    whole = collect(lagrangian)
+    """The terms of L by their kind; a term is taken as a whole, and multiplied out only where it is of several kinds:
+    the terms of (x - 10^6)^2 would lose 12 digits."""
     kinds: dict[str, list[Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
-    for term in whole.terms if isinstance(whole, Sum) else (whole,):
-        kinds[_kind(term, coordinates)].append(term)
+    for term in _terms(lagrangian):
+        parts = _terms(collect(term))
+        found = [_kind(part, coordinates) for part in parts]
+        for kind, part in zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),):
+            kinds[kind].append(part)
     return LagrangianParts(*(add(*kinds[kind]) for kind in (KINETIC, MAGNETIC, POTENTIAL)))
+
+
+def _terms(tree: Expression) -> tuple[Expression, ...]:
+    return tree.terms if isinstance(tree, Sum) else (tree,)
 
 
 def _kind(term: Expression, coordinates: Sequence[str]) -> str:
@@ -71,7 +78,7 @@ def with_effects(parts: LagrangianParts, terms: Mapping[str, Expression], named:
         chosen.append(parts.magnetic)
     if POTENTIAL in named:
         chosen.append(parts.potential)
-    return collect(add(*chosen, *(tree for name, tree in terms.items() if name in named)))
+    return add(*chosen, *(tree for name, tree in terms.items() if name in named))
 
 
 USES_FREE = frozenset({"variational", "modified"})

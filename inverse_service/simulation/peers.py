@@ -40,8 +40,9 @@ _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"),
 MOST_STEPS = 2_000_000
 SMALL = 1e-3
 SHORT = 1e-6
+SHORT_PRODUCT = 8
 LARGE = 8  # coordinates beyond which its code is written in loops, as its documentation advises
-LARGEST_PRODUCT = 32  # powers up to it are products
+LARGEST_PRODUCT = 4096  # powers up to it are products
 _ONE_AT_A_TIME = threading.Lock()
 
 
@@ -187,14 +188,21 @@ def _translated(tree: Expression, table: Mapping[Expression, Any], heyoka: Any) 
         case Product(factors):
             return heyoka.prod([_translated(factor, table, heyoka) for factor in factors])
         case Power(base, Number(value)) if value.denominator == 1 and 2 < value <= LARGEST_PRODUCT:
-            # The series of heyoka's power divides by its base, which may be 0, from the third power on.
-            return heyoka.prod([_translated(base, table, heyoka)] * value.numerator)
+            return _product(_translated(base, table, heyoka), value.numerator, heyoka)
         case Power(base, exponent):
             return _translated(base, table, heyoka) ** _translated(exponent, table, heyoka)
         case Apply(function, argument):
             return _applied(function, _translated(argument, table, heyoka), heyoka)
         case _:
             raise InputError("heyoka cannot take a formula with functions or names that have no value.")
+
+
+def _product(base: Any, count: int, heyoka: Any) -> Any:
+    """base^count by squares: the series of heyoka's power divides by its base, which may be 0, from the third on."""
+    if count <= SHORT_PRODUCT:
+        return heyoka.prod([base] * count)
+    half = _product(base, count // 2, heyoka)
+    return heyoka.prod([half, half, base] if count % 2 else [half, half])
 
 
 def _applied(function: str, argument: Any, heyoka: Any) -> Any:

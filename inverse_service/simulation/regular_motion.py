@@ -50,7 +50,7 @@ def regular_accelerations(
     inertia = inverse(hessian(lagrangian, names))
     if inertia is None:
         return None
-    own = tuple(collect(negate(e)) for e in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names)))
+    own = tuple(negate(e) for e in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names)))
     free = _applied(inertia, tuple(map(add, own, forces)) if forces else own)
     if not constraints:
         return free

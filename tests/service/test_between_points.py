@@ -158,3 +158,37 @@ def test_bounds_hold_every_value(text: str) -> None:
         assert not off.any()
     narrow = (np.abs(ends - starts) < 0.01) & (np.abs(starts) > 0.5)
     assert (high - low)[narrow].max() < 0.1 or text == "tan(x)"
+
+
+@pytest.mark.parametrize("force", ["-sin(x)", "-tan(x)", "-sinh(x) + x^3"])
+def test_a_motion_of_any_size_hides_nothing(force: str) -> None:
+    """sin is not cos of a shifted angle, whose round-off is far above a motion of 1e-30."""
+    found = simulate({
+        "system": {"equations": {"x": force}}, "initial": {"positions": {"x": 1e-30}, "velocities": {"x": 0}},
+        "step": 0.05, "steps": 40, "methods": ["runge-kutta", "variational", "adaptive"],
+    })  # fmt: skip
+    assert {method["outcome"] for method in found["methods"]} <= {"completed", "unavailable"}
+    assert found["methods"][0]["final"]["positions"]["x"] == pytest.approx(1e-30 * np.cos(2), rel=1e-5)
+
+
+@pytest.mark.parametrize("sharpness", [30, 100, 300])
+def test_a_method_with_a_tolerance_keeps_the_energy_or_is_unresolved(sharpness: int) -> None:
+    """A Taylor series that steps into a barrier before it sees it had lost 0.2 % of the energy and `completed`."""
+    methods = simulate(START | {"system": barrier(10, str(sharpness)), "methods": ["adaptive", "stiff", "heyoka"],
+                                "observe": ["energy"]})["methods"]  # fmt: skip
+    assert "completed" in {method["outcome"] for method in methods}
+    for method in methods:
+        assert method["outcome"] in ("unresolved", "unavailable") or method["max_energy_error"] < 1e-6, method["label"]
+
+
+@pytest.mark.parametrize("far", [0, 10**3, 10**6])
+def test_a_formula_is_evaluated_as_it_is_written(far: int) -> None:
+    """Multiplied out, (x - 10^6)^2 + y^2 has lost 12 digits; the round-off of x itself is 1e-10."""
+    system = {"coordinates": ["x", "y"], "lagrangian": f"(x'^2 + y'^2)/2 + 1/sqrt((x - {far})^2 + y^2)"}
+    start = {"positions": {"x": far + 1, "y": 0}, "velocities": {"x": 0, "y": 1}}
+    methods = ["adaptive", "reference", {"method": "stormer-verlet", "order": 8}, {"method": "variational", "order": 8}]
+    scene = {"system": system, "initial": start, "step": 0.1, "steps": 100, "methods": methods, "observe": ["error"]}
+    for method in simulate(scene)["methods"]:
+        assert method["outcome"] == "completed", method["label"]
+        assert method["final"]["positions"]["x"] - far == pytest.approx(np.cos(10), abs=1e-8 + far * 1e-13)
+        assert method["max_error"] < 1e-8 + far * 1e-13
