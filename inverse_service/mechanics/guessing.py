@@ -1,6 +1,6 @@
 """Which names in a text are parameters and arbitrary functions, where the writer did not say.
 
-An unknown name followed by coordinates in brackets is a function of them; any other is a parameter,
+An unknown name followed by coordinates or t in brackets is a function of them; any other is a parameter,
 unless it may be something else: kx, dx, sinx, or an r that no equation moves. Then the writer is
 asked. What was guessed is shown to the writer.
 
@@ -332,7 +332,7 @@ def _may_be_called(line: Sequence[Token], place: int) -> bool:
 
 
 def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """The coordinates in brackets after a name and its primes; nothing where something else stands there."""
+    """The coordinates and t in brackets after a name and its primes; nothing where something else stands there."""
     while place < len(line) and line[place].kind == "prime":
         place += 1
     if place >= len(line) or not line[place].is_operator("("):
@@ -346,7 +346,7 @@ def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str
             continue
         if token.is_operator(")"):
             return tuple(found) if len(set(found)) == len(found) else ()
-        if token.kind == "name" and token.text in coordinates:
+        if token.kind == "name" and token.text in (*coordinates, "t"):
             found.append(token.text)
         elif not token.is_operator(","):
             return ()

@@ -14,7 +14,7 @@ from inverse_service.algebra.point import Expansion, Point, evaluate
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.series import SingularPoint
-from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.tower import draw_point, moved_point
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import evaluate as real
 from inverse_service.expressions.names import Names
@@ -122,3 +122,20 @@ def test_who_draws_differently_draws_derivatives_of_functions_too() -> None:
     assert Ones(prime, 1).jet("A", (5,), (2,)) == Ones(prime, 1).variable(Symbol("x")) == 1
     plain = Point(prime, 1)
     assert plain.jet("A", (5,), (2,)) == Point(prime, 1).jet("A", (5,), (2,)) != plain.jet("A", (5,), (1,))
+
+
+def test_points_that_share_coordinates_are_found_beside_many_roots() -> None:
+    names = tuple(f"q{k}" for k in range(1, 13))
+    moving = [Symbol(name) for name in names]
+    roots = "+".join(f"sqrt(1-{name}^2)" for name in names) + "+sqrt(2-q1^2-q2^2)*sqrt(3+x*q1)"
+    formula = to_kernels(parse(roots, Names(("x", *names), ())))
+    variables = (X, *moving)
+    place = draw_point(tower := reduce_atoms([formula], variables, find_real_point([formula], variables, 1)), 1)
+    values = set()
+    for number_of_point in range(3):
+        point = moved_point(tower, place, moving, number_of_point)
+        assert point.variable(X) == place.variable(X)
+        assert all(is_positive(evaluate(radicand, point), point.prime) for radicand in tower.radicands)
+        assert all(is_positive(evaluate(p, point), point.prime) == (sign > 0) for p, sign in tower.signs)
+        values.add(tuple(map(point.variable, moving)))
+    assert len(values) == 3

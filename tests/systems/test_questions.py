@@ -26,7 +26,7 @@ def _asked(equations: Any, **more: Any) -> Document:
 ANSWERED: list[tuple[str, Document, str | None, str | None]] = [
     ("mathematica.SE 225496", _asked({"y": "-2*y'+y"}), None, "exp(2*t)*(y'^2 + y^2)/2"),
     ("math.techqa 4101140: with arbitrary f, g, h",
-     _asked({"y": "-f(t)*y'-g(t)*y-h(t)"}, coordinates=["y"], functions={"f": ["t"], "g": ["t"], "h": ["t"]}),
+     _asked("y''+f(t)*y'+g(t)*y+h(t)=0"),
      None, "exp(F(t))*(y'^2 - 2*y*h(t) - y^2*g(t))/2"),
     ("mathematica.SE 276056: two rotors, the L that they came from",
      _asked("J1*th1''+k*(th1-th2)=0; J2*th2''-k*(th1-th2)=0"),
