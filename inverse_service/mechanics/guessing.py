@@ -193,6 +193,8 @@ NEVER_GUESSED = (
 # Bessel's, Airy's and the integral functions; as constants these names are as good as any.
 _SPECIAL = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li"))
 FUNCTION_LETTERS = frozenset("fFhHUVW")
+# Of t these are impulses and steps to most.
+_IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +224,8 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
             _refuse_operators(line, place, pointer, coordinates)
             if error := remark(line, place):
                 raise error.at(pointer)
-            arguments = _call_arguments(line, place + 1, coordinates)
+            timed = () if looks_like_a_coordinate(token.text) or token.text in _IMPULSES else ("t",)
+            arguments = _call_arguments(line, place + 1, (*coordinates, *timed))
             if arguments and _is_apart(line, place):
                 called = f"({', '.join(arguments)})"
                 instead = f"write {token.text}*{called} for a product, {token.text}{called} for a function"
@@ -332,7 +335,7 @@ def _may_be_called(line: Sequence[Token], place: int) -> bool:
 
 
 def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """The coordinates and t in brackets after a name and its primes; nothing where something else stands there."""
+    """The coordinates (and t) in brackets after a name and its primes; nothing where something else stands there."""
     while place < len(line) and line[place].kind == "prime":
         place += 1
     if place >= len(line) or not line[place].is_operator("("):
@@ -346,7 +349,7 @@ def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str
             continue
         if token.is_operator(")"):
             return tuple(found) if len(set(found)) == len(found) else ()
-        if token.kind == "name" and token.text in (*coordinates, "t"):
+        if token.kind == "name" and token.text in coordinates:
             found.append(token.text)
         elif not token.is_operator(","):
             return ()
