@@ -224,8 +224,8 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
             _refuse_operators(line, place, pointer, coordinates)
             if error := remark(line, place):
                 raise error.at(pointer)
-            timed = () if looks_like_a_coordinate(token.text) or token.text in _IMPULSES else ("t",)
-            arguments = _call_arguments(line, place + 1, (*coordinates, *timed))
+            timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
+            arguments = _call_arguments(line, place + 1, timed)
             if arguments and _is_apart(line, place):
                 called = f"({', '.join(arguments)})"
                 instead = f"write {token.text}*{called} for a product, {token.text}{called} for a function"
@@ -322,6 +322,11 @@ def _looks_like_a_function(name: str) -> bool:
     """Whether the name may be a known function, such as sqrt mistyped, acot or gamma; then it is not guessed."""
     is_word = re.match("[A-Za-z]{3}", name) is not None and name not in GREEK_NAMES
     return is_word or name in _SPECIAL or name in REFUSED_UNLESS_DECLARED
+
+
+def _may_depend_on_time(name: str) -> bool:
+    """Not x(t), a coordinate without an equation, nor delta(t), nor words."""
+    return not (looks_like_a_coordinate(name) or name in _IMPULSES or _looks_like_a_function(name))
 
 
 def _is_primed(line: Sequence[Token], place: int) -> bool:

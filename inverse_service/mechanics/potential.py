@@ -74,10 +74,13 @@ def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient
         return Potential((), ring.constant(0))
     partials: list[Partial] = [ring.partial(index) for index in variables]
     divisors = _divisors(ring, form)
-    simple = _simple_terms(ring, variables, form)[:MOST_CANDIDATES]
     columns = [[partial(element) / element for partial in partials] for element in divisors]
-    columns += [[partial(term) for partial in partials] for term in simple]
+    # Residues that hold letters are found among logarithms alone: with all terms the elimination would be long.
+    simple: list[Quotient] = []
     found = _combination(ring, columns, form)
+    if found is None:
+        simple = _simple_terms(ring, variables, form)[:MOST_CANDIDATES]
+        found = _combination(ring, [*columns, *([partial(term) for partial in partials] for term in simple)], form)
     if found is None:
         return None
     logs = tuple((value, element) for value, element in zip(found, divisors, strict=False) if not value.is_zero)

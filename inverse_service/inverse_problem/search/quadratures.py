@@ -11,7 +11,7 @@ from fractions import Fraction
 from flint import fmpq, fmpq_mpoly
 
 from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.rational_functions import Quotient
+from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.tree import (
     TIME,
@@ -25,12 +25,13 @@ from inverse_service.expressions.tree import (
     multiply,
     negate,
     power,
+    substitute,
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.one_coordinate.algebra import negated, shortest
-from inverse_service.inverse_problem.search.terms import Monomial, Terms, monomial_tree, tree_of
+from inverse_service.inverse_problem.search.terms import Monomial, Terms, TooManyTerms, monomial_tree, terms_of, tree_of
 from inverse_service.mechanics.nonholonomic.writing import readable
 from inverse_service.mechanics.potential import Potential, potential
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -69,6 +70,10 @@ def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analys
             if found is not None:
                 factors.append(exponential(ring, found, analysis.real_point))
                 continue
+            elementary = _exponential_of_integral(readable(ring, part), ring.variables[place], analysis)
+            if elementary is not None:
+                factors += elementary
+                continue
             constant, inner = _without_constants(ring, part)
             argument = ring.variables[place]
             integral = Integral(next(names), (argument,), (0,), (readable(ring, inner),))
@@ -76,6 +81,31 @@ def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analys
     inside = [factor.argument for factor in factors if isinstance(factor, Apply) and factor.function == "exp"]
     others = [factor for factor in factors if not (isinstance(factor, Apply) and factor.function == "exp")]
     return multiply(*others, Apply("exp", add(*inside)))
+
+
+def _exponential_of_integral(slope: Expression, variable: Expression, analysis: Analysis) -> list[Expression] | None:
+    """Factors of exp(int slope dx), powers for the logarithms; None where no elementary antiderivative is found."""
+    letter = Symbol(next(fresh_names(analysis.system, slope)))
+    try:
+        found = completed([letter.name], [terms_of(substitute(slope, {variable: letter}))])
+        terms = {} if found is None else terms_of(negate(substitute(found, {letter: variable})))
+    except (TooManyTerms, TooLarge, ZeroDivisionError):
+        return None
+    powers: dict[Expression, list[Expression]] = {}
+    rest: Terms = {}
+    for key, value in terms.items():
+        logarithm = next((p for p, e in key if isinstance(p, Apply) and p.function == "log" and e == 1), None)
+        others = key - {(logarithm, Fraction(1))} if logarithm else key
+        if logarithm and not any(node == variable for p, _ in others for node in walk(p)):
+            powers.setdefault(logarithm.argument, []).append(tree_of({others: value}))
+        else:
+            rest[key] = value
+    table = analysis.real_point
+    factors = [
+        power(base if table is None or real_sign(base, table) > 0 else negated(base), add(*exponents))
+        for base, exponents in powers.items()
+    ]
+    return None if found is None else [*factors, *([Apply("exp", tree_of(rest))] if rest else [])]
 
 
 def _parts(ring: ExactRing, element: Quotient) -> list[Quotient]:

@@ -29,6 +29,24 @@ BY_AN_INTEGRAL = [
     ("-h(y)*y'^2 - g(t)*y'", {"h": ["y"], "g": ["t"]}, 2),
 ]
 
+# b or c with an elementary antiderivative: cot t, log t, an arctangent, partial fractions whose residues hold letters.
+ELEMENTARY = [
+    ("-(2*cot(t) + 1/t)*y' - a*y/t^2", ["a"]),
+    ("-log(t)*y' - y", []),
+    ("(2*y - 1)*y'^2/(y^2 + 1)", []),
+    ("-((1 - a - b)/(t - c) + (1 - a)/(t - b) + (1 - b)/(t + a))*y' - y", ["a", "b", "c"]),
+    ("(atan(y) + tan(y))*y'^2", []),
+]
+
+
+@pytest.mark.parametrize(("equation", "parameters"), ELEMENTARY)
+def test_an_elementary_antiderivative_takes_the_place_of_an_integral_sign(equation: str, parameters: list[str]) -> None:
+    result = solve_document({"equations": {"y": equation}, "parameters": parameters}, SolveOptions(time_limit=20.0))
+    answer = result if result["lagrangian"] is not None else result["with_time"]
+    assert answer["checked"] == "valid"
+    assert not answer["integrals"]
+    assert not answer["hamiltonian"]["implicit"]
+
 
 @pytest.mark.parametrize(("equation", "parameters"), SYMBOLIC)
 def test_symbolic_exponents_are_integrated(equation: str, parameters: list[str]) -> None:
