@@ -47,9 +47,9 @@ __all__ = ["to_latex", "to_mathml", "to_text"]
 
 # What is printed is printed in several places, and most of it is made of few parts.
 @lru_cache(maxsize=2048)
-def to_text(expression: Expression) -> str:
+def to_text(expression: Expression, within: bool = False) -> str:
     """The canonical text; deterministic, with no more brackets than reading needs."""
-    return signed(expression, _ratio)
+    return signed(expression, _ratio, within)
 
 
 def _ratio(term: Ratio) -> str:
@@ -81,7 +81,7 @@ def _exponent(exponent: Expression) -> str:
         case Symbol(name):
             return name
         case _:
-            return f"({to_text(exponent)})"
+            return f"({to_text(exponent, within=True)})"
 
 
 def _atom(expression: Expression) -> str:
@@ -95,17 +95,17 @@ def _atom(expression: Expression) -> str:
         case Acceleration(name):
             return f"{name}''"
         case Apply(function, argument):
-            return f"{function}({to_text(argument)})"
+            return f"{function}({to_text(argument, within=True)})"
         case Power(base, exponent) if exponent == HALF:
-            return f"sqrt({to_text(base)})"
+            return f"sqrt({to_text(base, within=True)})"
         case Arbitrary():
             return _arbitrary(expression)
         case _:
-            return f"({to_text(expression)})"
+            return f"({to_text(expression, within=True)})"
 
 
 def _arbitrary(function: Arbitrary) -> str:
-    arguments = ", ".join(to_text(argument) for argument in function.arguments)
+    arguments = ", ".join(to_text(argument, within=True) for argument in function.arguments)
     if len(function.orders) == 1:
         return f"{function.name}{chr(39) * function.orders[0]}({arguments})"
     if not any(function.orders):

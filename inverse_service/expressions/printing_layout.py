@@ -121,16 +121,22 @@ def _factor(base: Expression, count: int) -> Expression:
     return Apply("exp", number(count)) if base == _EXPONENTIAL else Power(base, number(count))
 
 
-def signed_terms(expression: Expression) -> list[Ratio]:
-    """The terms of a sum, or the one term, in their order."""
-    terms = expression.terms if isinstance(expression, Sum) else (expression,)
-    return [ratio(term) for term in terms]
+def signed_terms(expression: Expression, within: bool = False) -> list[Ratio]:
+    """The terms of a sum, or the one term, in their order; 1 - x^2 begins with its number.
+
+    `within` brackets, roots, functions and fractions a term that is not negative comes first: 4 k m - c^2.
+    """
+    terms = [ratio(term) for term in (expression.terms if isinstance(expression, Sum) else (expression,))]
+    if terms[0].negative:
+        chosen = [term for term in terms if not term.negative and (within or not term.numerators + term.denominators)]
+        terms.sort(key=lambda term: term not in chosen[:1])
+    return terms
 
 
-def signed(expression: Expression, write: Callable[[Ratio], str]) -> str:
+def signed(expression: Expression, write: Callable[[Ratio], str], within: bool = False) -> str:
     """The terms as they are written, with a sign before each but a first one that is not negative."""
     pieces: list[str] = []
-    for term in signed_terms(expression):
+    for term in signed_terms(expression, within):
         sign = " - " if term.negative else " + "
         pieces += [sign if pieces else sign.strip(" +"), write(term)]
     return "".join(pieces)

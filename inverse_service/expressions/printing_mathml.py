@@ -28,12 +28,12 @@ _DOTS = ("", "&#x02D9;", "&#x00A8;")
 
 def to_mathml(expression: Expression) -> str:
     """A complete <math> element; all text in it is escaped."""
-    return f'<math xmlns="{_NAMESPACE}">{_row(expression)}</math>'
+    return f'<math xmlns="{_NAMESPACE}">{_row(expression, within=False)}</math>'
 
 
-def _row(expression: Expression) -> str:
+def _row(expression: Expression, within: bool = True) -> str:
     pieces: list[str] = []
-    for term in signed_terms(expression):
+    for term in signed_terms(expression, within):
         if pieces or term.negative:
             pieces.append("<mo>&#x2212;</mo>" if term.negative else "<mo>+</mo>")
         pieces.append(_ratio(term))
@@ -76,7 +76,7 @@ def _factor(factor: Expression) -> str:
 
 def _exponent(expression: Expression) -> str:
     """t/10 stays on its line: a fraction above a letter is too small to be read."""
-    term, *further = signed_terms(expression)
+    term, *further = signed_terms(expression, within=True)
     simple = all(isinstance(part, Symbol | Velocity) for part in (*term.numerators, *term.denominators))
     if further or not simple or (term.under != 1) + len(term.denominators) != 1:
         return _row(expression)

@@ -86,7 +86,9 @@ class Reduction:
 def describe(analysis: Analysis, lagrangian: Expression, family: str) -> Lagrangian:
     """g = d2L/dv dv, the functions that must not vanish, those that are positive on its connected domain."""
     names = analysis.system.coordinates
-    multiplier = tuple(tuple(_compact(entry) for entry in row) for row in hessian(lagrangian, names))
+    rates = hessian(lagrangian, names)
+    short = {entry: _compact(analysis, entry) for row in rates for entry in row}
+    multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
     positive = domain_of(analysis, lagrangian).positive
     zeros = _distinct(_denominators(lagrangian, multiplier))
     return Lagrangian(lagrangian, multiplier, _that_can_vanish(analysis, zeros, positive), family, positive)
@@ -99,7 +101,7 @@ def _that_can_vanish(
     known = known_positive(positive)
     factors = {base for tree in positive for base, _ in _powers(analysis, tree)}
     kept = set[Expression]()
-    for tree in sorted(trees, key=lambda tree: sum(1 for _ in walk(tree))):
+    for tree in sorted(trees, key=_size):
         parts = [base for base, exponent in _powers(analysis, tree) if exponent > 0]
         if not all(is_plainly_positive(base, known) or is_plainly_nonzero(base, factors) for base in parts):
             kept.add(tree)
@@ -109,10 +111,7 @@ def _that_can_vanish(
 
 def _powers(analysis: Analysis, tree: Expression) -> list[tuple[Expression, Fraction]]:
     """The tree as a product of powers, as far as it can be factored."""
-    try:
-        (whole,) = factored([tree], variables_of(analysis.system), Budget(_TERMS, end(), _WORK))
-    except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
-        whole = tree
+    whole = _factored(analysis, tree)
     parts = whole.factors if isinstance(whole, Product) else (whole,)
     return [
         (p.base, p.exponent.value) if isinstance(p, Power) and isinstance(p.exponent, Number) else (p, Fraction(1))
@@ -123,11 +122,24 @@ def _powers(analysis: Analysis, tree: Expression) -> list[tuple[Expression, Frac
 _TERMS, _WORK = 500, 20_000
 
 
-def _compact(entry: Expression) -> Expression:
+def _compact(analysis: Analysis, entry: Expression) -> Expression:
+    """The entry as a sum of products or, where that is shorter, as one quotient."""
     try:
-        return tree_of(terms_of(entry))
+        plain = tree_of(terms_of(entry))
     except (TooManyTerms, TooLarge):
         return entry
+    return min(plain, _factored(analysis, plain), key=_size)
+
+
+def _size(tree: Expression) -> int:
+    return sum(1 for _ in walk(tree))
+
+
+def _factored(analysis: Analysis, tree: Expression) -> Expression:
+    try:
+        return factored([tree], variables_of(analysis.system), Budget(_TERMS, end(), _WORK))[0]
+    except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
+        return tree
 
 
 def _varies(tree: Expression) -> bool:

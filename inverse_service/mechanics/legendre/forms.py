@@ -6,7 +6,10 @@ from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
 from math import isqrt
 
-from inverse_service.errors import LimitError
+from inverse_service.algebra.exact_atoms import factored
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import end
+from inverse_service.errors import IrreducibleAtoms, LimitError
 from inverse_service.expressions.collecting import collect, expand
 from inverse_service.expressions.collecting_trees import merge_powers, separate_tree
 from inverse_service.expressions.tree import (
@@ -30,6 +33,10 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, expanded_terms
+
+
+# Nodes of a tree that is worth exact work, and how much of that.
+_LONG, _TERMS, _WORK = 60, 500, 20_000
 
 
 def size(tree: Expression) -> int:
@@ -74,6 +81,17 @@ def simplified(tree: Expression) -> Expression:
     for other in _without_squares(collected):
         forms += [collect(other), quotient(other)]
     return shortest(forms)
+
+
+def related(tree: Expression) -> Expression:
+    """A long tree as one quotient, with the relations among its roots and functions used, where that is shorter."""
+    if size(tree) <= _LONG:
+        return tree
+    letters = dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity))
+    try:
+        return shortest([tree, *factored([tree], list(letters), Budget(_TERMS, end(), _WORK))])
+    except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
+        return tree
 
 
 def _is_monomial(tree: Expression) -> bool:

@@ -34,6 +34,7 @@ from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
 from inverse_service.mechanics.legendre.forms import (
     cancelled,
+    related,
     roots_apart,
     shortest,
     sign_part,
@@ -104,7 +105,7 @@ def legendre(
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
     slopes = gradient(lagrangian, map(Velocity, names))  # u log u has log u + 1 for a slope, if it is not expanded
-    functions = tuple(simplified(slopes.get(Velocity(name), ZERO)) for name in names)
+    functions = tuple(related(simplified(slopes.get(Velocity(name), ZERO))) for name in names)
     parts = split(lagrangian, names, dict(zip(names, symbols, strict=True)))
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
     points = sample_points([lagrangian, *functions], positive)
@@ -147,11 +148,9 @@ def _energy(parts: Parts) -> Expression:
     """sum v dL/dv - L block by block, in the velocities; linear terms drop out."""
     terms = [negate(parts.free)]
     for block in parts.blocks:
-        works = [
-            multiply(Velocity(name), p)
-            for name, p in zip(block.names, momenta(block.function, block.names), strict=True)
-        ]
-        terms.append(simplified(subtract(add(*works), block.function)))
+        slopes = gradient(block.function, map(Velocity, block.names))
+        works = [multiply(rate, slope) for rate, slope in slopes.items()]
+        terms.append(related(simplified(subtract(add(*works), block.function))))
     return add(*terms[1:], terms[0])
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.printing_latex import lines_of_latex, to_latex
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
 from inverse_service.service.documents.text_page import (
@@ -26,9 +26,8 @@ from inverse_service.service.documents.text_page import (
 )
 
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
+IN_A_SENTENCE = 150.0  # points of a formula that stands in a line of text
 _RELATION = re.compile(r" (!=|>=|<=|>|<) ")
-# A displayed formula longer than this is broken between its terms.
-LONGEST_LINE = 160
 SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
     **{character: f"\\{character}" for character in "&%$#_{}"},
@@ -37,7 +36,7 @@ SPECIAL = {
 
 def latex_page(result: dict[str, Any], explain: bool) -> str:
     """The whole document, ending with a newline."""
-    lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb}", r"\begin{document}"]
+    lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb}", r"\sloppy", r"\begin{document}"]
     if is_forward_result(result):
         return "\n".join([*lines, *forward_latex(result), r"\end{document}"]) + "\n"
     if result.get("nonholonomic") is not None:
@@ -116,9 +115,9 @@ def _conditions(conditions: Sequence[str], system: dict[str, Any] | None, letter
         return escaped(", ".join(conditions))
     pieces = (_RELATION.split(condition) for condition in conditions)
     return ", ".join(
-        "$"
-        + "".join(SIGNS.get(one, f" {one} ") if k % 2 else _latex(one, system, letters) for k, one in enumerate(piece))
-        + "$"
+        _formula(
+            "".join(SIGNS.get(one, f" {one} ") if k % 2 else _latex(one, system, letters) for k, one in enumerate(piece))
+        )
         for piece in pieces
     )
 
@@ -188,29 +187,12 @@ def escaped(text: str) -> str:
 
 
 def display(formula: str) -> str:
-    """A formula on a line of its own; a long one on several, broken between its terms."""
-    lines = _lines(formula)
+    """A formula on a line of its own; a long one on several."""
+    lines = lines_of_latex(formula)
     if len(lines) == 1:
         return f"\\[ {formula} \\]"
     broken = r" \\ & \quad ".join(lines)
     return f"\\[ \\begin{{aligned}} & {broken} \\end{{aligned}} \\]"
-
-
-def _lines(formula: str) -> list[str]:
-    """The formula in pieces of about a line, each but the first begun with a sign that stands in no bracket."""
-    found, depth, start, sign = [], 0, 0, 0
-    for match in re.finditer(r"\\left|\\right|\\[{}]|[{}()]| [-+] ", formula):
-        token = match.group()
-        depth += (token in ("{", "\\left", "(")) - (token in ("}", "\\right", ")"))
-        if depth == 0 and token in (" + ", " - "):
-            if match.start() - start > LONGEST_LINE and sign > start:
-                found.append(formula[start:sign])
-                start = sign
-            sign = match.start()
-    if len(formula) - start > LONGEST_LINE and sign > start:
-        found.append(formula[start:sign])
-        start = sign
-    return [*found, formula[start:]]
 
 
 def latex_proof(steps: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -227,4 +209,9 @@ def latex_proof(steps: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _inline(part: Mapping[str, Any]) -> str:
-    return f"${part['latex'].strip()}$" if part["kind"] == "formula" else escaped(part["text"])
+    return _formula(part["latex"].strip()) if part["kind"] == "formula" else escaped(part["text"])
+
+
+def _formula(formula: str) -> str:
+    """A formula in a sentence; one that is wider than a line gets lines of its own."""
+    return f"${formula}$" if len(lines_of_latex(formula, IN_A_SENTENCE)) == 1 else display(formula)
