@@ -154,6 +154,7 @@ def _partial(name: str, function: Arbitrary) -> str:
 LINE = 300.0
 _WIDTHS = {"\\left": 0.0, "\\right": 0.0, "\\quad": 10.0, "\\qquad": 20.0, "\\,": 2.0, "\\mathsf": 0.0, "\\mathrm": 0.0}
 _LETTER, _SIGN, _SCRIPT = 5.8, 12.8, 0.72
+_LESS = 0.95  # a part that is not narrower than this share of the whole is not broken again
 _SIGNS = ("+", "-", "=", "<", ">", "\\neq", "\\geq", "\\leq")
 _ACCENTS = ("\\dot", "\\ddot", "\\tilde", "\\bar")
 _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
@@ -187,8 +188,10 @@ def lines_of_latex(formula: str, room: float = LINE) -> list[str]:
             lines.append(term)
         else:
             short = _width(lines[-1]) < room / 4  # H = stays with what follows
-            found = _opened(joined if short else term, room)
-            lines = [*(lines[:-1] if short else lines), *map(_pieces, found)]
+            lines = lines[:-1] if short else lines
+            for line in map(_pieces, _opened(joined if short else term, room)):
+                narrower = _width(line) < _LESS * _width(term)
+                lines += map(_pieces, lines_of_latex(_text(line), room)) if narrower else [line]
     return [text for line in lines if (text := _text(line).strip())]
 
 
@@ -218,7 +221,7 @@ def _opened(term: Sequence[_Piece], room: float) -> list[str]:
     match widest.head:
         case "\\left":
             opening, inner, closing = widest.inside
-            rows = lines_of_latex(inner, room - _width(term[:place]) - 2 * _LETTER)
+            rows = lines_of_latex(inner, max(room / 2, room - _width(term[:place]) - 2 * _LETTER))
             if len(rows) > 1:
                 body = " \\right.\n\\left. \\quad ".join(rows)
                 return f"{before}\\left{opening}{body}\\right{closing}{after}".split("\n")
@@ -278,13 +281,16 @@ def _piece(tokens: Sequence[str], start: int) -> tuple[_Piece, int]:
             end = _closing(tokens, start, "\\left", "\\right")
             inner = "".join(tokens[start + 2 : end])
             text = "".join(tokens[start : end + 2])
-            return _Piece(text, _width(_pieces(inner)) + 10, token, (tokens[start + 1], inner, tokens[end + 1])), end + 2
+            return _Piece(
+                text, _width(_pieces(inner)) + 10, token, (tokens[start + 1], inner, tokens[end + 1])
+            ), end + 2
         case "\\begin":
             end = _closing(tokens, start, "\\begin", "\\end")
-            inside, after = _argument(tokens, start + 1)[1], _argument(tokens, end + 1)[1]
-            inner = "".join(tokens[inside:end])
+            (name, first), (_, after) = _argument(tokens, start + 1), _argument(tokens, end + 1)
+            inner = "".join(tokens[first:end])
             columns = zip_longest(*(row.split("&") for row in inner.split("\\\\")), fillvalue="")
             width = sum(max(_width(_pieces(entry)) for entry in column) + 10 for column in columns)
+            width *= _SCRIPT if name == "smallmatrix" else 1
             return _Piece("".join(tokens[start:after]), width, token, (inner,)), after
         case "\\frac" | "\\tfrac":
             over, middle = _argument(tokens, start + 1)

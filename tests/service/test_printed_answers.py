@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from inverse_service.expressions.printing_latex import LINE, lines_of_latex
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.latex_page import display, latex_page
@@ -86,14 +87,69 @@ def test_latex_sets_conditions_and_theory_as_mathematics(tmp_path: Path) -> None
         assert subprocess.run(command, cwd=tmp_path, check=False, capture_output=True).returncode == 0
 
 
-def test_long_formulas_are_broken_between_their_terms_only() -> None:
+def test_long_formulas_are_broken_between_their_terms() -> None:
     terms = [rf"\left(a_{{{k}}} + \frac{{b + c}}{{d - e}}\right)" for k in range(12)]
     formula = "L = " + " + ".join(terms)
     shown = display(formula)
-    assert shown.count(r"\\ & \quad ") == 3
+    assert shown.count(r"\\ & \quad ") >= 2
     inner = shown.removeprefix(r"\[ \begin{aligned} & ").removesuffix(r" \end{aligned} \]")
-    assert inner.replace(r" \\ & \quad ", "") == formula
+    assert inner.replace(r"\\ & \quad ", "").replace(" ", "") == formula.replace(" ", "")
     assert display("L = a + b") == r"\[ L = a + b \]"
+
+
+SUM = " - ".join(rf"x_{{{k}}} \dot{{y}}^{{2}}" for k in range(40))
+WIDE = {
+    "sum": SUM,
+    "bracket": rf"m \left({SUM}\right)^{{2}} + c",
+    "function": rf"k - \ln\left(\left({SUM}\right) q\right)",
+    "fraction": rf"-\frac{{{SUM}}}{{2 m}} + 1",
+    "denominator": rf"\frac{{1}}{{{SUM}}}",
+    "both": rf"\frac{{a + {SUM}}}{{{SUM}}}",
+    "root": rf"\sqrt{{{SUM}}}",
+    "exponential": rf"x e^{{{SUM}}}",
+    "product": " ".join(rf"\sin\left(x_{{{k}}}\right)" for k in range(30)),
+    "small matrix": r"\begin{pmatrix} " + " & ".join([r"a + \dot{b} - c"] * 6) + r" \end{pmatrix}",
+    "matrix": rf"g = \begin{{pmatrix}} 1 & {SUM} \\ {SUM} & 0 \end{{pmatrix}}",
+}
+
+
+@pytest.mark.parametrize("formula", WIDE.values(), ids=WIDE)
+def test_no_line_of_a_long_formula_is_wider_than_a_page_and_each_is_latex_by_itself(formula: str) -> None:
+    lines = lines_of_latex(formula)
+    assert len(lines) > 1 or "smallmatrix" in lines[0]
+    assert [lines_of_latex(line, LINE + 40) for line in lines if "matrix" not in line] == [
+        [line] for line in lines if "matrix" not in line
+    ]
+    for line in lines:
+        assert line.count("{") == line.count("}")
+        assert line.count(r"\left") == line.count(r"\right")
+    assert all(f"x_{{{k}}}" in "".join(lines) for k in range(30)) or "matrix" in lines[0]
+
+
+@pytest.mark.skipif(not shutil.which("pdflatex"), reason="needs pdflatex")
+def test_pages_with_long_formulas_compile_and_stay_within_their_margins(tmp_path: Path) -> None:
+    restricted = "-x/(x^2+y^2)^(3/2)+mu*(x-1)/((x-1)^2+y^2)^(3/2)+2*w*y'", "-y/(x^2+y^2)^(3/2)-2*w*x'"
+    document = {"equations": dict(zip("xy", restricted, strict=True)), "parameters": ["mu", "w"]}
+    results = [damped(), solve_document(document, SolveOptions(time_limit=600))]
+    shown = "\n".join(display(formula) for formula in WIDE.values())
+    texts = [latex_page(result, True) for result in results]
+    for text in (*texts, texts[0].replace(r"\end{document}", shown + r"\end{document}")):
+        (tmp_path / "page.tex").write_text(text)
+        command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "page.tex"]
+        found = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True, errors="replace")
+        assert [
+            float(width) for width in re.findall(r"Overfull \\hbox \(([\d.]+)pt", found.stdout) if float(width) > 2
+        ] == []
+
+
+def test_the_multiplier_of_the_damped_oscillator_is_one_quotient_and_its_momentum_one_arctangent() -> None:
+    document = {"equations": "m*x'' = -k*(x - 1) - c*x'", "parameters": ["m", "k", "c"]}
+    result = solve_document(document, SolveOptions(time_limit=600))
+    assert result["multiplier"] == [["1/(k*x^2 + c*x*x' - 2*k*x + m*x'^2 - c*x' + k)"]]
+    hamiltonian = result["hamiltonian"]
+    assert hamiltonian["momenta"]["p_x"].count("atan") == 1
+    assert len(hamiltonian["text"]) < 300
+    assert damped()["multiplier"] == [["1/(10*x^2 + x*x' + 10*x'^2)"]]
 
 
 def test_kinds_say_of_which_question_case_and_point_they_speak() -> None:

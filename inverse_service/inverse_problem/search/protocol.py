@@ -136,8 +136,9 @@ def _size(tree: Expression) -> int:
 
 
 def _factored(analysis: Analysis, tree: Expression) -> Expression:
+    varying = variables_of(analysis.system)[: 1 + 2 * len(analysis.system.coordinates)]  # parameters are printed first
     try:
-        return factored([tree], variables_of(analysis.system), Budget(_TERMS, end(), _WORK))[0]
+        return factored([tree], varying, Budget(_TERMS, end(), _WORK))[0]
     except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
         return tree
 

@@ -34,7 +34,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, expanded_terms
 
-
 # Nodes of a tree that is worth exact work, and how much of that.
 _LONG, _TERMS, _WORK = 60, 500, 20_000
 

@@ -27,6 +27,7 @@ from inverse_service.service.documents.text_page import (
 
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
 IN_A_SENTENCE = 150.0  # points of a formula that stands in a line of text
+_AFTER_A_DISPLAY = re.compile(r"((?: \\end\{aligned\})? \\\])([.,:;]+)")
 _RELATION = re.compile(r" (!=|>=|<=|>|<) ")
 SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
@@ -51,7 +52,8 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
     if result.get("special_cases") is not None:
         lines += special_cases_latex(result["special_cases"])
     lines += _further(result)
-    return "\n".join([*lines, r"\end{document}"]) + "\n"
+    # The comma after a formula on lines of its own stands in its last line.
+    return _AFTER_A_DISPLAY.sub(r"\2\1", "\n".join([*lines, r"\end{document}"])) + "\n"
 
 
 def _cases(result: dict[str, Any]) -> Iterator[str]:
@@ -113,13 +115,12 @@ def _conditions(conditions: Sequence[str], system: dict[str, Any] | None, letter
     """Conditions such as "x != 0" as formulas in a sentence."""
     if system is None:
         return escaped(", ".join(conditions))
-    pieces = (_RELATION.split(condition) for condition in conditions)
-    return ", ".join(
-        _formula(
-            "".join(SIGNS.get(one, f" {one} ") if k % 2 else _latex(one, system, letters) for k, one in enumerate(piece))
-        )
-        for piece in pieces
-    )
+    return ", ".join(_formula(_condition(condition, system, letters)) for condition in conditions)
+
+
+def _condition(condition: str, system: dict[str, Any], letters: Iterable[str]) -> str:
+    pieces = enumerate(_RELATION.split(condition))
+    return "".join(SIGNS.get(one, f" {one} ") if k % 2 else _latex(one, system, letters) for k, one in pieces)
 
 
 def _latex(text: str, system: dict[str, Any], letters: Iterable[str] = ()) -> str:

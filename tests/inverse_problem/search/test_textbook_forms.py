@@ -28,11 +28,11 @@ def _answered(equations: dict[str, str], parameters: str = "") -> Answer:
 # Sturm-Liouville forms: Abramowitz and Stegun, 22.6 and 13.1, 15.5.
 SYMBOLIC_POWERS = [
     ("((2*m+1)*t*y' - n*(n+2*m)*y)/(1-t^2)", "m n",
-     "y'^2*(-t^2 + 1)^(m + 1/2)/2 - n*(2*m + n)*y^2*(-t^2 + 1)^(m - 1/2)/2"),
+     "y'^2*(1 - t^2)^(m + 1/2)/2 - n*(2*m + n)*y^2*(1 - t^2)^(m - 1/2)/2"),
     ("-((c-(a+b+1)*t)*y' - a*b*y)/(t*(1-t))", "a b c",
-     "t^c*(-t + 1)^(a + b - c + 1)*y'^2/2 + a*b*y^2*(-t + 1)^(a + b - c)*t^(c - 1)/2"),
+     "t^c*(1 - t)^(a + b - c + 1)*y'^2/2 + a*b*y^2*(1 - t)^(a + b - c)*t^(c - 1)/2"),
     ("-((b-a-(a+b+2)*t)*y' + n*(n+a+b+1)*y)/(1-t^2)", "a b n",
-     "y'^2*(-t + 1)^(a + 1)*(t + 1)^(b + 1)/2 - n*(a + b + n + 1)*y^2*(-t + 1)^a*(t + 1)^b/2"),
+     "y'^2*(1 - t)^(a + 1)*(t + 1)^(b + 1)/2 - n*(a + b + n + 1)*y^2*(1 - t)^a*(t + 1)^b/2"),
     ("-((b-t)*y' - a*y)/t", "a b", "exp(-t)*(y'^2*t^b + a*y^2*t^(b - 1))/2"),
 ]  # fmt: skip
 
