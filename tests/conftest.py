@@ -149,7 +149,7 @@ def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     yield from running_service(tmp_path_factory.mktemp("patient"), 60)
 
 
-def running_service(folder: Path, time_limit: int = 10) -> Iterator[str]:
+def running_service(folder: Path, time_limit: int = 10, frame_origins: str = "") -> Iterator[str]:
     """A service with its store in a folder; `time_limit` in s by the clock, so a busy machine needs more."""
     command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
     environment = {
@@ -158,6 +158,7 @@ def running_service(folder: Path, time_limit: int = 10) -> Iterator[str]:
         "INVERSE_SERVICE_WORKERS": "2",
         "INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"),
         "INVERSE_SERVICE_LOG_LEVEL": "warning",
+        "INVERSE_SERVICE_FRAME_ORIGINS": frame_origins,
     }
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None

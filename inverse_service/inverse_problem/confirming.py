@@ -85,7 +85,9 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     raised = None if work.analysis.system.is_unsolved else with_squared_energies(answer.lagrangian.expression, names)
     families = {} if others is None else dict.fromkeys(others.lagrangians, others.family)
     if raised is not None:
-        families, steps = {**families, tidied(raised, work.analysis.system): OF_ENERGIES}, (*steps, energy_step())
+        system = work.analysis.system
+        taken = {*names[1:], *system.parameters, *(function.name for function in system.functions)}
+        families, steps = {**families, tidied(raised, system): OF_ENERGIES}, (*steps, energy_step(taken))
     valid: list[Expression] = []
     for other in families:
         known = (answer.lagrangian.expression, *valid)

@@ -105,8 +105,7 @@ def _parts_of_product(factors: tuple[Expression, ...], pointer: str) -> tuple[di
 def _nonlinear(expression: Expression, pointer: str) -> InputError:
     name = next(node.coordinate for node in walk(expression) if isinstance(node, Acceleration))
     return InputError(
-        f"the acceleration {name}'' does not enter linearly: write the equation solved for {name}''; "
-        f"an index stands below its name, as in {name}_2.",
+        f"the acceleration {name}'' does not enter linearly: write the equation solved for {name}''.",
         pointer,
     )
 

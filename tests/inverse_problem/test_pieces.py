@@ -71,7 +71,7 @@ def test_lagrangians_of_pieces_hold_on_the_whole_of_each(force: str, count: int)
     [
         ("piecewise((log(x), x > 0), (-x, true))", {"x > 0": "variational", "x < 0": "undetermined"}, ["-x"]),
         ("piecewise((sqrt(x - 1), x > 1), (sqrt(1 - x), true))", {"x > 1": "undetermined", "x < 1": "undetermined"},
-         ["sqrt(x - 1)", "sqrt(1 - x)"]),
+         ["sqrt(1 - x)", "sqrt(x - 1)"]),
     ],
 )  # fmt: skip
 def test_a_piece_that_another_is_undefined_on_is_asked_back_alone(
@@ -80,7 +80,7 @@ def test_a_piece_that_another_is_undefined_on_is_asked_back_alone(
     result = solved({"x": force})
     assert cases(result) == verdicts
     reasons = [each["reason"] for each in result["branches"] if each["verdict"] == "undetermined"]
-    assert [reason.rpartition(": ask about this piece alone, x'' = ")[2] for reason in reasons] == alone
+    assert sorted(reason.rpartition(": ask about this piece alone, x'' = ")[2] for reason in reasons) == alone
     assert not caplog.records  # no Lagrangian was looked for in vain
     for piece in alone:
         assert solved({"x": piece})["verdict"] == "variational"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from inverse_service.inverse_problem.explanation.finding import energy_step
 from inverse_service.inverse_problem.explanation.wording import with_shared_letters
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution, Step
@@ -56,3 +57,11 @@ def test_a_radius_is_told_from_the_curvature_only_where_that_is_spoken_of(senten
     system = read_system(["x"], {"x": "-R*x"}, ["R"])
     answer = replace(solve(system, SolveOptions(time_limit=30.0)).with_time, explanation=(Step(sentence, ""),))
     assert (len(with_shared_letters(answer, system).explanation) == 2) is is_said
+
+
+def test_the_sentence_on_energies_uses_letters_that_the_system_leaves_free() -> None:
+    said = energy_step(["y", "F", "h"]).text
+    assert "`" not in said
+    assert "x' int G(e)/x'^2 d x'" in said
+    assert "F" not in said.replace("For", "")
+    assert "x' int F(h)/x'^2 d x'" in energy_step(()).text

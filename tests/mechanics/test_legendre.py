@@ -375,7 +375,7 @@ def test_a_matrix_too_large_to_invert_is_implicit_and_soon_said() -> None:
     [
         (
             "((3*x+2*x'-sqrt(5)*x)*log(3*x+2*x'-sqrt(5)*x)-(3*x+2*x'+sqrt(5)*x)*log(3*x+2*x'+sqrt(5)*x))/(2*sqrt(5)*x)",
-            "sqrt(5)*p_x*x/2 - 3*p_x*x/2 + log(2*sqrt(5)*x/(-exp(sqrt(5)*p_x*x) + 1))",
+            "sqrt(5)*p_x*x/2 - 3*p_x*x/2 + log(2*sqrt(5)*x/(1 - exp(sqrt(5)*p_x*x)))",
         ),
         ("x'*log(x' + sqrt(x'^2 + 1)) - sqrt(x'^2 + 1)", "sqrt(exp(-2*p_x) + exp(2*p_x) + 2)/2"),
     ],

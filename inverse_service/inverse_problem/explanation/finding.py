@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from inverse_service.algebra.real_point import own_requirements
 from inverse_service.errors import InputError
@@ -131,13 +131,15 @@ def as_given_steps(tree: Expression) -> tuple[Step, ...]:
     return (step,)
 
 
-def energy_step() -> Step:
-    """How free L is where a coordinate has an energy of its own."""
+def energy_step(taken: Collection[str]) -> Step:
+    """How free L is where a coordinate has an energy of its own; in letters that the system leaves free."""
+    letters = ("xyzuwq", "heEWn", "FGKUWN")
+    x, h, f = (next((letter for letter in some if letter not in taken), some[0]) for some in letters)
     return said(
-        "A coordinate `x` that `L` couples with no other, in a part without `t`, has an energy of its own, "
-        "`h = x' dL/dx' - L` of that part. More generally, `x' int F(h)/x'^2 d x'` may stand for the part with every "
-        "function `F` that keeps the Hessian regular; `F = h` gives it back, and `F = h^2` the last of the other "
-        "Lagrangians.",
+        f"A coordinate `{x}` that `L` couples with no other, in a part without `t`, has an energy of its own, "
+        f"`{h} = {x}' dL/d{x}' - L` of that part. More generally, `{x}' int {f}({h})/{x}'^2 d {x}'` may stand for the "
+        f"part with every function `{f}` that keeps the Hessian regular; `{f} = {h}` gives it back, and "
+        f"`{f} = {h}^2` the last of the other Lagrangians.",
         about=("regular",),
     )
 

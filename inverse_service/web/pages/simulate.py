@@ -157,7 +157,8 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
         # A Lagrangian with arbitrary functions is looked for again, with the functions that the scene gives.
         known = result.get("lagrangian") and not given.get("functions")
         found = {"free_lagrangian": result["lagrangian"]["text"]} if known else {}
-        return form_of_system(system_of_it, job=job), {"system": system_of_it, **found}
+        form = starts.with_good_start(form_of_system(system_of_it, job=job), system_of_it, {}, found)
+        return form, {"system": system_of_it, **found}
     base = {"system": {"result": result}}
     form = form_of_system(base["system"], job=job)
     with_lagrangian = [answer for answer, _ in answers_of(result, result) if answer["lagrangian"]]

@@ -39,11 +39,13 @@ LONGEST_TRIAL = 3.0  # s
 SIDE, MOST_CORNERS = 320, 200  # of a sketch
 
 
-def with_good_start(form: SceneForm, system: Mapping[str, Any], answer: Mapping[str, Any]) -> SceneForm:
-    """The form with the start that lasts longest, and as many steps as it lasts.
+def with_good_start(
+    form: SceneForm, system: Mapping[str, Any], answer: Mapping[str, Any], further: Mapping[str, Any] | None = None
+) -> SceneForm:
+    """The form with the start that lasts longest, and as many steps as it lasts; `further` is part of its scene.
 
     On the way the conditions of the domain of the answer's Lagrangian hold, its Hessian stays regular, and no wall of
-    the accelerations is passed.
+    the accelerations is passed. With constraints it is the first start from which all methods can begin.
     """
     domain = (answer.get("lagrangian") or {}).get("domain", ())
     try:
@@ -53,7 +55,9 @@ def with_good_start(form: SceneForm, system: Mapping[str, Any], answer: Mapping[
         hessian = tuple(read_formula(text, names) for line in answer.get("multiplier") or () for text in line)
     except InputError:
         return form
-    if found is None or scene.constraints:
+    if scene.constraints:
+        return _where_all_methods_begin(form, system, further or {})
+    if found is None:
         return form
     watched += _walls(scene, found)
     q, v = _starts(len(scene.coordinates))
@@ -72,6 +76,17 @@ def with_good_start(form: SceneForm, system: Mapping[str, Any], answer: Mapping[
         ),
         system,
     )
+
+
+def _where_all_methods_begin(form: SceneForm, system: Mapping[str, Any], further: Mapping[str, Any]) -> SceneForm:
+    """The form at the first of some places at which no ticked method is unavailable; as it is where there is none."""
+    places = [_texts(form.coordinates, place) for place in _starts(len(form.coordinates))[0]]
+    for positions in (form.positions, *places):
+        tried = replace(form, positions=positions, steps="1")
+        methods = simulate({**scene_document(tried, system), **further}, time_limit=LONGEST_TRIAL)["methods"]
+        if all(method["outcome"] != "unavailable" for method in methods):
+            return replace(form, positions=positions)
+    return form
 
 
 def _as_long_as_it_runs(form: SceneForm, system: Mapping[str, Any]) -> SceneForm:

@@ -161,17 +161,18 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
   [canvas.width, canvas.height] = [width * ratio, height * ratio];
   const pen = canvas.getContext("2d");
   pen.scale(ratio, ratio);
-  const span = (values) => {
+  const span = (values, isLogarithmic) => {
     let [low, high] = [Infinity, -Infinity];
     for (const v of values) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
     if (!(high >= low)) [low, high] = [-1, 1];
+    if (isLogarithmic && high < low + 2) [low, high] = [Math.floor(low) - 1, Math.ceil(high)]; // decades to read it by
     const margin = 0.06 * (high - low) || 0.5 * Math.max(Math.abs(low), 1);
     return [low - margin, high + margin];
   };
   const scaled = (values, isLogarithmic) => values.map((v) => (v === null ? NaN : isLogarithmic ? (v > 0 ? Math.log10(v) : NaN) : v));
   lines = lines.map((line) => ({ ...line, x: scaled(line.x, log_x), y: scaled(line.y, log_y) }));
-  const across = span(lines.flatMap((line) => line.x));
-  const up = span(lines.flatMap((line) => line.y));
+  const across = span(lines.flatMap((line) => line.x), log_x);
+  const up = span(lines.flatMap((line) => line.y), log_y);
   const box = { left: 58, right: width - 10, top: 8, bottom: height - 40 };
   if (equal) {
     const unit = Math.max((across[1] - across[0]) / (box.right - box.left), (up[1] - up[0]) / (box.bottom - box.top));

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import httpx
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
-from .conftest import WIDE, Visit
+from tests.conftest import running_service
+
+from .conftest import WIDE, Look, Visit, new_page
 from .test_every_page import is_too_wide, violations
 
 EXERCISE = "/?equations=x''+%3D+-9*x&reveal=hint,answer"
@@ -86,6 +92,46 @@ def test_other_sites_frame_an_answer_only_where_they_are_listed(visit: Visit) ->
     assert "frame-ancestors 'self'" in answer.headers["content-security-policy"]
     assert "<nav" not in answer.text
     assert "frame-ancestors 'none'" in httpx.get(visit.page.url, timeout=30).headers["content-security-policy"]
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves a folder and says nothing."""
+
+    def log_message(self, *words: object) -> None:
+        """Nothing."""
+
+
+@pytest.fixture
+def courses(tmp_path: Path) -> Iterator[list[str]]:
+    """The origins of two other sites that serve the same folder."""
+    sites = [ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path))) for _ in range(2)]
+    for site in sites:
+        threading.Thread(target=site.serve_forever, daemon=True).start()
+    yield [f"http://127.0.0.1:{site.server_port}" for site in sites]
+    for site in sites:
+        site.shutdown()
+        site.server_close()
+
+
+@pytest.mark.slow
+def test_a_browser_frames_an_answer_on_a_listed_origin_and_on_no_other(
+    browser: Browser, courses: list[str], tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    listed, other = courses
+    page = new_page(browser, Look())
+    for address in running_service(tmp_path_factory.mktemp("framed"), 60, frame_origins=listed):
+        page.goto(address + "/?equations=x''+%3D+-3*x")
+        page.get_by_role("button", name="Find out").click()
+        expect(page.locator(".verdict").first).to_be_visible(timeout=60_000)
+        result = page.url
+        (tmp_path / "course.html").write_text(f'<iframe src="{result}/embed"></iframe>')
+        (tmp_path / "whole.html").write_text(f'<iframe src="{result}"></iframe>')
+        page.goto(f"{listed}/course.html")
+        expect(page.frame_locator("iframe").locator(".formula").first).to_be_visible()
+        for refused in (f"{other}/course.html", f"{listed}/whole.html"):
+            with page.expect_console_message(lambda message: "frame-ancestors" in message.text):
+                page.goto(refused)
+    page.context.close()
 
 
 def test_the_gallery_is_searched_by_name_equation_and_verdict(light: Visit) -> None:

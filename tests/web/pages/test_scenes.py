@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -54,6 +55,9 @@ def test_a_constrained_system_whose_names_were_found_in_the_text_can_be_simulate
     form, base = made
     assert (form.coordinates, form.parameters) == (("x", "y", "z"), {"m": "1"})
     assert base["system"]["document"]["coordinates"] == ["x", "y", "z"]
+    # Where y = 0 the Lagrangian of the particle is singular: the form begins elsewhere, and each method runs.
+    found = simulate(changed_scene(base, scene_document(replace(form, steps="20"), base["system"])))
+    assert {method["outcome"] for method in found["methods"]} == {"completed"}
 
 
 def test_a_lagrangian_alone_is_simulated_from_its_equations() -> None:
