@@ -274,3 +274,18 @@ def test_lyapunov_exponents_come_from_the_variational_equations() -> None:
     found = simulate(scene(pole, ["adaptive"], time=5, observe=["lyapunov"]))["lyapunov"]
     assert found["largest"] is None
     assert "ends at t = 1.1" in found["note"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("force", "start", "published"),
+    [("-x'/20 - x^3 + 7.5*cos(t)", 2.5, 0.1034), ("-x'/4 + x - x^3 + 2*cos(t)/5", 0.2, 0.1572),
+     ("-x^3 + sin(1.88*t)", 0, 0.0971)],
+    ids=["Ueda", "Duffing, two wells", "simplest driven"],
+)  # fmt: skip
+def test_lyapunov_exponents_are_those_published(force: str, start: float, published: float) -> None:
+    """J. C. Sprott, Chaos and Time-Series Analysis, Oxford 2003, appendix A.5 (driven dissipative and conservative)."""
+    system = {"coordinates": ["x"], "equations": [f"x'' = {force}"]}
+    given = {"positions": {"x": start}, "velocities": {"x": 0}}
+    document = scene(system, ["adaptive"], initial=given, step=1, time=10_000, observe=["lyapunov"])
+    assert simulate(document, None, 300.0)["lyapunov"]["largest"] == pytest.approx(published, abs=0.005)

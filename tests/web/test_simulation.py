@@ -12,6 +12,8 @@ import httpx
 import numpy as np
 import pytest
 
+from tests.simulation.cards import CARDS, Card, judge
+
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 PATIENT = {"Prefer": "wait=20"}
 
@@ -87,3 +89,16 @@ def test_the_scene_is_described(client: httpx.Client) -> None:
     description = client.get("/openapi.json").json()
     assert "/v1/simulate" in description["paths"]
     assert "SceneDocument" in description["components"]["schemas"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("card", CARDS, ids=lambda card: card.name)
+def test_a_scene_is_answered_as_its_card_says(client: httpx.Client, card: Card) -> None:
+    """Those that once crashed the whole scene, or were wrong: none is a 5xx."""
+    response = answer(client, "/v1/simulate", card.scene)
+    if isinstance(card.answer, str):
+        assert response.status_code == 422
+        assert card.answer in response.text
+        return
+    assert response.status_code == 200
+    judge(card, response.json()["methods"])
