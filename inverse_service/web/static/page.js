@@ -150,6 +150,13 @@ function drafts(form, ask) {
   form.addEventListener("filled", keep);
 }
 
+// One's own Lagrangian survives a reload until it has been sent.
+function keeping(box) {
+  const name = `${DRAFT}${location.pathname.split("/").slice(0, 3).join("/")}:${box.name}`;
+  box.value ||= sessionStorage.getItem(name) ?? "";
+  box.addEventListener("input", () => sessionStorage.setItem(name, box.value));
+}
+
 // A formula is a stop of the tab key only where there is something to scroll to.
 function focusWide(within) {
   for (const place of within.querySelectorAll(".formula, .scroll, .proof p")) {
@@ -385,6 +392,7 @@ for (const form of document.querySelectorAll("form[data-echo]")) {
   for (const button of document.querySelectorAll("[data-reveal]")) revealing(button, form);
   form.querySelector("input[type=file]")?.addEventListener("change", ask);
 }
+for (const box of document.querySelectorAll("#own textarea")) keeping(box);
 copying();
 copyingFormulas();
 for (const form of document.querySelectorAll("[data-try]")) trying(form);
@@ -402,9 +410,11 @@ addEventListener("beforeprint", () => {
     details.dataset.printed = "";
   }
   for (const math of document.querySelectorAll("main math")) {
-    // Small fractions in it shrink less than the rest, so it is measured again.
+    // What is in it is measured, as it fills the width itself; small fractions shrink less, so that is done again.
+    const inside = document.createRange();
+    inside.selectNodeContents(math);
     for (let share = 1, size = 1; size > 0.1; math.style.fontSize = `${size.toFixed(3)}em`) {
-      share = PAPER / Math.max(1, ...[math, ...math.children].map((part) => part.getBoundingClientRect().width));
+      share = PAPER / Math.max(1, inside.getBoundingClientRect().width);
       if (share >= 1) break;
       size *= Math.min(share, 0.95);
     }

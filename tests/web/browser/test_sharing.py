@@ -180,11 +180,19 @@ def test_a_copied_formula_says_so(visit: Visit) -> None:
     assert visit.page.evaluate("navigator.clipboard.readText()") == "L = x'^2/2 - G(x)"
 
 
-def test_what_is_printed_fits_the_paper(visit: Visit) -> None:
+def test_an_own_lagrangian_survives_a_reload_and_what_is_printed_fits_the_paper(visit: Visit) -> None:
     visit.go("/?equations=x''+%3D+-x-c*x'")
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.locator(".hero")).to_be_visible()
+    visit.page.get_by_label("Your L", exact=True).fill("x'^2 - x^2")
+    visit.page.reload()
+    expect(visit.page.get_by_label("Your L", exact=True)).to_have_value("x'^2 - x^2")
     visit.page.emulate_media(media="print")
+    # A short matrix keeps its size, also where the window is wider than the paper.
+    visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    sizes = "[...document.querySelectorAll('main .scroll math')].map(one => parseFloat(one.style.fontSize || '1'))"
+    assert min(visit.page.evaluate(sizes)) > 0.5
+    visit.page.evaluate("dispatchEvent(new Event('afterprint'))")
     visit.page.set_viewport_size({"width": 690, "height": 900})
     visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert visit.page.locator("details:not([open])").count() == 0
