@@ -85,15 +85,12 @@ def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analys
 
 def _exponential_of_integral(slope: Expression, variable: Expression, analysis: Analysis) -> list[Expression] | None:
     """Factors of exp(int slope dx), powers for the logarithms; None where no elementary antiderivative is found."""
-    letter = Symbol(next(fresh_names(analysis.system, slope)))
-    try:
-        found = completed([letter.name], [terms_of(substitute(slope, {variable: letter}))])
-        terms = {} if found is None else terms_of(negate(substitute(found, {letter: variable})))
-    except (TooManyTerms, TooLarge, ZeroDivisionError):
+    found = antiderivative(analysis.system, slope, variable)
+    if found is None:
         return None
     powers: dict[Expression, list[Expression]] = {}
     rest: Terms = {}
-    for key, value in terms.items():
+    for key, value in found.items():
         logarithm = next((p for p, e in key if isinstance(p, Apply) and p.function == "log" and e == 1), None)
         others = key - {(logarithm, Fraction(1))} if logarithm else key
         if logarithm and not any(node == variable for p, _ in others for node in walk(p)):
@@ -105,7 +102,17 @@ def _exponential_of_integral(slope: Expression, variable: Expression, analysis: 
         power(base if table is None or real_sign(base, table) > 0 else negated(base), add(*exponents))
         for base, exponents in powers.items()
     ]
-    return None if found is None else [*factors, *([Apply("exp", tree_of(rest))] if rest else [])]
+    return [*factors, *([Apply("exp", tree_of(rest))] if rest else [])]
+
+
+def antiderivative(system: SecondOrderSystem, slope: Expression, variable: Expression) -> Terms | None:
+    """An elementary one of a formula in one variable; None where none is found."""
+    letter = Symbol(next(fresh_names(system, slope)))
+    try:
+        found = completed([letter.name], [terms_of(substitute(slope, {variable: letter}))])
+        return None if found is None else terms_of(negate(substitute(found, {letter: variable})))
+    except (TooManyTerms, TooLarge, ZeroDivisionError):
+        return None
 
 
 def _parts(ring: ExactRing, element: Quotient) -> list[Quotient]:

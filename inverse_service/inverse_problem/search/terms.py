@@ -167,6 +167,9 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
             result = multiply_terms(result, base)
         return result
     content, common, rest = split_content(base)
+    if content < 0 and exponent.denominator > 1 and common:
+        # -x stays whole under a root: the root of -1 has no value.
+        return {frozenset([(tree_of(base), exponent)]): Fraction(1)}
     factor, root = _numeric_power(content, exponent)
     whole = times(root, common, exponent)
     if rest != ONE and exponent.denominator == 1:

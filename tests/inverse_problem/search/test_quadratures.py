@@ -36,6 +36,9 @@ ELEMENTARY = [
     ("(2*y - 1)*y'^2/(y^2 + 1)", []),
     ("-((1 - a - b)/(t - c) + (1 - a)/(t - b) + (1 - b)/(t + a))*y' - y", ["a", "b", "c"]),
     ("(atan(y) + tan(y))*y'^2", []),
+    ("sqrt(y')*sqrt(-y)", []),
+    ("-y'*sqrt(-y)", []),
+    ("(-y)^(1/3)*t", []),
 ]
 
 
@@ -127,3 +130,10 @@ def test_a_function_of_the_velocity_alone_is_integrated_under_signs(f: str) -> N
     assert answer.checked == "valid"
     held = [node for node in walk(answer.lagrangian.expression) if isinstance(node, Integral)]
     assert {node.arguments for node in held} == {(Velocity("x"),)}
+
+
+def test_of_two_functions_of_the_velocity_the_elementary_one_is_written_out() -> None:
+    result = solve_document({"equations": {"y": "y'*log(y')"}}, SolveOptions(time_limit=20.0))
+    assert result["checked"] == "valid"
+    ((_, known),) = result["integrals"].items()
+    assert known["derivatives"] == {"y'": "1/log(y')"}

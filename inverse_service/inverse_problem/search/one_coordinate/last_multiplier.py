@@ -66,7 +66,7 @@ from inverse_service.inverse_problem.search.one_coordinate.kinetic import (
     double_integral,
     potential,
 )
-from inverse_service.inverse_problem.search.quadratures import fresh_names
+from inverse_service.inverse_problem.search.quadratures import antiderivative, fresh_names
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
@@ -228,20 +228,26 @@ def _of_symbolic_power(material: Material) -> Expression | None:
 
 
 def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
-    """For f = F(v) G(t, x): v P - Q + int G dx with P' = 1/F and Q' = v/F, functions of v that are known by these."""
+    """For f = F(v) G(t, x): v P - Q + int G dx with P' = 1/F and Q' = v/F, known by these where not elementary."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     system, (f,) = material.analysis.system, material.analysis.system.accelerations
     moving = multiply(*(power(base, e) for base, e in _moving_factors(material)))
     try:
         outer = factored(divide(f, moving), [x, v])
         rest = None if has_velocity(outer) else completed([x.name], [terms_of(negate(outer))])
+        slopes = [tree_of(terms_of(divide(above, moving))) for above in (ONE, v)]
     except TooManyTerms:
         return []
     if rest is None or any(node in (x, TIME) for node in walk(moving)):
         return []
     names = fresh_names(system)
-    p, q = (Integral(next(names), (v,), (0,), (divide(above, moving),)) for above in (ONE, v))
-    return [add(multiply(v, p), negate(q), rest)]
+    known = [antiderivative(system, slope, v) for slope in slopes]
+    p, q = (
+        Integral(next(names), (v,), (0,), (slope,)) if found is None else tree_of(found)
+        for slope, found in zip(slopes, known, strict=True)
+    )
+    kinetic = add(multiply(v, p), negate(q))
+    return [add(kinetic if None in known else tree_of(terms_of(kinetic)), rest)]
 
 
 _MOST_TERMS_OF_FORCE = 30
