@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from operator import attrgetter
+from types import MethodType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def _declared(cls: type, frozen: bool, slots: bool, eq: bool) -> type:
     cls.__doc__ = cls.__doc__ or cls.__name__  # without one, the library works out a signature
     made: Any = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots)(cls)
     fields = dataclasses.fields(made)
-    methods: dict[str, Any] = {"__init__": _first_init(made, frozen), "__repr__": _repr(fields)}
+    methods: dict[str, Any] = {"__init__": _FirstInit(made, frozen), "__repr__": _repr(fields)}
     if eq:
         methods |= _comparison(fields)
     for name, method in methods.items():
@@ -66,15 +67,28 @@ def _repr(fields: tuple[dataclasses.Field[Any], ...]) -> Callable[[Any], str]:
     return lambda self: f"{type(self).__qualname__}({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
 
-def _first_init(made: type, frozen: bool) -> Callable[..., None]:
+class _FirstInit:
     """An `__init__` that puts the compiled one in its place and calls it."""
 
-    def first(self: Any, *arguments: Any, **named: Any) -> None:
-        init = _compiled_init(made, frozen)
-        made.__init__ = init  # type: ignore[misc]
-        init(self, *arguments, **named)
+    def __init__(self, made: type, frozen: bool) -> None:
+        self._made, self._frozen = made, frozen
 
-    return first
+    def __get__(self, record: Any, owner: type | None = None) -> Any:
+        return self if record is None else MethodType(self, record)
+
+    def __call__(self, record: Any, *arguments: Any, **named: Any) -> None:
+        self._replaced()(record, *arguments, **named)
+
+    @property
+    def __signature__(self) -> Any:  # for help() and notebooks
+        import inspect
+
+        return inspect.signature(self._replaced())
+
+    def _replaced(self) -> Callable[..., None]:
+        init = _compiled_init(self._made, self._frozen)
+        self._made.__init__ = init  # type: ignore[misc]
+        return init
 
 
 def _compiled_init(made: type, frozen: bool) -> Callable[..., None]:
@@ -102,6 +116,7 @@ def _compiled_init(made: type, frozen: bool) -> Callable[..., None]:
     exec(source, names)  # the names of fields are those of our own classes
     init: Callable[..., None] = names["__init__"]
     init.__qualname__ = f"{made.__qualname__}.__init__"
+    init.__annotations__ = {field.name: field.type for field in dataclasses.fields(made) if field.init}
     return init
 
 

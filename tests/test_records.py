@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import pickle
 from dataclasses import field
 from functools import cached_property
@@ -106,3 +107,13 @@ def test_arguments_that_do_not_fit_are_refused_at_each_call(arguments: tuple[int
     for _ in range(2):
         with pytest.raises(TypeError, match=r"__init__\(\)"):
             Point(*arguments, **named)
+
+
+def test_the_signature_is_known_before_there_is_an_object() -> None:
+    @dataclass(frozen=True, slots=True)
+    class Late:
+        x: int
+        y: int = 2
+
+    assert str(inspect.signature(Late)) == "(x: 'int', y: 'int' = 2)"
+    assert str(inspect.signature(Point)).startswith("(x: 'int', y: 'int' = 2, seen: 'list[int]' =")

@@ -439,7 +439,7 @@ class Question:
         if not self.rational:
             self.proven_in_balls(most, real, "Balls at the real point do not show that the rows are independent.")
         require(not regular, "The rows leave a regular multiplier g(p).")
-        return f"{len(rows)} rows leave no regular multiplier g(p)."
+        return f"{len(rows)} linear conditions, recomputed from the equations, leave only singular Hessians."
 
     def existence(self, document: dict[str, Any]) -> str:
         count, orders = range(10**9), range(1, MAX_ORDER + 1)

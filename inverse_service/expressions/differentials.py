@@ -1,4 +1,4 @@
-"""Quotients of differentials in plain text: dx/dt, d^2x/dt^2, d2x/dt2, d/dt(m x'), dV/dx, dV(x)/dx."""
+"""Quotients of differentials in plain text: dx/dt, d^2x/dt^2, dx'/dt, d/dt(m x'), (d/dt)^2 x, dV/dx, dV(x)/dx."""
 
 from __future__ import annotations
 
@@ -42,10 +42,15 @@ def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token
     """What the quotient that begins here is in our grammar, and the place after it; None where there is none."""
     if tokens[place].text == "d" and names.role("d") is None and (ended := _of_bracket(tokens, place, names)):
         return ended
+    if power := _power_of_operator(tokens, place, names):
+        return power
     above = _above(tokens, place, names)
     slash = place + (above.length if above else 0)
     if above is None or slash >= len(tokens):
         return None
+    primes = 0  # those of dx'/dt
+    while above.name is not None and slash < len(tokens) and tokens[slash].kind == "prime":
+        primes, slash = primes + int(tokens[slash].value), slash + 1
     called: list[Token] = []  # the (x) of dV(x)/dx
     if above.name is not None and tokens[slash].is_operator("("):
         end = _closing(tokens, slash) + 1
@@ -61,12 +66,14 @@ def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token
         return None  # dx/dt^2: of the quotient, or of t?
     first = tokens[place]
     if above.name is None:
-        opens = following is not None and following.is_operator("(")
-        return _operator(tokens, after, below.name, above.order, names) if opens else None
+        return _operator(tokens, after, below.name, above.order, names)
+    if primes and (called or below.name.text != "t"):
+        return None
     if called:
         return _call([above.name, *called], below.name, above.order), after
     if below.name.text == "t" and names.role(names.spelling(above.name.text)) != "function":
-        prime = Token("prime", "'" * above.order, first.column, False, Fraction(above.order))
+        order = above.order + primes
+        prime = Token("prime", "'" * order, first.column, False, Fraction(order))
         return [Token("name", above.name.text, first.column, first.space_before), prime], after
     role, by = names.role(names.spelling(above.name.text)), names.spelling(below.name.text)
     if role is None and by in names.coordinates and names.role(tokens[slash + 1].text) is None:
@@ -151,15 +158,47 @@ def _below(tokens: list[Token], place: int, order: int) -> _Part | None:
     return _Part(order, name, length + taken - 1) if times == order and name.kind == "name" else None
 
 
+def _power_of_operator(tokens: list[Token], place: int, names: Names) -> tuple[list[Token], int] | None:
+    """(d/dt)^2 u as diff(u, t, t)."""
+    end = _closing(tokens, place) if tokens[place].is_operator("(") else len(tokens)
+    if [token.text for token in tokens[place + 1 : place + 3]] != ["d", "/"] or names.role("d"):
+        return None
+    below = _below(tokens, place + 3, 1)
+    power = [token.text for token in tokens[end + 1 : end + 3]]
+    if below is None or below.name is None or place + 3 + below.length != end or power not in (["^", "2"], ["^", "1"]):
+        return None
+    return _operator(tokens, end + 3, below.name, int(power[1]), names)
+
+
 def _operator(
     tokens: list[Token], place: int, variable: Token, order: int, names: Names
 ) -> tuple[list[Token], int] | None:
-    """d/dt ( u ) as diff(u, t)."""
-    end = _closing(tokens, place)
-    after = tokens[end + 1 : end + 2]
-    if end == len(tokens) or (after and after[0].is_operator("^")):
+    """d/dt ( u ) as diff(u, t); d/dt x' too where nothing follows that may be differentiated with it."""
+    if place >= len(tokens):
         return None
-    return _call(with_differentials(tokens[place + 1 : end], names), variable, order), end + 1
+    if tokens[place].is_operator("("):
+        end = _closing(tokens, place)
+        inner = tokens[place + 1 : end]
+        if end == len(tokens):
+            return None
+    else:
+        end = place
+        while end + 1 < len(tokens) and tokens[end + 1].kind == "prime":
+            end += 1
+        if [token.text for token in tokens[end + 1 : end + 4]] == ["(", "t", ")"]:
+            end += 3
+        inner = tokens[place : end + 1]
+        following = tokens[end + 1 : end + 2]
+        ends = not following or following[0].kind == "newline" or following[0].is_operator(*"=+-,;)")
+        if inner[0].kind not in ("name", "number"):
+            return None
+        if inner[0].kind == "number" or not ends:
+            what = f"d/d{variable.text} stands before a product"
+            raise refusal(what, variable.column, f"write what it differentiates in brackets, d/d{variable.text}(...)")
+    after = tokens[end + 1 : end + 2]
+    if after and after[0].is_operator("^"):
+        return None
+    return _call(with_differentials(inner, names), variable, order), end + 1
 
 
 def _call(inner: list[Token], variable: Token, order: int) -> list[Token]:

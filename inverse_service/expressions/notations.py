@@ -36,7 +36,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     marks = {token.text for token in tokens}
     written = tokens
     if marks & {"[", "{"}:
-        tokens = _with_round_brackets(tokens)
+        tokens = _with_round_brackets(_with_indices(tokens, names))
     if marks & {*_STARTS, ".", "@", "Piecewise"} or _is_primed_call(tokens):
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (tokens != written or marks & DERIVATIVE_NAMES):
@@ -47,6 +47,30 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
             'a constant of this name? add it to "parameters"',
         )
     return with_differentials(_without_list(tokens), names)
+
+
+def _with_indices(tokens: Tokens, names: Names) -> Tokens:
+    """x[1]'' as x_1'', where x stands nowhere without an index: x[0] beside x[t] is a value."""
+    indexed = {place for place in range(len(tokens) - 3) if _is_indexed(tokens, place)}
+    alone = {token.text for place, token in enumerate(tokens) if token.kind == "name" and place not in indexed}
+    known = FUNCTIONS | {word for word in _STARTS if word.isalpha()} | set(names.functions) | alone
+    found: Tokens = []
+    place = 0
+    while place < len(tokens):
+        token = tokens[place]
+        if place in indexed and not token.text[:1].isupper() and token.text not in known:
+            token, place = replace(token, text=f"{token.text}_{tokens[place + 2].text}"), place + 3
+        found.append(token)
+        place += 1
+    return found
+
+
+def _is_indexed(tokens: Tokens, place: int) -> bool:
+    """Whether x[1] begins here, which is no call x[1](...) of a function."""
+    name, opening, index, closing = tokens[place : place + 4]
+    whole = name.kind == "name" and opening.is_operator("[") and index.text.isdigit() and closing.is_operator("]")
+    after = [token.text for token in tokens[place + 4 : place + 7]]
+    return whole and (after[:1] != ["("] or after == ["(", "t", ")"])
 
 
 def _with_round_brackets(tokens: Tokens) -> Tokens:

@@ -16,7 +16,7 @@ from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.equations import read_equation
 from inverse_service.expressions.names import Names, check_clashes
-from inverse_service.expressions.reader import read_formula, split_equations
+from inverse_service.expressions.reader import read_formula, read_tokens, split_equations
 from inverse_service.expressions.tokens import LIMITS, refusal
 from inverse_service.expressions.tree import (
     ONE,
@@ -222,9 +222,19 @@ def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
             is_definition = first.kind == "name" and rest and rest[0].is_operator("=") and not moves
             if not is_definition or moving_names(rest, 2):  # F = m*x'' moves x
                 continue
+            if first.text != "L" and not any(map(_moves, texts.values())):
+                continue  # what is missing is the motion
             key = '"lagrangian": "…"' if first.text == "L" else f'"where": {{"{first.text}": "…"}}'
             what = f"{first.text} = … is a definition, not an equation of motion; it occurs"
             raise refusal(what, first.column, f"write it in the document as {key}").at(pointer)
+
+
+def _moves(text: str) -> bool:
+    """Whether a name of the text has a derivative in time."""
+    try:
+        return bool(moving_names(read_tokens(text), 1))
+    except InputError:
+        return True
 
 
 def _are_pairs(texts: Mapping[str, str], declared: Declared) -> bool:
