@@ -15,8 +15,6 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from inverse_service.service.documents.answers import as_bytes, problem_document, value_of
-from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.text_page import text_page
 from inverse_service.service.jobs.batch_output import answer_line, line_head
 from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.model import Batch, BatchAnswer, Job, StoreUnavailable
@@ -247,4 +245,7 @@ def _written(result: dict[str, object], form: str) -> str:
     if form == "sympy":
         text: str = importlib.import_module("inverse_service.sympy").from_result(result).to_code(form)
         return text
+    from inverse_service.service.documents.latex_page import latex_page
+    from inverse_service.service.documents.text_page import text_page
+
     return text_page(result, True) if form == "text" else latex_page(result, True)

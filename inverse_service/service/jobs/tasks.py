@@ -48,32 +48,32 @@ def job_task(kind: str, document: str, options: str, report: Callable[[Any], Non
 
 def understand_job_task(document: str) -> Outcome:
     """The document of a stored solve job to the `system` part of a result."""
-    return guard(lambda: _documents().understand_document(read_json(document)))
+    return guard(lambda: use_cases().understand_document(read_json(document)))
 
 
 def solve_task(document: Any, options: SolveOptions, report: Callable[[str], None] | None = None) -> Outcome:
     """A System document to its result document; `report` receives the stages."""
-    return guard(lambda: _documents().solve_document(document, options, report))
+    return guard(lambda: use_cases().solve_document(document, options, report))
 
 
 def look_ahead_task(document: str) -> Outcome:
     """Whether the document of a solve job, which is JSON, can be read to its last formula."""
-    return guard(lambda: _documents().parse_document(read_json(document)) and None)
+    return guard(lambda: use_cases().parse_document(read_json(document)) and None)
 
 
 def understand_task(document: Any) -> Outcome:
     """A System document to the `system` part of a result."""
-    return guard(lambda: _documents().understand_document(document))
+    return guard(lambda: use_cases().understand_document(document))
 
 
 def proof_task(result: dict[str, Any], form: str, seed: int) -> Outcome:
     """The verdict of a result as theorems for another prover."""
-    return guard(lambda: _documents().proof_document(result, form, seed))
+    return guard(lambda: use_cases().proof_document(result, form, seed))
 
 
 def check_task(text: str) -> Outcome:
     """The text of a result to the checker's verdict."""
-    return guard(lambda: _documents().check_document(text))
+    return guard(lambda: use_cases().check_document(text))
 
 
 def ping_task() -> Outcome:
@@ -87,7 +87,7 @@ def _job(kind: str, document: str, options: str, report: Callable[[Any], None]) 
     return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result), fault)
 
 
-def _documents() -> ModuleType:
+def use_cases() -> ModuleType:
     """The use cases, imported in the worker only."""
     from inverse_service.service.documents import documents
 
@@ -155,14 +155,14 @@ def _asked(body: bytes, terms: AskingTerms) -> JobRequest:
 
 
 def _parsed(body: bytes) -> bytes:
-    understood = _documents().parse_document(split_options(_read(body))[0])
+    understood = use_cases().parse_document(split_options(_read(body))[0])
     return json.dumps(understood, ensure_ascii=False, allow_nan=False).encode()
 
 
 def _checked(body: bytes) -> Any:
     if not isinstance(_read(body), dict):
         raise InputError(NO_RESULT)
-    return _documents().check_document(decode(body))
+    return use_cases().check_document(decode(body))
 
 
 def _lines(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:

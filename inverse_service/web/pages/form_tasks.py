@@ -9,10 +9,9 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.records import dataclass
-from inverse_service.service.documents import documents
 from inverse_service.service.jobs.identity import split_options, write_json
 from inverse_service.service.jobs.outcome import Outcome, faults_of
-from inverse_service.service.jobs.tasks import guard
+from inverse_service.service.jobs.tasks import guard, use_cases
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.answers import OWN, OwnLagrangian, glance_of, own_of
 from inverse_service.web.pages.documents import document_of, document_of_fields, fields_from, fields_of
@@ -70,8 +69,8 @@ def _own(body: bytes, content_type: str) -> tuple[Fields, OwnLagrangian]:
     fields |= {"kind": "equations", "lagrangian": ""}
     try:
         document = split_options(document_of_fields(fields))[0]
-        found = documents.check_document(write_json({"system": document, "lagrangian": text}))
-        names = names_of(documents.understand_document(document))
+        found = use_cases().check_document(write_json({"system": document, "lagrangian": text}))
+        names = names_of(use_cases().understand_document(document))
     except InputError as error:
         return fields, OwnLagrangian(text, OWN["incomplete"], [], [fault.detail for fault in faults_of(error)])
     return fields, own_of({**found, "lagrangian": text}, names)
@@ -81,7 +80,7 @@ def _glance(body: bytes, content_type: str) -> dict[str, Any] | None:
     document = _sent(body, content_type).document
     if document is None:
         return None
-    found = documents.solve_document(split_options(document)[0], SolveOptions(time_limit=GLANCE))
+    found = use_cases().solve_document(split_options(document)[0], SolveOptions(time_limit=GLANCE))
     return glance_of(found)
 
 
@@ -124,7 +123,7 @@ def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
     if not (typed or document):
         return {}
     try:
-        answer = documents.parse_document(split_options(document)[0])
+        answer = use_cases().parse_document(split_options(document)[0])
     except InputError as error:
         return {"problem": reading_back.problem_of_error(error, fields)} if typed else {}
     return {"understood": reading_back.understood(answer)}

@@ -18,12 +18,11 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
 from inverse_service.records import dataclass
-from inverse_service.service.documents import documents
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.service.jobs.tasks import guard
+from inverse_service.service.jobs.tasks import guard, use_cases
 from inverse_service.web.pages import answers, constrained, figures, simulations, typesetting
 from inverse_service.web.pages.documents import lean_fields, question_address
 from inverse_service.web.pages.glossary import TERMS
@@ -147,7 +146,7 @@ def code_task(store: str, id: str, language: str) -> Outcome:
 
 def check_stored_task(store: str, id: str) -> Outcome:
     """The checker's verdict on a stored result."""
-    return guard(lambda: documents.check_document(stored_answer(store, id)[1].decode()))
+    return guard(lambda: use_cases().check_document(stored_answer(store, id)[1].decode()))
 
 
 def fields_task(store: str, id: str) -> Outcome:
@@ -202,7 +201,7 @@ def _file(store: str, id: str, label: str, ending: str) -> bytes | None:
 def _own_lagrangian(store: str, id: str, text: str) -> dict[str, Any]:
     given = _result(store, id)["system"]["given"]
     try:
-        found = documents.check_document(write_json({"system": given, "lagrangian": text}))
+        found = use_cases().check_document(write_json({"system": given, "lagrangian": text}))
     except InputError as error:
         found = {"verdict": "incomplete", "reasons": [error.detail], "residual": None, "equations": None}
     return {**found, "lagrangian": text}
