@@ -84,6 +84,11 @@ def test_five_thousand_documents_and_two_thousand_scenes_with_numbers_of_all_siz
             "coordinates": ["x", "y"],
             "equations": {"x": "exp(10^20*x)+atan(1e-39*x')", "y": "sin(3.7e-8*x')+-sin(3.7e-8*x')"},
         },
+        {  # a letter c + (u + w) x'^2 is no c + a x'^2
+            "coordinates": ["x", "y", "z"],
+            "lagrangian": "x'^2/2+y'^2/2+z'^2/2+-x/(10^40+y)",
+            "constraints": ["z'=(-exp(x/1e-39))*x'"],
+        },
     ],
 )
 def test_documents_that_were_a_fault_of_the_program_have_an_answer(service: str, document: dict[str, Any]) -> None:

@@ -190,16 +190,14 @@ def of_letters(material: Material) -> list[Monomial]:
 def _arctangents(letter: Expression) -> list[Monomial]:
     """atan(c v) for a letter a v^2 + b with numbers a, b, c^2 = a/b."""
     match letter:
-        case Sum((first, second)) if isinstance(second, Number) or isinstance(first, Number):
-            square, constant = (first, second) if isinstance(second, Number) else (second, first)
+        case Sum((Number() as constant, square)) | Sum((square, Number() as constant)):
+            terms = list(terms_of(square).items())
         case _:
             return []
-    ((key, value),) = terms_of(square).items()
-    ratio = value / constant.value if isinstance(constant, Number) else Fraction(0)
-    if ratio <= 0 or len(key) != 1 or not all(isinstance(v, Velocity) and e == 2 for v, e in key):
-        return []
-    ((v, _),) = key
-    return [monomial(Apply("atan", multiply(_root(ratio), v)))]
+    match [(list(key), value / constant.value) for key, value in terms]:
+        case [([(Velocity() as v, power)], ratio)] if power == 2 and ratio > 0:
+            return [monomial(Apply("atan", multiply(_root(ratio), v)))]
+    return []
 
 
 def _root(value: Fraction) -> Expression:
