@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from tests.durations import slow_tests
+
 
 @dataclass(frozen=True)
 class Hostile:
@@ -166,6 +168,14 @@ def running_service(folder: Path, time_limit: int = 10, frame_origins: str = "")
         process.terminate()
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Browser tests come last: their driver keeps an event loop in the thread, and others start one of their own."""
+    """Those that tests/slow.txt names are slow.
+
+    Browser tests come last: their driver keeps an event loop in the thread, and others start one of their own.
+    """
+    slow = slow_tests()
+    for item in items:
+        if item.nodeid in slow:
+            item.add_marker(pytest.mark.slow)
     items.sort(key=lambda item: item.get_closest_marker("browser") is not None)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.durations import slow_tests
 from tests.test_layering import imported
 
 ROOT = Path(__file__).parent.parent
@@ -51,3 +52,10 @@ def exists(module: str, name: str) -> bool:
 @pytest.mark.parametrize("place", sorted(set(re.findall(r"`((?:\w+/)+\w+\.py)`", ARCHITECTURE))))
 def test_every_file_that_the_architecture_page_names_exists(place: str) -> None:
     assert [path for path in SOURCES if path.match(place)] or (ROOT / place).is_file()
+
+
+def test_every_slow_test_is_one_that_exists() -> None:
+    """What was renamed would come back to the default suite unseen."""
+    for name in slow_tests():
+        place, _, function = name.partition("::")
+        assert f"def {function.partition('[')[0]}(" in (ROOT / place).read_text(), name
