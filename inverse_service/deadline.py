@@ -11,8 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-
-from inverse_service.records import dataclass
+from dataclasses import dataclass
 
 
 @dataclass(slots=True)

@@ -8,10 +8,9 @@ import ipaddress
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 
 PREFIX = "INVERSE_SERVICE_"
 LOG_LEVELS = ("debug", "info", "warning", "error")

@@ -11,7 +11,7 @@ Formulas on boxes, by Arb's balls: what is shown to be positive there is positiv
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 import mpmath
@@ -43,7 +43,6 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.records import dataclass
 
 _REST: dict[str, Callable[[arb], arb]] = {
     "cot": lambda u: u.cos() / u.sin(),

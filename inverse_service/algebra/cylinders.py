@@ -10,7 +10,7 @@ Polynomials over variables and functions, with the signs that they have at one r
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from flint import fmpq, fmpq_mpoly
@@ -19,7 +19,6 @@ from inverse_service.algebra.generators import Generators, factors, used_generat
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.algebra.tower import Tower
 from inverse_service.expressions.tree import PI, Apply, Arbitrary, Expression, Power, Symbol, Velocity, walk
-from inverse_service.records import dataclass
 
 
 @dataclass(slots=True)

@@ -14,7 +14,7 @@ A row that does not depend on the basis vanishes there with probability 1/P (Fre
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -39,7 +39,6 @@ from inverse_service.algebra.echelon_kernels import (
     solve_at_random,
     trace_weights,
 )
-from inverse_service.records import dataclass
 
 Flags = npt.NDArray[np.bool_]
 # A row that needs more rows of the basis than this mostly depends on it, and is put off until all others stand.

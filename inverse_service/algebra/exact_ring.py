@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from flint import fmpq, fmpq_mpoly
@@ -37,7 +38,6 @@ from inverse_service.expressions.tree import (
     number,
     power,
 )
-from inverse_service.records import dataclass
 
 
 def sum_of(zero: Quotient, terms: Iterable[Quotient]) -> Quotient:

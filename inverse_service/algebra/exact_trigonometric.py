@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -22,7 +23,6 @@ from flint import fmpz
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, scaled_tree
 from inverse_service.algebra.rational_functions import Quotient, TooLarge, as_fraction, factored
 from inverse_service.expressions.tree import PI, Apply, Expression
-from inverse_service.records import dataclass
 
 Coordinates = Mapping[Any, Fraction]
 # Of a basis element; powers of a generator are expanded.

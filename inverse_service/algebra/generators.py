@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
@@ -45,7 +45,6 @@ from inverse_service.expressions.tree import (
     number,
     power,
 )
-from inverse_service.records import dataclass
 
 _MOST_TERMS = 3_000
 # Of an angle under a root: its sine has twice this degree in the tangent of the half angle.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from hashlib import blake2b
@@ -23,7 +23,6 @@ from inverse_service.expressions.tree import (
     Velocity,
     walk,
 )
-from inverse_service.records import dataclass
 
 Variable = Symbol | Velocity
 

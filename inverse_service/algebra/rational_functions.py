@@ -13,14 +13,13 @@ unrecognised but every identity stays true.
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 from flint.utils.flint_exceptions import DomainError
 
 from inverse_service.deadline import now
-from inverse_service.records import dataclass
 
 Exponents = tuple[tuple[int, int], ...]
 

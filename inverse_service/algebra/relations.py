@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from flint import nmod_mat
@@ -35,7 +35,6 @@ from inverse_service.algebra.tower import (
 )
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import ONE, PI, Apply, Expression, Number, Power, add, distinct_nodes, power
-from inverse_service.records import dataclass
 
 # A residue of 61 bits is a fraction below the bound by chance with probability 10^-6.
 _COEFFICIENT_BOUND = 10**6

@@ -12,12 +12,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
 from flint import Ordering, nmod_mpoly, nmod_mpoly_ctx
-
-from inverse_service.records import dataclass
 
 Series = tuple[nmod_mpoly, ...]
 

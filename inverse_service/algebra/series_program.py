@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 
@@ -32,7 +32,6 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
 )
-from inverse_service.records import dataclass
 
 Integers = npt.NDArray[np.int64]
 Words = npt.NDArray[np.uint64]

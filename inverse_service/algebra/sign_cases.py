@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
 
@@ -40,7 +40,6 @@ from inverse_service.expressions.tree import (
     substitute,
     subtract,
 )
-from inverse_service.records import dataclass
 
 Factors = dict[Expression, int]
 # Numbers under roots are factored up to here.

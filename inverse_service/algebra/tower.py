@@ -16,7 +16,7 @@ dependence found, or that there is none: then the atom is a free generator.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 
@@ -36,7 +36,6 @@ from inverse_service.expressions.tree import (
     number,
     walk,
 )
-from inverse_service.records import dataclass
 
 # cos and sin of k pi/12 are made from the positive roots of 2 and 3.
 _TWELFTH = 12

@@ -11,11 +11,10 @@ import email.utils
 import random
 import time
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, TypeVar
 
 from inverse_service.client.reading import ServiceBusy, ServiceUnreachable, problem_of, unexpected
-from inverse_service.records import dataclass
 
 BUSY: Final = frozenset({429, 502, 503, 504})
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0

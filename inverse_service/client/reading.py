@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -15,7 +16,6 @@ from pydantic import ValidationError
 from api_schemas.base import CheckAnswer, Document, ProblemDocument
 from api_schemas.result import FORMAT, ResultDocument
 from inverse_service.errors import InverseServiceError
-from inverse_service.records import dataclass
 
 
 class ClientError(InverseServiceError):

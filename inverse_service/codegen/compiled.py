@@ -13,6 +13,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,6 @@ from inverse_service.codegen.program import Layout, Program, Solve, changing, la
 from inverse_service.integrators.trajectory import Array
 from inverse_service.machine_code import store
 from inverse_service.machine_code.loading import processor_name, target_machine
-from inverse_service.records import dataclass
 
 _ROOMS = ("codegen", "machine_code", "integrators", "simulation", "expressions")
 

@@ -7,8 +7,9 @@ Codes that a kernel leaves in its status where it stops.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from inverse_service.codegen.algebra import Formula
-from inverse_service.records import dataclass
 
 NOT_FINITE = 1
 NO_CONVERGENCE, SINGULAR, GUARDED, WATCHED = 100, 200, 300, 400

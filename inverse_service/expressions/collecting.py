@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeGuard
 
@@ -36,7 +37,6 @@ from inverse_service.expressions.tree import (
     power,
     square_root,
 )
-from inverse_service.records import dataclass
 
 MOST_TERMS = 3_000
 _LARGEST_EXPONENT = 64

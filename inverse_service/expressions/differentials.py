@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tokens import Token, refusal
-from inverse_service.records import dataclass
 
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
 _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")

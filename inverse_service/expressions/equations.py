@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.checked import check_depth
@@ -11,7 +12,6 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.tokens import LIMITS, Token, refusal, shorten
 from inverse_service.expressions.tree import ZERO, Expression
 from inverse_service.expressions.vocabulary import FUNCTIONS
-from inverse_service.records import dataclass
 
 _EXPECTS_MORE = ("+", "-", "*", "/", "^", "=", ",", "(", "[")
 _GOES_ON = ("+", "*", "/", "^", "=", ")", "]")

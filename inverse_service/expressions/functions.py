@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.tree import (
@@ -16,7 +17,6 @@ from inverse_service.expressions.tree import (
     power,
     subtract,
 )
-from inverse_service.records import dataclass
 
 Rule = Callable[[Expression], Expression]
 

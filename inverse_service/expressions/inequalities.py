@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.notation import Formula, row
@@ -25,7 +26,6 @@ from inverse_service.expressions.tree import (
     number,
     walk,
 )
-from inverse_service.records import dataclass
 
 
 def inequality(tree: Expression) -> Formula:

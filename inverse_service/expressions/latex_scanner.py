@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import Literal
 
 from inverse_service.errors import InputError
@@ -19,7 +20,6 @@ from inverse_service.expressions.tokens import (
     limit_passed,
     refusal,
 )
-from inverse_service.records import dataclass
 
 RawKind = Literal["command", "letter", "digit", "character", "condition", "end"]
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")

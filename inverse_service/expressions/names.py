@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
@@ -21,7 +21,6 @@ from inverse_service.expressions.tokens import (
     shorten,
 )
 from inverse_service.expressions.vocabulary import FUNCTIONS, RESERVED, reason_against
-from inverse_service.records import dataclass
 
 Role = Literal["coordinate", "parameter", "function"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.checked import check_depth, raised
@@ -32,7 +33,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 
@@ -23,7 +23,6 @@ from inverse_service.expressions.tree import (
     number,
     power,
 )
-from inverse_service.records import dataclass
 
 _EXPONENTIAL = Apply("exp", ONE)
 

@@ -6,11 +6,11 @@ import re
 import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,9 @@ Names are plain data: what a `Symbol` stands for (coordinate, parameter, time `t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar
-
-from inverse_service.records import dataclass
 
 ELEMENTARY = frozenset(
     (

@@ -21,12 +21,11 @@ inverse with -h.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 from mpmath import mp
-
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service.certificate.checker import CheckResult, check_certificate
@@ -27,7 +27,6 @@ from inverse_service.inverse_problem.search.further import is_multiple, with_squ
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome, describe
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 Progress = Callable[[str], None]
 # The family of Lagrangians that hold squares of energies.

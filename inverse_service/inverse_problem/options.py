@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from inverse_service.expressions.tree import Expression
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[Expression, ...], ...]

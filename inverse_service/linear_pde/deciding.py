@@ -9,7 +9,7 @@ coefficients being analytic, solutions exist through every element left (Cartan,
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -25,7 +25,6 @@ from inverse_service.linear_pde import involution
 from inverse_service.linear_pde.emission import LocalEquations, Prolongation, RowName, advance, start
 from inverse_service.linear_pde.involution import Matrix
 from inverse_service.linear_pde.unknowns import Unknowns, count_of_degree
-from inverse_service.records import dataclass
 
 # Most negative verdicts fall at order 1, most positive ones at order 3: series are made for these first.
 _FIRST_ORDER, SECOND_ORDER = 1, 3

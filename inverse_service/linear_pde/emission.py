@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,6 @@ from inverse_service.algebra.modular import compiled, multiply
 from inverse_service.algebra.monomials import exponents_of_degree, raised_places
 from inverse_service.algebra.series import Series
 from inverse_service.linear_pde.unknowns import Places, Unknowns, known_places, row_tables, width_below
-from inverse_service.records import dataclass
 
 Integers = npt.NDArray[np.int64]
 Exponents = npt.NDArray[np.int8]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +16,6 @@ from inverse_service.algebra.echelon_kernels import Indices, Words
 from inverse_service.algebra.modular import GOLDEN, compiled, mixed, multiply
 from inverse_service.linear_pde.emission import Prolongation
 from inverse_service.linear_pde.unknowns import Derivative, Unknowns, column_of, count_of_degree, raised_unknowns
-from inverse_service.records import dataclass
 
 Rows = list[dict[int, int]]
 

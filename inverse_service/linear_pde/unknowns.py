@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
 
@@ -24,7 +25,6 @@ from inverse_service.algebra.monomials import (
     products_of_degree,
     raised_places,
 )
-from inverse_service.records import dataclass
 
 Integers = npt.NDArray[np.int64]
 Places = npt.NDArray[np.int32]

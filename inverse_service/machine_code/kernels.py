@@ -14,13 +14,13 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from inverse_service.machine_code import store
-from inverse_service.records import dataclass
 
 Kinds = tuple[str, ...]
 

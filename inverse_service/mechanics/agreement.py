@@ -9,7 +9,7 @@ checker's reader understands too is read twice.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
@@ -32,7 +32,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
-from inverse_service.records import dataclass
 
 Ring = Any  # one of the checker's, and an element of it
 Value = Any

@@ -16,6 +16,7 @@ The tensors N, Phi, nabla Phi, R (and higher ones) of a system as exact expressi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Generic, Protocol, Self, TypeVar, cast
 
@@ -25,7 +26,6 @@ from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarg
 from inverse_service.deadline import now
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 
 class Scalar(Protocol):

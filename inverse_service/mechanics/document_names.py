@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.names import Names, check_clashes, declared_name, refuse_two_spellings
@@ -24,7 +24,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.expressions.vocabulary import check_domain
 from inverse_service.mechanics.guessing import guess_names, inferred_coordinates, key_name
-from inverse_service.records import dataclass
 
 ParameterValue = str | int | float | None
 

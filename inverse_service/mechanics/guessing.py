@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.equations import remark
@@ -34,7 +34,6 @@ from inverse_service.expressions.vocabulary import (
     REFUSED_UNLESS_DECLARED,
     RESERVED,
 )
-from inverse_service.records import dataclass
 
 _LONGEST_ARGUMENTS = 400
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from mpmath import mp, mpf
 
@@ -45,7 +46,6 @@ from inverse_service.mechanics.opaque_fractions import (
     expanded_terms,
     solved_rows,
 )
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

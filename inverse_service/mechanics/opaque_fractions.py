@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -29,7 +30,6 @@ from inverse_service.expressions.tree import (
     number,
     power,
 )
-from inverse_service.records import dataclass
 
 Polynomial = Any  # python-flint has no types
 Rows = list[list[Polynomial]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 import flint
@@ -20,7 +21,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.nonholonomic.writing import readable
 from inverse_service.mechanics.quotient_matrices import common_multiple, solution
-from inverse_service.records import dataclass
 
 Partial = Callable[[Quotient], Quotient]
 MOST_CANDIDATES = 200

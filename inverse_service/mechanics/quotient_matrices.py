@@ -9,6 +9,7 @@ multiplies a product of the other generators is one linear equation for the coef
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 
@@ -16,7 +17,6 @@ from flint import fmpq
 
 from inverse_service.algebra.exact_ring import ExactRing, sum_of
 from inverse_service.algebra.rational_functions import Quotient
-from inverse_service.records import dataclass
 
 Row = list[Quotient]
 

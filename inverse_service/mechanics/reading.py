@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.derivative import differentiate
@@ -43,7 +43,6 @@ from inverse_service.mechanics.guessing import (
 )
 from inverse_service.mechanics.implicit_equations import has_acceleration, linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
-from inverse_service.records import dataclass
 
 NOT_PAIRS = (
     "these are first-order equations, and not pairs x' = h, p' = F with h affine in p and solvable for p "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 
 from inverse_service.algebra.kernels import to_kernels
@@ -13,7 +13,6 @@ from inverse_service.algebra.sign_cases import Case, sign_cases
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute, walk
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,6 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.mechanics import method_advice
-from inverse_service.records import dataclass
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.derivation import USES_FREE, Derived, Find, derive, problem_of
 from inverse_service.simulation.formulas import Formulas, walls

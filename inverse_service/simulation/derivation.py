@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
@@ -18,7 +18,6 @@ from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
-from inverse_service.records import dataclass
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature
 from inverse_service.simulation.initial import is_degenerate
 from inverse_service.simulation.regular_motion import DEGENERATE, regular_accelerations

@@ -9,7 +9,7 @@ import os
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +23,6 @@ from inverse_service.codegen.program import HIDDEN, NO_START, STATUS, STOPPED_AT
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.machine_code.loading import processor_features
-from inverse_service.records import dataclass
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.between_steps import hidden_in_members
 from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of

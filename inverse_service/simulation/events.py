@@ -10,14 +10,13 @@ continued by DOP853 from the point before.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.records import dataclass
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.observing import mean_velocities, point_velocities

@@ -14,6 +14,7 @@ class Mestdag, Bloch, Fernandez (2009), section 2.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import Matrix, hessian
-from inverse_service.records import dataclass
 from inverse_service.simulation.array_values import NoValue, array_value
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,6 @@ from inverse_service.codegen.program import (
     WATCHED,
 )
 from inverse_service.integrators.trajectory import Array
-from inverse_service.records import dataclass
 from inverse_service.simulation.scene import Grid
 
 _FIRST_PIECE = 4096

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -31,7 +32,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.integrators.trajectory import Array
-from inverse_service.records import dataclass
 from inverse_service.simulation.scene import Problem
 
 MOST_TERMS = 200

@@ -18,6 +18,7 @@ only vanish on the constraints: the free system may differ from the true one els
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,7 +45,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
-from inverse_service.records import dataclass
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.exact_motion import ExactMotion, turning_table
 from inverse_service.simulation.initial import initial_velocities

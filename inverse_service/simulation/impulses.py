@@ -6,13 +6,13 @@ The impulse is int |F - line| dt, the line broken at a few places of the way and
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.integrators.trajectory import Array
-from inverse_service.records import dataclass
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.bounds import Box, bounds
 from inverse_service.simulation.scene import Stop

@@ -7,10 +7,11 @@ Source: Mestdag, Bloch, Fernandez (2009), section 4; Kasa (1976) for the start o
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from inverse_service.integrators.trajectory import Array
-from inverse_service.records import dataclass
 
 # Below this sine of the largest angle three points are taken to lie on a line.
 COLLINEAR = 1e-10

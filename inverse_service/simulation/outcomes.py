@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
@@ -31,7 +32,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.integrators.tableaux import composition
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.records import dataclass
 from inverse_service.simulation.execution import Run, Stopped, at_last, stopped
 from inverse_service.simulation.formulas import Denominator, Formulas
 from inverse_service.simulation.scene import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation, Start

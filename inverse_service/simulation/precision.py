@@ -12,12 +12,11 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from inverse_service.integrators.trajectory import Trajectory
-from inverse_service.records import dataclass
 from inverse_service.simulation.derivation import Derived
 from inverse_service.simulation.observing import (
     greatest,

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from inverse_service.integrators.trajectory import Array, Trajectory
-from inverse_service.records import dataclass
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.derivation import timed
 from inverse_service.simulation.observing import (

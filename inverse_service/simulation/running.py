@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,6 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.records import dataclass
 from inverse_service.simulation.advice import COST, Means, part_costs
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.between_steps import MOST_STEPS, POLYNOMIAL, forces, hidden_in, without_hidden

@@ -6,11 +6,10 @@ A scene holds everything that was not named already left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

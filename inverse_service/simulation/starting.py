@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from inverse_service.codegen.algebra import ZERO, Formula, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome
-from inverse_service.records import dataclass
 from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.scene import POINT_METHODS, Grid, MethodChoice, Start
 from inverse_service.simulation.schemes import parts_of

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.records import dataclass
 from inverse_service.simulation.derivation import Derived, with_accelerations
 from inverse_service.simulation.exact_motion import ExactMotion, positions_of
 from inverse_service.simulation.methods import run

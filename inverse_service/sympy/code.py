@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import keyword
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import sympy
@@ -17,7 +18,6 @@ from sympy.printing.rust import RustCodePrinter
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 from inverse_service.sympy.trees import expression
 
 if TYPE_CHECKING:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import sympy
 
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.reading import read_system
-from inverse_service.records import dataclass
 from inverse_service.sympy.names import Table
 from inverse_service.sympy.reading import read
 from inverse_service.sympy.trees import expression, to_sympy

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,6 @@ from sympy.core.function import AppliedUndef
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names as FormulaNames
 from inverse_service.expressions.names import declared_name
-from inverse_service.records import dataclass
 
 _GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 

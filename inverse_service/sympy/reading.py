@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import sympy
@@ -11,7 +12,6 @@ from sympy.core.function import AppliedUndef
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Acceleration, Expression, Symbol, Velocity
-from inverse_service.records import dataclass
 from inverse_service.sympy.names import Table, names_for
 from inverse_service.sympy.trees import Leaves, from_sympy
 

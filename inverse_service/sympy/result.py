@@ -13,12 +13,12 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 
 if TYPE_CHECKING:
     from inverse_service.sympy.names import Table

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
 from typing import Any
@@ -37,7 +37,6 @@ from inverse_service.expressions.tree import (
     square_root,
     subtract,
 )
-from inverse_service.records import dataclass
 from inverse_service.sympy.names import Table
 
 _REFUSED = ((sympy.Integral, "an integral occurs: carry it out, or declare a function of your own"),)

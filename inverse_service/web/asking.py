@@ -8,12 +8,12 @@ import uuid
 from collections import defaultdict
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from starlette.requests import ClientDisconnect, Request
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.identity import JobOptions, read_time_limit
 from inverse_service.web.clients import client_of
 from inverse_service.web.problems import Refusal

@@ -10,12 +10,12 @@ import logging
 import os
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 from starlette.requests import Request
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.identity import Viewer
 from inverse_service.settings import Settings, hash_of_key, read_key
 from inverse_service.web.middleware import host_of, name_of

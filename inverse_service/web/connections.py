@@ -7,12 +7,11 @@ import ipaddress
 import sys
 import time
 from collections import Counter, deque
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from inverse_service.records import dataclass
 from inverse_service.web.middleware import headers_too_large
 
 # The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.

@@ -10,11 +10,11 @@ import time
 import uuid
 from collections import Counter
 from contextvars import ContextVar
+from dataclasses import dataclass
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.metrics import Counters
 
 STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}

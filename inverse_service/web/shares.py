@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import field
+from dataclasses import dataclass, field
 
-from inverse_service.records import dataclass
 from inverse_service.web.problems import Refusal
 
 QUICK_PROCESSES = 3

@@ -7,6 +7,7 @@ an associated system that is known to have one, or by an ansatz. No verdict leav
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from inverse_service.certificate.checker import check_certificate
@@ -30,7 +31,6 @@ from inverse_service.linear_pde.deciding import Finding
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, EquationsOfMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 # Of the time, what the decisions may take; the rest is for a closed form, H and the checks.
 _SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.3, 0.5

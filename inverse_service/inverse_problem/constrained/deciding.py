@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,6 @@ from inverse_service.linear_pde.emission import LocalEquations
 from inverse_service.linear_pde.involution import Matrix
 from inverse_service.linear_pde.unknowns import Unknowns
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
-from inverse_service.records import dataclass
 
 Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service.algebra.exact_atoms import exact_ring
@@ -33,7 +33,6 @@ from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessia
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.quotient_matrices import solve_square
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 _TERMS = 4_000
 

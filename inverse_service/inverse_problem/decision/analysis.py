@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from inverse_service.algebra.kernels import to_kernels
@@ -15,7 +15,6 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity, substitute
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
-from inverse_service.records import dataclass
 
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.search.sample_points import KnownTower

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -40,7 +41,6 @@ from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.decision.power_series import count, is_irrational, is_rational, regular_series
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 FORMAT = "inverse-service/certificate/2"
 _DIGITS = 20

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import cast
 
 from inverse_service.algebra.point import Expansion, Variable, evaluate
@@ -24,7 +24,6 @@ from inverse_service.linear_pde.involution import Matrix
 from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
 from inverse_service.linear_pde.unknowns import Unknowns
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 _VERDICTS: Mapping[bool | None, Verdict] = {True: "variational", False: "not_variational", None: "undetermined"}
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.inverse_problem.kinds.helmholtz import KINDS, Kind, pairs_of, summands, unknowns_of
 from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, LocalEquations, Term, term_table
-from inverse_service.records import dataclass
 
 # (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
 RowName = tuple[str, int, int, tuple[int, ...]]

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from math import comb, isqrt
 from typing import Any, TypeVar
@@ -48,7 +49,6 @@ from inverse_service.inverse_problem.kinds.helmholtz import matrix_of
 from inverse_service.linear_pde.emission import Prolongation, advance, start
 from inverse_service.linear_pde.involution import matrix_at
 from inverse_service.linear_pde.unknowns import unknown_names
-from inverse_service.records import dataclass
 
 _ATTEMPTS = 8
 

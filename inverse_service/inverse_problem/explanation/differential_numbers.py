@@ -9,6 +9,7 @@ excluded at every generic point.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 
@@ -44,7 +45,6 @@ from inverse_service.inverse_problem.explanation.numbers_at_a_point import (
     residues_at,
     whole_multiple,
 )
-from inverse_service.records import dataclass
 
 # The sums are searched for among the equations of the lowest order that suffices, if they are not more than this.
 MOST_ROWS, HIGHEST_ORDER = 500, 3

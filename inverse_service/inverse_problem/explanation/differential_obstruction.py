@@ -14,6 +14,7 @@ mixed derivatives agree, and tau = 0 where L may not contain t.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from inverse_service.algebra.exact_ring import ExactRing, sum_of
@@ -28,7 +29,6 @@ from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.elimination import Elimination
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, connection
 from inverse_service.mechanics.quotient_matrices import solve_square
-from inverse_service.records import dataclass
 
 Matrix = tuple[tuple[Quotient, ...], ...]
 

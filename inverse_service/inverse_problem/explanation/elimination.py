@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from flint import nmod_mat
 
@@ -16,7 +17,6 @@ from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.inverse_problem.explanation.hierarchy import EquationName, PointwiseConditions, unknowns
 from inverse_service.mechanics.quotient_matrices import determinant
-from inverse_service.records import dataclass
 
 Unknown = tuple[int, int]
 Linear = Mapping[Unknown, Quotient]

@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import cast
 
@@ -41,7 +42,6 @@ from inverse_service.mechanics.conditions import (
     nabla_of_curvature,
     power_name,
 )
-from inverse_service.records import dataclass
 
 _POINTS = 8
 

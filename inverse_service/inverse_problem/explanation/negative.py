@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
@@ -51,7 +52,6 @@ from inverse_service.inverse_problem.explanation.wording import (
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 Tensors = Mapping[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]
 

@@ -14,6 +14,7 @@ import itertools
 import math
 import random
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from typing import Any, TypeVar, cast
@@ -55,7 +56,6 @@ from inverse_service.inverse_problem.explanation.hierarchy import (
     unknowns,
 )
 from inverse_service.mechanics.conditions import Tensor11
-from inverse_service.records import dataclass
 
 # Small numbers first; larger ones, where roots have to come out, later.
 _SMALL, _LARGER, _PATIENCE = 5, 12, 20

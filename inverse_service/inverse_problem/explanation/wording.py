@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import cast
 
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
@@ -20,7 +20,6 @@ from inverse_service.inverse_problem.explanation.hierarchy import ConditionName,
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Part, Solution, Step
 from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 Piece = str | Formula | Expression
 

@@ -9,6 +9,7 @@ nonholonomic motion. It is taken apart into identities; each is tested at random
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 from flint import nmod_mat
@@ -42,7 +43,6 @@ from inverse_service.mechanics.legendre.transform import LegendreTransform, lege
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 _ATTEMPTS = 6
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import left, now
@@ -20,7 +21,6 @@ from inverse_service.inverse_problem.search.protocol import describe
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 # Characters of the verification that a person may still read.
 _LONGEST_STEPS = 12_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 from inverse_service.algebra.rational_functions import TooLarge
@@ -44,7 +44,6 @@ from inverse_service.mechanics.nonholonomic.motion import (
 )
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised
 from inverse_service.mechanics.nonholonomic.paper_lagrangians import propose_lagrangians
-from inverse_service.records import dataclass
 
 # Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
 _SHARE_OF_SOLVING = 0.85

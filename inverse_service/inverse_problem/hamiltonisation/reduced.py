@@ -9,7 +9,7 @@ Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service.deadline import left, now
@@ -35,7 +35,6 @@ from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 CONSTRAINED = "constrained Lagrangian"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -24,7 +25,6 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.records import dataclass
 
 STEPS, STEP = 100, 0.01
 _STARTS = 12

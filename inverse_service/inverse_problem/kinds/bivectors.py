@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 
@@ -25,7 +25,6 @@ from inverse_service.algebra.series_program import Registers, SeriesProgram, run
 from inverse_service.inverse_problem.kinds.constrained import Shape
 from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, TermTable
 from inverse_service.linear_pde.unknowns import Unknowns
-from inverse_service.records import dataclass
 
 Integers = npt.NDArray[np.int64]
 PACE, FIRST = 4, 2

@@ -16,6 +16,7 @@ m = 0 is the inverse problem itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
@@ -29,7 +30,6 @@ from inverse_service.expressions.tree import Expression
 from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, LocalEquations, TermTable
 from inverse_service.linear_pde.involution import Matrix
 from inverse_service.linear_pde.unknowns import Function, Unknowns
-from inverse_service.records import dataclass
 
 Integers = npt.NDArray[np.int64]
 # Of the tables of series: there are no sparse ones to fall back on, and positive answers take orders up to 12.

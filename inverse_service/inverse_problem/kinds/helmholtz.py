@@ -14,6 +14,7 @@ each), and one for derivatives in between.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, combinations_with_replacement
@@ -29,7 +30,6 @@ from inverse_service.expressions.tree import Expression
 from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, LocalEquations, TermTable
 from inverse_service.linear_pde.involution import Matrix
 from inverse_service.linear_pde.unknowns import Function, Unknowns
-from inverse_service.records import dataclass
 
 Integers = npt.NDArray[np.int64]
 Kind = Literal["H2", "H3"]

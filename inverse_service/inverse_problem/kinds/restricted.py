@@ -26,6 +26,7 @@ is symmetric iff 2 (d2L/dq^j dv^i - d2L/dq^i dv^j) = P_ij is minus the antisymme
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations, product
 from typing import Literal
 
@@ -38,7 +39,6 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity, numbe
 from inverse_service.inverse_problem.kinds.helmholtz import pairs_of
 from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, Term, term_table
 from inverse_service.linear_pde.unknowns import Unknowns
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

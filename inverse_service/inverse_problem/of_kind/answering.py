@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from inverse_service.certificate.checker import check_certificate
@@ -17,7 +18,6 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Lagrangian, Solution, Verdict
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 _NO_TIME = "the time limit came before this question"
 NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"

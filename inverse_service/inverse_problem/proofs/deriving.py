@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from flint import fmpq, fmpq_mpoly
 
@@ -29,7 +30,6 @@ from inverse_service.inverse_problem.proofs.identities import (
 from inverse_service.mechanics.conditions import MotionInRing, motion_in_ring
 from inverse_service.mechanics.quotient_matrices import determinant, null_space
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 # A factor of more terms than this is replaced by a letter.
 TERMS_OF_A_FACTOR = 4

@@ -9,13 +9,13 @@ import functools
 import math
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from flint import fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service.algebra.rational_functions import Budget
 from inverse_service.certificate.formulas import MAX_MEMBERS, Ended, check_shape, require
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from flint import fmpq_mpoly
@@ -13,7 +14,6 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.inverse_problem.proofs.deriving import Theorem
 from inverse_service.inverse_problem.proofs.identities import Fact, Identity
-from inverse_service.records import dataclass
 
 HEAD = """What is proven: the statements below, for all real numbers that fulfil the hypotheses. What is not: that the
 hypotheses are what the comments say, that is the derivatives that were taken to form them."""

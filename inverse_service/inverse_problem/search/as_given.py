@@ -9,6 +9,7 @@ written.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.errors import InputError
@@ -26,7 +27,6 @@ from inverse_service.inverse_problem.search.terms import (
 )
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ Groups with an abelian ideal of codimension 1 are of this kind with W = w.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.algebra.exact_atoms import exact_ring
@@ -51,7 +52,6 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
-from inverse_service.records import dataclass
 
 Rows = dict[Velocity, dict[Velocity, Terms]]
 

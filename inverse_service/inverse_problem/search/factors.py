@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
 from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
 from inverse_service.inverse_problem.search.material import Material, distinct, integrating_candidates
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, rank, times
-from inverse_service.records import dataclass
 
 _MOST_FACTORS = 24
 _MOST_COEFFICIENTS = 40

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
 from typing import Any
@@ -32,7 +33,6 @@ from inverse_service.inverse_problem.search.motion import has_velocity, split_ve
 from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
 from inverse_service.inverse_problem.search.sampling import LetterTable, make_sampler, monomial_values, table_at
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of
-from inverse_service.records import dataclass
 
 _SPARE = 6
 # Shapes are left out until there are so few: the elimination is cubic in them.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
 from operator import xor
@@ -36,7 +36,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, terms_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 # The logarithm of a factor, linear in those of the variables and of arbitrary functions (by name).
 Form = dict[Symbol | str, Fraction]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial, reduce
 
@@ -45,7 +45,6 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.protocol import Smaller
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 _LARGEST_POWER = 6
 

@@ -7,7 +7,7 @@ import math
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import mpmath
 
@@ -39,7 +39,6 @@ from inverse_service.inverse_problem.search.sampling import Sampler, make_sample
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, tree_of
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 _DIGITS = 180
 _STEP_DIGITS = 40

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -21,7 +22,6 @@ from inverse_service.inverse_problem.search.sampling import (
     monomial_values,
 )
 from inverse_service.inverse_problem.search.terms import Monomial
-from inverse_service.records import dataclass
 
 _SPARE_EQUATIONS = 12
 _CONTROL_POINTS = 4

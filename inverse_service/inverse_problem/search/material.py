@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -57,7 +57,6 @@ from inverse_service.inverse_problem.search.terms import (
     tree_of,
 )
 from inverse_service.mechanics.conditions import motion_in_ring
-from inverse_service.records import dataclass
 
 _COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _TERMS, _WORK = 2_000, 150_000

@@ -8,7 +8,7 @@ least `_FLOOR`. Then the weights are made few and short.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import mpmath
@@ -33,7 +33,6 @@ from inverse_service.inverse_problem.search.linear_ansatz import Combination, La
 from inverse_service.inverse_problem.search.motion import has_velocity
 from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial_tree, times, tree_of
 from inverse_service.mechanics.euler_lagrange import hessian
-from inverse_service.records import dataclass
 
 Matrix = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from math import lcm
@@ -23,7 +23,6 @@ from inverse_service.inverse_problem.search.terms import (
     terms_of_polynomial,
     times,
 )
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

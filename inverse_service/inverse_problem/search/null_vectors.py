@@ -7,6 +7,7 @@ reduced form: each vector has the last of its columns to itself, with entry 1.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 
@@ -16,7 +17,6 @@ from flint import nmod_mat
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import reconstruct
 from inverse_service.deadline import check
-from inverse_service.records import dataclass
 
 _LARGEST_NUMBER = 10**7
 # Exponents and rates are small: what a larger bound admits are accidents.

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 
@@ -49,7 +49,6 @@ from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.protocol import Smaller
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, TooManyTerms, terms_of, tree_of
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 _MOST_SHEARS = 4
 # The terms of a function of position, a set so that equal ones can be counted.

@@ -7,6 +7,7 @@ these back. The search itself finds the Lagrangians in between, limits the work,
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.algebra.components import known_positive
@@ -23,7 +24,6 @@ from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import hessian
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

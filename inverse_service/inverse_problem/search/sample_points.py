@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from inverse_service.algebra import series as ps
@@ -18,7 +18,6 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import Tower, draw_point, moved_point
 from inverse_service.deadline import check
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
-from inverse_service.records import dataclass
 
 
 class LetterValues(NamedTuple):

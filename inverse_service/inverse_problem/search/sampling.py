@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, TypeGuard
 
@@ -24,7 +24,6 @@ from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.search.sample_points import KnownTower, LetterValues, SamplePoints
 from inverse_service.inverse_problem.search.terms import Monomial
-from inverse_service.records import dataclass
 
 Words = npt.NDArray[np.uint64]
 _ATTEMPTS = 8

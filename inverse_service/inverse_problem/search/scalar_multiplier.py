@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 import mpmath
@@ -52,7 +53,6 @@ from inverse_service.mechanics.conditions import (
 )
 from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.quotient_matrices import common_multiple, null_vectors, reduced_rows
-from inverse_service.records import dataclass
 
 _TERMS, _WORK = 2_000, 150_000
 _MOST = 3

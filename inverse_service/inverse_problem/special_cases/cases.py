@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from flint import fmpq, fmpq_mpoly
 
@@ -44,7 +44,6 @@ from inverse_service.inverse_problem.special_cases.strata import ParameterSpace,
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
-from inverse_service.records import dataclass
 
 Progress = Callable[[str], None]
 # Names of the functions that are polynomials: linear ones of one argument, else constants.

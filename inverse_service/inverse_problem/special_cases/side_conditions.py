@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from flint import fmpq, fmpq_mpoly
 
@@ -39,7 +40,6 @@ from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.euler_lagrange import hessian
 from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ unsolved, and the stratum says so.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from flint import fmpq_mpoly
 
@@ -22,7 +22,6 @@ from inverse_service.inverse_problem.special_cases.strata import (
     pseudo_remainder,
     put_in,
 )
-from inverse_service.records import dataclass
 
 # A piece that would need more splits than this is left as it is, unsolved.
 MOST_SPLITS = 200

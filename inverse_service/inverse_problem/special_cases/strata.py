@@ -6,7 +6,7 @@ The functions are rational, or one root of a quadratic equation; `splitting` mak
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
@@ -24,7 +24,6 @@ from inverse_service.expressions.tree import (
     substitute,
     subtract,
 )
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from inverse_service.deadline import now
 from inverse_service.expressions.printing import to_text
@@ -28,7 +28,6 @@ from inverse_service.inverse_problem.special_cases.cases import (
 from inverse_service.inverse_problem.special_cases.splitting import split
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, Stratum
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 MOST_CASES = 120
 DEEPEST = 8

@@ -6,13 +6,13 @@ The parts are free of velocities, linear, and independent blocks; a candidate is
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.collecting import Expansion, expand, to_tree
 from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Symbol, Velocity, add, substitute
 from inverse_service.mechanics.legendre.forms import simplified, velocities_in
-from inverse_service.records import dataclass
 
 Term = tuple[Monomial, Fraction]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.collecting import collect, expand
@@ -24,7 +25,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.legendre.forms import quotient, simplified
 from inverse_service.mechanics.legendre.transform import LegendreTransform
-from inverse_service.records import dataclass
 
 Table = dict[Expression, Expression]
 

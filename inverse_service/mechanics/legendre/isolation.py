@@ -10,6 +10,7 @@ y = 0, by y = 2 sqrt(-a/3) sin(asin(3 sqrt(-3/a) b/(2 a))/3) for a < 0 (Viete; H
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.collecting import Expansion, expand, to_tree
@@ -37,7 +38,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.legendre.forms import simplified, velocities_in
-from inverse_service.records import dataclass
 
 Rule = Callable[[Expression], Expression]
 

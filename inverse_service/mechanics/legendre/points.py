@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -22,7 +23,6 @@ from inverse_service.expressions.tree import (
     Velocity,
     distinct_nodes,
 )
-from inverse_service.records import dataclass
 
 DIGITS = 60
 AGREEING_DIGITS = 40

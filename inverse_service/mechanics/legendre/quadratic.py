@@ -6,6 +6,7 @@ G is inverted exactly by fraction-free elimination (Bareiss 1968) over polynomia
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.errors import LimitError
@@ -37,7 +38,6 @@ from inverse_service.mechanics.opaque_fractions import (
     solved_rows,
     times,
 )
-from inverse_service.records import dataclass
 
 Matrix = tuple[tuple[Expression, ...], ...]
 _MOST_TERMS = 4_000  # an inverse with more nobody would read

@@ -13,6 +13,7 @@ H = (p_k + p_w^T S^-1 p_w/2)^2 / (2 a).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 
@@ -47,7 +48,6 @@ from inverse_service.mechanics.legendre.quadratic import (
     invert,
     quadratic_form,
 )
-from inverse_service.records import dataclass
 
 # A space is in no name that a user can declare.
 _S, _W, _PI_W = Symbol("S of v"), Velocity("w of v"), Symbol("momentum of w")

@@ -8,6 +8,7 @@ H = p_u u - R is that of L (Routh 1877).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
 
@@ -27,7 +28,6 @@ from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver, deg
 from inverse_service.mechanics.legendre.forms import simplified
 from inverse_service.mechanics.legendre.linear import linear_coefficients
 from inverse_service.mechanics.legendre.quadratic import Inverse, form_matrix, invert, quadratic_form
-from inverse_service.records import dataclass
 
 _MOST_CHOICES = 12
 Terms = list[tuple[Monomial, Fraction]]

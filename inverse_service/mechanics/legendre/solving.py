@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice, product
 
@@ -22,7 +23,6 @@ from inverse_service.mechanics.legendre.quadratic import form_matrix, quadratic_
 from inverse_service.mechanics.legendre.radial import radial_branches, ratio_branches
 from inverse_service.mechanics.legendre.routh import routh_branches
 from inverse_service.mechanics.legendre.scalar import elimination_branches, scalar_branches
-from inverse_service.records import dataclass
 
 _MOST_BRANCHES = 8
 

@@ -7,7 +7,7 @@ not pass is never returned. Where p = dL/dv has several inverses, `note` says on
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 
@@ -52,7 +52,6 @@ from inverse_service.mechanics.legendre.points import (
     vanishes_at,
 )
 from inverse_service.mechanics.legendre.solving import Reach, block_branches, momentum_shifts
-from inverse_service.records import dataclass
 
 _MOST_BRANCHES = 16
 _MANY, _FEW = 16, 4

@@ -9,6 +9,7 @@ A velocity-free force stays what it is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 from inverse_service.algebra.exact_ring import sum_of
@@ -18,7 +19,6 @@ from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
 from inverse_service.mechanics.nonholonomic.writing import velocity_parts
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 
 Kind = Literal["first", "second", "third"]
 KINDS: tuple[Kind, ...] = ("first", "second", "third")

@@ -11,6 +11,7 @@ A Lagrangian with constraints on the velocities, as data.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
 
@@ -24,7 +25,6 @@ from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity,
 from inverse_service.mechanics.nonholonomic.writing import readable
 from inverse_service.mechanics.quotient_matrices import determinant, reduced_rows, weight
 from inverse_service.mechanics.second_order_system import FunctionDeclaration
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

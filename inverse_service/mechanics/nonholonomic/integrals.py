@@ -15,6 +15,7 @@ velocity-free term or with t are looked at on (t, q), with the field d/dt + drif
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
 from typing import Literal
@@ -26,7 +27,6 @@ from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.potential import Potential, constant_null_vectors, factors_of, potential
 from inverse_service.mechanics.quotient_matrices import determinant, dot, reduced_rows
-from inverse_service.records import dataclass
 
 Partial = Callable[[Quotient], Quotient]
 Field = tuple[Quotient, ...]

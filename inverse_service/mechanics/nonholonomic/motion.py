@@ -11,6 +11,7 @@ A motion on a manifold of constraints, however it was given.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.algebra.exact_ring import sum_of
@@ -27,7 +28,6 @@ from inverse_service.mechanics.nonholonomic.geometry import (
 )
 from inverse_service.mechanics.quotient_matrices import dot, solve_square
 from inverse_service.mechanics.second_order_system import FunctionDeclaration
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

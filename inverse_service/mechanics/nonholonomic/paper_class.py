@@ -25,6 +25,7 @@ Derived here; for one constraint in M. Mestdag's systems see docs/nonholonomic.m
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.algebra.exact_ring import sum_of
@@ -47,7 +48,6 @@ from inverse_service.expressions.tree import (
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry, frames
 from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.potential import potential
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

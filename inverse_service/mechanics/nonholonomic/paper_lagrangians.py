@@ -13,6 +13,7 @@ Source: Propositions 1 and 2 of the paper named in `paper_class`; `rotation` for
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.expressions.tree import (
@@ -31,7 +32,6 @@ from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.transform import LegendreTransform, momentum_symbols
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
 from inverse_service.mechanics.nonholonomic.writing import tidied
-from inverse_service.records import dataclass
 
 Matrix = Sequence[Sequence[Expression]]
 

@@ -15,6 +15,7 @@ import threading
 import time
 import uuid
 from concurrent.futures import CancelledError
+from dataclasses import dataclass
 from typing import Any
 
 import dask
@@ -22,7 +23,6 @@ import distributed
 from distributed.scheduler import KilledWorker
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 from inverse_service.service.cluster import remote
 from inverse_service.service.cluster.orders import Fingerprint, Order, difference, fingerprint
 from inverse_service.service.cluster.remote import Terms

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.identity import engine_version
 from inverse_service.service.jobs.outcome import Call
 

@@ -14,10 +14,10 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as WaitedTooLong
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from inverse_service.records import dataclass
 from inverse_service.service.cluster.orders import DONE, Cancel, Fingerprint, Order, difference, fingerprint
 from inverse_service.service.jobs.isolation import MOST_CROWDED
 from inverse_service.service.jobs.outcome import Outcome

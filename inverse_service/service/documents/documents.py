@@ -10,6 +10,7 @@ import contextlib
 import logging
 import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
@@ -17,7 +18,6 @@ from api_schemas.base import ParseAnswer
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.records import dataclass
 from inverse_service.service.documents.answers import undetermined
 from inverse_service.service.documents.preparing import Prepared, is_forward, is_motion, is_nonholonomic, prepared
 from inverse_service.service.documents.refusals import DocumentRefused

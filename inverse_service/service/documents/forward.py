@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from api_schemas.base import MAX_FORWARD
@@ -27,7 +28,6 @@ from inverse_service.mechanics.implicit_equations import linear_equation, solve_
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.reading import read_lagrangian
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
-from inverse_service.records import dataclass
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.refusals import validated
 

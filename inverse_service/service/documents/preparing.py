@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from inverse_service.errors import InputError
@@ -16,7 +16,6 @@ from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.printing_latex import name_latex
 from inverse_service.expressions.tokens import greek_letter
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
-from inverse_service.records import dataclass
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")

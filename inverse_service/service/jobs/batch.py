@@ -12,11 +12,10 @@ import json
 import queue
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 from inverse_service.service.documents.answers import of_input_error
 from inverse_service.service.jobs.batch_files import Line, open_source, read_lines
 from inverse_service.service.jobs.batch_output import Known, Output, answer_line, error_line, key_of, open_output

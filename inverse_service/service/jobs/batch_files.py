@@ -10,12 +10,11 @@ import json
 import sys
 import zlib
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.records import dataclass
 from inverse_service.service.documents.answers import as_bytes, of_input_error
 from inverse_service.service.documents.reading import read_json
 from inverse_service.service.jobs.identity import JobOptions, document_digest, read_options, split_options

@@ -15,11 +15,11 @@ import sys
 import time
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 from inverse_service.service.documents.answers import as_bytes, problem_document
 from inverse_service.service.jobs.batch_files import STANDARD, Line
 from inverse_service.service.jobs.kinds import label_of

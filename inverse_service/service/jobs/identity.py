@@ -12,14 +12,13 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, TypeVar
 
 from inverse_service import __version__
 from inverse_service.errors import InputError, LimitError
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.model import Batch, BatchLine, Job, JobRequest
 
 DIGITS = 40

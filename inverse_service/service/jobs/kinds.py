@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Final
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.identity import JobOptions, job_id, write_json
 from inverse_service.service.jobs.model import INTERACTIVE, JobRequest
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
 from inverse_service.errors import InverseServiceError
-from inverse_service.records import dataclass
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
 STATUSES: Final[tuple[JobStatus, ...]] = ("accepted", "running", "successful", "failed", "dismissed")

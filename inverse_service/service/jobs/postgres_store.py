@@ -12,13 +12,13 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import psycopg
 from psycopg.rows import dict_row
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 from inverse_service.service.jobs import schema
 from inverse_service.service.jobs.model import StoreUnavailable, WrongVersion
 from inverse_service.service.jobs.queries import SELECT

@@ -12,10 +12,10 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from inverse_service.records import dataclass
 from inverse_service.service.jobs import schema
 from inverse_service.service.jobs.locks import SupervisorLock
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion

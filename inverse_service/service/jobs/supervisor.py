@@ -14,10 +14,9 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 from inverse_service.errors import InverseServiceError
-from inverse_service.records import dataclass
 from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, with_understood
 from inverse_service.service.jobs import finishing, tasks
 from inverse_service.service.jobs.event_log import EventLog

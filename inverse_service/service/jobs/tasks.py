@@ -6,13 +6,12 @@ import importlib
 import json
 import traceback
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.records import dataclass
 from inverse_service.service.documents.reading import decode, read_json
 from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.batch_files import BatchTerms, batch_lines, lines_of_array, lines_of_ndjson

@@ -14,10 +14,9 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
-from inverse_service.records import dataclass
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.worker_process import NotStarted, Report, WorkerProcess, start_server

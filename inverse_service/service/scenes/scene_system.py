@@ -6,7 +6,7 @@ Formulas for arbitrary functions are put in with their derivatives.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pydantic import ValidationError
@@ -33,7 +33,6 @@ from inverse_service.expressions.tree import (
 from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
-from inverse_service.records import dataclass
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.preparing import inward, prepared, uses_the_letter_t
 from inverse_service.service.documents.reading import escape

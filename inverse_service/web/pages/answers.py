@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from markupsafe import Markup, escape
@@ -11,7 +11,6 @@ from markupsafe import Markup, escape
 from inverse_service.certificate.formulas import FORMAT
 from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
-from inverse_service.records import dataclass
 from inverse_service.service.documents.text_page import QUESTIONS as QUESTION
 from inverse_service.service.documents.text_page import answers_of, regular_where
 from inverse_service.web.pages import typesetting

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import dataclass
 from typing import Any
 
 from fastapi import APIRouter
@@ -12,7 +13,6 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.mechanics.document_names import GUESS
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.batch_output import answer_line
 from inverse_service.service.jobs.model import BatchAnswer
 from inverse_service.web.asking import FACTORS

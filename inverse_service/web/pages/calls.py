@@ -8,13 +8,12 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import httpx
 from starlette.requests import Request
 
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.web.asking import body_of
 from inverse_service.web.clients import client_of, is_of_own_page

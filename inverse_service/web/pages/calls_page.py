@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -13,7 +14,6 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse
 
 from inverse_service import catalogue
-from inverse_service.records import dataclass
 from inverse_service.web.pages.rendering import page
 
 router = APIRouter()

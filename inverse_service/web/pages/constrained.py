@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup, escape
 
 from inverse_service.expressions.names import Names
-from inverse_service.records import dataclass
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.answers import Step, step_of
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.identity import split_options, write_json
 from inverse_service.service.jobs.outcome import Outcome, faults_of
 from inverse_service.service.jobs.tasks import guard, use_cases

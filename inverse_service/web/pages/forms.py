@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from urllib.parse import parse_qs
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.outcome import Place
 from inverse_service.service.jobs.tasks import UNREADABLE

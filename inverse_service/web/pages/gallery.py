@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -13,7 +13,6 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import catalogue
 from inverse_service.expressions.names import Names
-from inverse_service.records import dataclass
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.documents import parameters_of
 from inverse_service.web.pages.learn import hamiltonized

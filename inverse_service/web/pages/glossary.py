@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from inverse_service.records import dataclass
 from inverse_service.web.pages import typesetting
 
 

@@ -6,6 +6,7 @@ The manual is the project's own Markdown pages, served along with what they expl
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
@@ -17,7 +18,6 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import __version__
 from inverse_service.expressions.names import Names
-from inverse_service.records import dataclass
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.problems import Refusal

@@ -6,7 +6,7 @@ The figures of section 3 of the paper, a small one of each constrained system, t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fastapi import APIRouter
@@ -14,7 +14,6 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
 from inverse_service import catalogue
-from inverse_service.records import dataclass
 from inverse_service.service.documents.answers import value_of
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
@@ -13,7 +14,6 @@ from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import Acceleration, Symbol
-from inverse_service.records import dataclass
 from inverse_service.service.jobs.outcome import faults_of
 from inverse_service.web.pages import typesetting
 

@@ -6,6 +6,7 @@ import gzip
 import re
 from collections.abc import Mapping
 from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 from urllib.parse import quote
@@ -16,7 +17,6 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse
 
 from inverse_service.expressions.tokens import greek_letter
-from inverse_service.records import dataclass
 from inverse_service.service.documents.text_page import guessed_words
 from inverse_service.service.jobs.kinds import KINDS
 from inverse_service.web.clients import client_of, require_client

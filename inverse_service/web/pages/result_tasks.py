@@ -9,6 +9,7 @@ import importlib
 import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
@@ -17,7 +18,6 @@ from starlette.responses import HTMLResponse
 from inverse_service.errors import InputError
 from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
-from inverse_service.records import dataclass
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.opening import stored_answer

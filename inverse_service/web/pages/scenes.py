@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
 from markupsafe import Markup
 
 from inverse_service.errors import InputError
-from inverse_service.records import dataclass
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.forms import Form
 

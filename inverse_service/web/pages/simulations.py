@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from inverse_service.expressions.names import Names
-from inverse_service.records import dataclass
 from inverse_service.web.pages import figures, typesetting
 from inverse_service.web.pages.rendering import duration, page, short_number
 from inverse_service.web.pages.scenes import formulas_of

@@ -11,6 +11,7 @@ T on V over the field of the parameters (Jordan form; Sarlet, Engels and Bahar 1
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from math import factorial
 
@@ -42,7 +43,6 @@ from inverse_service.inverse_problem.search.linear_systems.reading import (
     Vector,
     characteristic_polynomial,
 )
-from inverse_service.records import dataclass
 
 _LARGEST_FACTORED = 10**15
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from flint import fmpq, fmpq_mat
@@ -17,7 +18,6 @@ from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import MotionTerms
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, monomial_tree, tree_of
 from inverse_service.mechanics.quotient_matrices import dot, reduced_rows
-from inverse_service.records import dataclass
 
 Vector = tuple[Quotient, ...]
 Matrix = tuple[Vector, ...]

@@ -14,6 +14,7 @@ x'' = a x'^2 + b x' + c becomes y'' = b y' + h b, h = E c / b. Where dh/dy = -al
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -58,7 +59,6 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
-from inverse_service.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

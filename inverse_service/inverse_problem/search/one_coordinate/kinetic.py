@@ -13,6 +13,7 @@ L = K + U with dU/dx = E(K) satisfies the Euler-Lagrange equation.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 import mpmath
@@ -54,7 +55,6 @@ from inverse_service.inverse_problem.search.terms import (
     terms_of,
     tree_of,
 )
-from inverse_service.records import dataclass
 
 Factor = tuple[Expression, Fraction]
 _LARGEST_EXPONENT = 6

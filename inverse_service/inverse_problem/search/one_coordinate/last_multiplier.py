@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service.algebra.real_point import real_sign
@@ -77,7 +77,6 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
-from inverse_service.records import dataclass
 
 _MOST_FACTORS = 5
 _MOST_LETTERS = 6
