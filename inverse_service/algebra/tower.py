@@ -27,13 +27,17 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
     PI,
+    ZERO,
     Apply,
     Expression,
     Number,
     Symbol,
+    add,
+    apply,
     children,
     multiply,
     number,
+    power,
     walk,
 )
 
@@ -69,6 +73,14 @@ class ExponentialRule:
             result *= positive_power(ell, exponent, point.prime)
         return result % point.prime
 
+    @property
+    def tree(self) -> Expression:
+        """The product, where it is not free."""
+        primes = (power(number(ell), exponent) for ell, exponent in self.prime_powers)
+        atoms = (power(tree, exponent) for tree, exponent in (*self.exponentials, *self.arguments_of_logarithms))
+        constant = [apply("exp", number(self.constant))] if self.constant else []
+        return multiply(*constant, *primes, *atoms)
+
 
 @dataclass(frozen=True, slots=True)
 class LogarithmRule:
@@ -86,6 +98,12 @@ class LogarithmRule:
         result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
         logarithm = constant_value("log", self.constant, point) * pow(self.root, -1, point.prime)
         return (result + logarithm) % point.prime
+
+    @property
+    def tree(self) -> Expression:
+        """The sum, where it is not free."""
+        logarithm = ZERO if self.constant == 1 else apply("log", number(self.constant))
+        return add(_sum_tree(self.linear), multiply(number(Fraction(1, self.root)), logarithm))
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +153,15 @@ class ArctangentRule:
             return point.draw_free(self.atom)
         result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
         return (result + point.variable(PI) * number_value(self.turns, point.prime)) % point.prime
+
+    @property
+    def tree(self) -> Expression:
+        """The sum, where it is not free."""
+        return add(_sum_tree(self.linear), multiply(number(self.turns), PI))
+
+
+def _sum_tree(linear: Combination) -> Expression:
+    return add(*(multiply(number(a), u) for u, a in linear))
 
 
 Rule = ExponentialRule | LogarithmRule | AngleRule | ArctangentRule

@@ -18,8 +18,10 @@ from functools import lru_cache, partial
 
 import mpmath
 
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.tower import AngleRule, Tower
 from inverse_service.deadline import end
-from inverse_service.errors import IrreducibleAtoms
+from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import (
@@ -49,6 +51,7 @@ from inverse_service.inverse_problem.search.material import Material, coefficien
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.protocol import Found, Smaller
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
+from inverse_service.inverse_problem.search.tidy import collected_inside, without_arctangents
 from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -76,18 +79,30 @@ class Lettered:
 
 
 def views(analysis: Analysis) -> Iterator[Lettered]:
-    """The system with letters for its long numbers and with plainer nested roots, where there are such, and as it is.
+    """The system with letters for its long numbers, where there are such, and as it is, f as plain as it can be made.
 
-    Lagrangians that hold for the latter are checked with the roots as they were given.
+    Lagrangians that hold for the latter are checked with f as it was given.
     """
+    forces = tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations))
+    if forces != analysis.system.accelerations:
+        with suppress(IrreducibleAtoms):
+            analysis = analyse(replace(analysis.system, accelerations=forces))
     lettered = with_letters(analysis)
     if lettered is not None:
         yield lettered
-    forces = tuple(map(denested, analysis.system.accelerations))
-    if forces != analysis.system.accelerations:
-        with suppress(IrreducibleAtoms):
-            yield Lettered(analyse(replace(analysis.system, accelerations=forces)), {})
     yield Lettered(analysis, {})
+
+
+def _plainer(tower: Tower, force: Expression) -> Expression:
+    """Nested roots denested; atoms that follow from others, such as e^(log x), written by these if that is shorter."""
+    force = denested(force)
+    plain = to_kernels(without_arctangents(force))
+    for rule in reversed(tower.rules):
+        if not isinstance(rule, AngleRule) and not rule.free:
+            plain = substitute(plain, {rule.atom: rule.tree})
+    with suppress(InputError):
+        plain = plain if plain == force else collected_inside(plain)
+    return min(force, plain, key=lambda tree: sum(1 for _ in walk(tree)))
 
 
 _PLACES, _LARGEST_COEFFICIENT, _MOST_ROOTS = 60, 10**4, 3

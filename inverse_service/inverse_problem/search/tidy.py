@@ -183,8 +183,8 @@ def _velocity_sums(tree: Expression) -> int:
 def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:
     found = []
     parameters = frozenset(Symbol(name) for name in system.parameters)
-    forms = (collect, _inside, _with_common_factor, partial(_grouped, system), partial(_by_parameters, parameters))
-    for form in forms:
+    grouped = (partial(_grouped, system), partial(_by_parameters, parameters))
+    for form in (collect, collected_inside, _with_common_factor, *grouped):
         try:
             found.append(form(tree))
         except _FAILED:
@@ -205,9 +205,9 @@ def _sign(node: Expression) -> int:
     return _BEFORE_A_BRACKET if isinstance(node.factors[1], Sum) else -2
 
 
-def _inside(tree: Expression) -> Expression:
+def collected_inside(tree: Expression) -> Expression:
     """Every sum collected by itself where that makes it shorter."""
-    tree = rebuild(tree, _inside)
+    tree = rebuild(tree, collected_inside)
     return min(tree, collect(tree), key=_size) if isinstance(tree, Sum) else tree
 
 

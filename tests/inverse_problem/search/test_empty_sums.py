@@ -1,6 +1,8 @@
-"""Sums that vanish inside a function are no terms for a Lagrangian, and no fault."""
+"""What vanishes by an identity is no term for a Lagrangian, and no fault."""
 
 from __future__ import annotations
+
+import pytest
 
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.solving import solve_document
@@ -14,3 +16,23 @@ def test_a_sum_that_vanishes_does_not_stop_the_search() -> None:
     found = solve_document(document, SolveOptions(time_limit=5))
     assert found["verdict"] == "variational"
     assert found["checked"] == "valid"
+
+
+VANISHING = [
+    "exp(log(x)) - x",
+    "7^x - exp(x*log(7))",
+    "log(-x) + log(-1/x)",
+    "log(exp(3*x)*y) - 3*x - log(y)",
+    "atan(x) + atan(1/x) - pi/2",
+    "asinh(x) - log(x + sqrt(1 + x^2))",
+    "x/sqrt(1 + x^2) - sin(atan(x))",
+]
+
+
+@pytest.mark.parametrize("zero", VANISHING)
+def test_a_coefficient_that_is_0_by_an_identity_does_not_hide_the_lagrangian(zero: str) -> None:
+    document = {"coordinates": ["x", "y"], "equations": {"x": f"({zero})*y'", "y": "x'*y"}}
+    found = solve_document(document, SolveOptions(time_limit=10, time_dependent=False))
+    plain = solve_document({**document, "equations": {"x": "0", "y": "x'*y"}}, SolveOptions(time_dependent=False))
+    assert found["checked"] == "valid"
+    assert found["lagrangian"]["text"] == plain["lagrangian"]["text"]
