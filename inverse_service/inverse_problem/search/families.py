@@ -31,7 +31,7 @@ from inverse_service.inverse_problem.search.linear_ansatz import letters_of
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
-from inverse_service.inverse_problem.search.sampling import LetterTable, make_sampler, monomial_values, table_at
+from inverse_service.inverse_problem.search.sampling import LetterTable, monomial_values, sampler_of, table_at
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of
 
 _SPARE = 6
@@ -40,36 +40,25 @@ _MOST = 120
 Grid = list[list[int]]
 
 
-def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
-    """Those that can occur in a regular multiplier.
+_NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 
-    Where the test cannot be made, since letters have no common points, those in velocities alone are tested; where
-    none of these is left either, all are kept.
-    """
+
+def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
+    """Those that can occur in a regular multiplier; where the test cannot be made, the simplest."""
     try:
         return _possible_shapes(material, shapes, seed)
-    except _NO_POINTS:
-        plain = [shape for shape in shapes if all(_is_of_velocities(letter) for letter, _ in shape)]
-    try:
-        return _possible_shapes(material, plain, seed) or list(shapes[:_MOST])
     except _NO_POINTS:
         return list(shapes[:_MOST])
 
 
-_NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
-
-
-def _is_of_velocities(letter: Expression) -> bool:
-    return isinstance(letter, Velocity) or (isinstance(letter, Apply) and isinstance(letter.argument, Velocity))
-
-
 def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
-    groups = [group[:_MOST] for group in _groups(material, shapes)]
-    chosen = [shape for group in groups for shape in group]
+    chosen = [shape for group in _groups(material, shapes) for shape in group[:_MOST]]
     if not chosen:
         return []
     unknowns = material.motion.size + 1 + material.motion.with_time
-    sampler = make_sampler(material.analysis, dict.fromkeys(item for shape in chosen for item in shape))
+    sampler, chosen = sampler_of(material.analysis, chosen)
+    groups = _groups(material, chosen)
+    chosen = [shape for group in groups for shape in group]
     points, letters = sampler.at_one_place(seed), letters_of(chosen)
     count = (max(map(len, groups)) * unknowns + _SPARE) // material.motion.size**2 + 2
     table = table_at(points, letters, count, with_third=True)

@@ -35,7 +35,7 @@ from inverse_service.inverse_problem.search.members import best_members, needed_
 from inverse_service.inverse_problem.search.multiplier_ansatz import occurring_terms, solve_multiplier
 from inverse_service.inverse_problem.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
 from inverse_service.inverse_problem.search.reductions import Lettered, views
-from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler
+from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler, sampler_of
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, tree_of
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -255,7 +255,7 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
     if not terms:
         return None
     try:
-        sampler = _sampler(material, terms)
+        sampler, terms = sampler_of(material.analysis, terms)
         if material.analysis.system.parameters and not family.given and len(terms) <= _MOST_AT_FIXED_PARAMETERS:
             terms = with_parameters(material, occurring_terms(sampler, terms, seed), family.terms)
         space = solve_multiplier(sampler, terms, seed)

@@ -15,7 +15,7 @@ from inverse_service.algebra import modular
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.modular import compiled, multiply, positive_power
 from inverse_service.algebra.point import Point
-from inverse_service.algebra.real_point import RealTable, find_real_point
+from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
 from inverse_service.deadline import check
@@ -27,6 +27,8 @@ from inverse_service.inverse_problem.search.terms import Monomial
 
 Words = npt.NDArray[np.uint64]
 _ATTEMPTS = 8
+# Of f, where the terms of an ansatz have none in common.
+_POINTS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,37 @@ class Sampler:
         return self.points(seed).prime
 
 
-def make_sampler(analysis: Analysis, letters: Iterable[tuple[Expression, Fraction]]) -> Sampler:
+def sampler_of(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Sampler, list[Monomial]]:
+    """A sampler for the terms, without those that have no value at a point where f and most others have one.
+
+    Raises IrreducibleAtoms where there is no such point, or letters cannot be reduced.
+    """
+    try:
+        return make_sampler(analysis, dict.fromkeys(item for term in terms for item in term)), list(terms)
+    except IrreducibleAtoms:
+        table, kept = _defined_together(analysis, terms)
+        if not kept:
+            raise
+        return make_sampler(analysis, dict.fromkeys(item for term in kept for item in term), table), kept
+
+
+def _defined_together(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[RealTable | None, list[Monomial]]:
+    """Of a few points of f the one at which the most terms have values, and these."""
+    best: tuple[RealTable | None, list[Monomial]] = (None, [])
+    items = dict.fromkeys(item for term in terms for item in term)
+    kernels = {(p, e): to_kernels(power(p, Fraction(1, e.denominator))) for p, e in items}
+    wanted = [*analysis.accelerations, *analysis.constrained.values()]
+    for seed in range(2, 2 + _POINTS):
+        table = find_real_point(wanted, variables_of(analysis.system), seed, analysis.system.positive)
+        if table is not None:
+            valued = {item for item, kernel in kernels.items() if is_defined([kernel], table)}
+            best = max(best, (table, [term for term in terms if term <= valued]), key=lambda found: len(found[1]))
+    return best
+
+
+def make_sampler(
+    analysis: Analysis, letters: Iterable[tuple[Expression, Fraction]], table: RealTable | None = None
+) -> Sampler:
     """Raises IrreducibleAtoms where letters and f have no common real point or cannot be reduced.
 
     Ansätze whose letters bring no further atoms have their points in common.
@@ -77,7 +109,7 @@ def make_sampler(analysis: Analysis, letters: Iterable[tuple[Expression, Fractio
     extra = [to_kernels(tree) for letter, e in letters for tree in (letter, power(letter, Fraction(1, e.denominator)))]
     wanted = [*analysis.accelerations, *analysis.constrained.values(), *dict.fromkeys(extra)]
     variables = variables_of(analysis.system)
-    table = find_real_point(wanted, variables, seed=2, positive=analysis.system.positive)
+    table = table or find_real_point(wanted, variables, seed=2, positive=analysis.system.positive)
     if table is None:
         raise IrreducibleAtoms("the ansatz has no real point in common with f")
     atoms = _atoms(wanted)

@@ -1,4 +1,4 @@
-"""The logarithmic derivatives of a letter that is a variable are those that its series gives."""
+"""Letters of an ansatz at points: those that are variables, and those that have no point in common."""
 
 from __future__ import annotations
 
@@ -9,8 +9,23 @@ import pytest
 from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.series import SingularPoint
-from inverse_service.expressions.tree import TIME, Number, Power, Symbol, Velocity
+from inverse_service.expressions.tree import (
+    ONE,
+    TIME,
+    Apply,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+    number,
+    power,
+    subtract,
+)
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.sample_points import _logarithmic
+from inverse_service.inverse_problem.search.sampling import sampler_of
+from inverse_service.inverse_problem.search.terms import Monomial, monomial
+from inverse_service.mechanics.reading import read_system
 
 P = safe_prime(3)
 NAMES = [TIME, Symbol("x"), Symbol("y"), Velocity("x"), Velocity("y")]
@@ -37,3 +52,15 @@ def test_a_variable_that_vanishes_is_no_letter_at_that_point() -> None:
     point.variables[Symbol("x")] = 0
     with pytest.raises(SingularPoint):
         _logarithmic(Expansion(point, [Symbol("x")], 2), (1,), Symbol("x"), DRIFT, 2)
+
+
+def test_terms_without_a_value_where_the_others_have_one_are_left_out() -> None:
+    """log(x' - 2) and sqrt(1 - x'^2) have no point in common, and f holds the latter."""
+    analysis = analyse(read_system(["x"], {"x": "-x*(1 - x'^2)^(3/2)"}))
+    v = Velocity("x")
+    root: Monomial = frozenset([(subtract(ONE, power(v, 2)), Fraction(1, 2))])
+    other = monomial(Apply("log", subtract(v, number(2))))
+    sampler, kept = sampler_of(analysis, [other, monomial(v), root])
+    assert kept == [monomial(v), root]
+    assert sampler.real_point is not None
+    assert abs(sampler.real_point[v]) < 1
