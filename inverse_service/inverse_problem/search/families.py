@@ -52,13 +52,12 @@ def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -
 
 
 def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
-    chosen = [shape for group in _groups(material, shapes) for shape in group[:_MOST]]
-    if not chosen:
+    if not shapes:
         return []
+    groups = [group[:_MOST] for group in _groups(material, shapes)]
     unknowns = material.motion.size + 1 + material.motion.with_time
-    sampler, chosen = sampler_of(material.analysis, chosen)
-    groups = _groups(material, chosen)
-    chosen = [shape for group in groups for shape in group]
+    sampler, chosen = sampler_of(material.analysis, [shape for group in groups for shape in group])
+    groups = [kept for group in groups if (kept := [shape for shape in group if shape in chosen])]
     points, letters = sampler.at_one_place(seed), letters_of(chosen)
     count = (max(map(len, groups)) * unknowns + _SPARE) // material.motion.size**2 + 2
     table = table_at(points, letters, count, with_third=True)

@@ -183,7 +183,7 @@ def _constants(terms: Combination, parameters: frozenset[Symbol]) -> list[Monomi
 
 
 def _is_constant(letter: Expression, parameters: frozenset[Symbol]) -> bool:
-    names = {node for node in walk(letter) if isinstance(node, Symbol)}
+    names = {node for node in walk(letter) if isinstance(node, Symbol | Velocity)}
     return bool(names) and names <= parameters
 
 

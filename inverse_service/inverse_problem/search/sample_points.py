@@ -191,11 +191,15 @@ class SamplePoints:
             return None
 
 
+# A seed, and the variables that move where the others stay as they are at one point.
+Drawn = tuple[int, tuple[Symbol | Velocity, ...]]
+
+
 @dataclass(frozen=True, slots=True)
 class KnownTower:
-    """A tower of the atoms of f and of an ansatz, on the branch of a real point, with its points by their seeds."""
+    """A tower of the atoms of f and of an ansatz, on the branch of a real point, with the points that were drawn."""
 
     atoms: frozenset[Expression]
     real_point: RealTable
     tower: Tower
-    points: dict[int, SamplePoints] = field(default_factory=dict)
+    points: dict[Drawn, SamplePoints] = field(default_factory=dict)

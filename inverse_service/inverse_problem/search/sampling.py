@@ -22,7 +22,7 @@ from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, power
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
-from inverse_service.inverse_problem.search.sample_points import KnownTower, LetterValues, SamplePoints
+from inverse_service.inverse_problem.search.sample_points import Drawn, KnownTower, LetterValues, SamplePoints
 from inverse_service.inverse_problem.search.terms import Monomial
 
 Words = npt.NDArray[np.uint64]
@@ -38,7 +38,7 @@ class Sampler:
     analysis: Analysis
     tower: Tower
     real_point: RealTable | None
-    known: dict[int, SamplePoints] = field(default_factory=dict, compare=False)
+    known: dict[Drawn, SamplePoints] = field(default_factory=dict, compare=False)
 
     @property
     def variables(self) -> list[Symbol | Velocity]:
@@ -47,24 +47,28 @@ class Sampler:
 
     def points(self, seed: int) -> SamplePoints:
         """The points that follow from a seed; what is known of them is kept."""
-        if seed not in self.known:
+        if (seed, ()) not in self.known:
             prime = draw_point(self.tower, seed).prime
-            self.known[seed] = SamplePoints(
+            self.known[seed, ()] = SamplePoints(
                 self.analysis.accelerations, self.variables, self.tower, seed, prime, self.analysis.constrained
             )
-        return self.known[seed]
+        return self.known[seed, ()]
 
     def at_one_place(self, seed: int) -> SamplePoints:
         """Points that share t and the coordinates."""
-        return self._near_one(seed, [v for v in self.variables if isinstance(v, Velocity)])
+        return self._near_one(seed, tuple(v for v in self.variables if isinstance(v, Velocity)))
 
     def with_fixed_parameters(self, seed: int) -> SamplePoints:
         """Points that share the values of the parameters."""
-        return self._near_one(seed, self.variables)
+        return self._near_one(seed, tuple(self.variables))
 
-    def _near_one(self, seed: int, moving: Sequence[Symbol | Velocity]) -> SamplePoints:
-        base, forces = draw_point(self.tower, seed), self.analysis.accelerations
-        return SamplePoints(forces, self.variables, self.tower, seed, base.prime, base=base, moving=moving)
+    def _near_one(self, seed: int, moving: tuple[Symbol | Velocity, ...]) -> SamplePoints:
+        if (seed, moving) not in self.known:
+            base, forces = draw_point(self.tower, seed), self.analysis.accelerations
+            self.known[seed, moving] = SamplePoints(
+                forces, self.variables, self.tower, seed, base.prime, base=base, moving=moving
+            )
+        return self.known[seed, moving]
 
     def prime(self, seed: int) -> int:
         """The prime of the points that follow from a seed."""

@@ -42,3 +42,15 @@ def test_a_square_in_a_denominator_is_seen_as_one() -> None:
         assert answer is not None
         assert answer.lagrangian is not None
         assert not answer.lagrangian.positive
+
+
+@pytest.mark.slow
+def test_a_sum_of_a_parameter_and_velocities_is_no_constant_to_divide_by(caplog: pytest.LogCaptureFixture) -> None:
+    """(c^2 - v^2)^(1/2) had been taken out of L like a power of c, and the checker had refused what was left."""
+    root, moved = "(c^2 - x'^2 - y'^2)^(1/2)", "(x*x' + y*y')/c^2"
+    equations = {"x": f"{root}*(x'*{moved} - x)", "y": f"{root}*(y'*{moved} - y)"}
+    with caplog.at_level(logging.WARNING):
+        answer = solve(read_system(["x", "y"], equations, ["c"]), SolveOptions(time_dependent=False)).autonomous
+    assert answer is not None
+    assert answer.lagrangian is not None
+    assert caplog.text == ""

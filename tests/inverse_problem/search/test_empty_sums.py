@@ -31,8 +31,8 @@ VANISHING = [
 
 @pytest.mark.parametrize("zero", VANISHING)
 def test_a_coefficient_that_is_0_by_an_identity_does_not_hide_the_lagrangian(zero: str) -> None:
+    """x'' = 0, y'' = x' y has this Lagrangian."""
     document = {"coordinates": ["x", "y"], "equations": {"x": f"({zero})*y'", "y": "x'*y"}}
-    found = solve_document(document, SolveOptions(time_limit=10, time_dependent=False))
-    plain = solve_document({**document, "equations": {"x": "0", "y": "x'*y"}}, SolveOptions(time_dependent=False))
+    found = solve_document(document, SolveOptions(time_limit=10, time_dependent=False, conditions=False))
     assert found["checked"] == "valid"
-    assert found["lagrangian"]["text"] == plain["lagrangian"]["text"]
+    assert found["lagrangian"]["text"] == "y^2*sqrt(x') + y'^2/sqrt(x')"
