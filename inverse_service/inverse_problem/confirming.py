@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.deadline import left, now
@@ -13,20 +13,22 @@ from inverse_service.errors import CertificateRefused, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.explanation.finding import (
     energy_step,
     hamiltonian_of,
     legendre_steps,
     verification_steps,
 )
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Step
 from inverse_service.inverse_problem.search.further import is_multiple, with_squared_energies
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome, describe
 from inverse_service.inverse_problem.search.tidy import tidied
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+if TYPE_CHECKING:
+    from inverse_service.inverse_problem.decision.analysis import Analysis
+    from inverse_service.inverse_problem.decision.deciding import Decision
+    from inverse_service.inverse_problem.options import SolveOptions
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
 # The family of Lagrangians that hold squares of energies.

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from inverse_service.expressions.tree import Expression, Symbol
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+if TYPE_CHECKING:
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[Expression, ...], ...]

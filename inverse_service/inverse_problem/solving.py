@@ -25,15 +25,11 @@ from inverse_service.inverse_problem.explanation.finding import (
     search_steps,
     series_steps,
 )
-from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
-from inverse_service.inverse_problem.explanation.negative import explain_negative
 from inverse_service.inverse_problem.explanation.wording import printed_conditions, said, with_shared_letters
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Solution, Step
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
-from inverse_service.inverse_problem.search.integrating import is_free_of_divergence
-from inverse_service.inverse_problem.search.ladder import search
-from inverse_service.inverse_problem.search.members import reading_class
+from inverse_service.inverse_problem.search.motion import reading_class
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.linear_pde.deciding import MOST_UNKNOWNS, Limits
@@ -170,6 +166,8 @@ def _with_other_matrices(work: Work, with_time: bool) -> Found | None:
     """Lagrangians for which another constant matrix stands in the multiplier of the one that is known."""
     if len(work.analysis.system.coordinates) == 1:
         return None
+    from inverse_service.inverse_problem.search.ladder import search
+
     with until(now() + _SEARCH_SHARE * work.left()):
         return search(
             work.analysis, with_time, work.options.seed, math.inf, work.progress, highest=_CONSTANT_MATRIX
@@ -211,6 +209,8 @@ def _is_complete(answer: Answer) -> bool:
 
 def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     """Where L(q, v) was not found, has no closed H or is hard to read: a better L(t, q, v), if there is one."""
+    from inverse_service.inverse_problem.search.integrating import is_free_of_divergence
+
     if autonomous.lagrangian is not None and is_free_of_divergence(work.analysis, work.options.seed):
         return autonomous  # no factor e^(ct) is asked for, so the search would go the same way
     decision = _decide(work, with_time=True)
@@ -274,6 +274,9 @@ def _negative(work: Work, decision: Decision) -> Answer:
 
 def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
     """Why there is no Lagrangian; algebraic conditions exclude it with t as without, and are argued once."""
+    from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
+    from inverse_service.inverse_problem.explanation.negative import explain_negative
+
     if work.reasons:
         return work.reasons
     chosen = smallest_sufficient_set(work.analysis, work.options.seed)
@@ -310,6 +313,8 @@ def _proposed(work: Work, decision: Decision, tree: Expression) -> Answer:
 
 def _searched(work: Work, decision: Decision, highest: float) -> SearchOutcome:
     """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
+    from inverse_service.inverse_problem.search.ladder import search
+
     began, checked = now(), work.seconds.get("check", 0.0)
     with until(now() + _SEARCH_SHARE * work.left()):
         outcome = search(

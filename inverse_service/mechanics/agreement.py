@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from inverse_service.certificate.checker import CheckResult, Claims, Question, judged
 from inverse_service.certificate.formulas import MAX_POWER, Ended, Reader, applied, is_irrational, joined, read_tokens
@@ -31,7 +31,9 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
+
+if TYPE_CHECKING:
+    from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 
 Ring = Any  # one of the checker's, and an element of it
 Value = Any

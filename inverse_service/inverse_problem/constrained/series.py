@@ -11,10 +11,10 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, ConstrainedAt
+from inverse_service.inverse_problem.decision.analysis import is_irrational
 from inverse_service.inverse_problem.decision.power_series import (
     RationalSeries,
     as_tree,
-    is_irrational,
     reconstructed,
     solution,
 )

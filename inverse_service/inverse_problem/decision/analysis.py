@@ -13,7 +13,17 @@ from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity, substitute
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+    substitute,
+)
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
 
 if TYPE_CHECKING:
@@ -67,3 +77,10 @@ def _alone(system: SecondOrderSystem) -> str:
     pairs = zip(system.coordinates, system.accelerations, strict=True)
     equations = ", ".join(f"{name}'' = {to_text(f)}" for name, f in pairs)
     return f"other pieces of the formula seem to have no real value here: ask about this piece alone, {equations}"
+
+
+def is_irrational(node: Expression) -> bool:
+    """Whether the topmost operation of a formula is not rational."""
+    if isinstance(node, Power):
+        return not (isinstance(node.exponent, Number) and node.exponent.value.denominator == 1)
+    return isinstance(node, Apply | Arbitrary)

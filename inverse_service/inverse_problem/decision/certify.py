@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mpmath
 
@@ -36,11 +36,12 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
-from inverse_service.inverse_problem.decision.deciding import Decision
-from inverse_service.inverse_problem.decision.power_series import count, is_irrational, is_rational, regular_series
-from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrational, variables_of
+
+if TYPE_CHECKING:
+    from inverse_service.inverse_problem.decision.deciding import Decision
+    from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 FORMAT = "inverse-service/certificate/2"
 _DIGITS = 20
@@ -166,6 +167,8 @@ def of_decision(
 
 def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> dict[str, Any]:
     """{"series": …} to the order, or to the largest below it that is no longer than bearable; {} without one."""
+    from inverse_service.inverse_problem.decision.power_series import count, is_rational, regular_series
+
     n = len(analysis.system.coordinates)
     fitting = [k for k in range(1, order + 1) if count(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
     if n > _MOST_COORDINATES or not fitting or not is_rational(analysis):

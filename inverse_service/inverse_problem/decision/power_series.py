@@ -29,11 +29,7 @@ from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     PI,
-    Apply,
-    Arbitrary,
     Expression,
-    Number,
-    Power,
     Symbol,
     Velocity,
     add,
@@ -43,7 +39,7 @@ from inverse_service.expressions.tree import (
     subtract,
     walk,
 )
-from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
+from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrational, variables_of
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
 from inverse_service.inverse_problem.kinds.helmholtz import matrix_of
 from inverse_service.linear_pde.emission import Prolongation, advance, start
@@ -60,13 +56,6 @@ Choice = Callable[[tuple[int, ...], int], int]
 def is_rational(analysis: Analysis) -> bool:
     """Whether f is a rational function of t, q, v, the parameters and pi."""
     return not any(is_irrational(node) for f in analysis.accelerations for node in walk(f))
-
-
-def is_irrational(node: Expression) -> bool:
-    """Whether the topmost operation of a formula is not rational."""
-    if isinstance(node, Power):
-        return not (isinstance(node.exponent, Number) and node.exponent.value.denominator == 1)
-    return isinstance(node, Apply | Arbitrary)
 
 
 def count(n: int, with_time: bool, order: int) -> int:

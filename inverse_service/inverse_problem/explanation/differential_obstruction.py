@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from inverse_service.algebra.exact_ring import ExactRing, sum_of
 from inverse_service.algebra.kernels import to_kernels
@@ -25,10 +25,12 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.notation import Formula, partial_derivative, row, theory
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.explanation.elimination import Elimination
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, connection
 from inverse_service.mechanics.quotient_matrices import solve_square
+
+if TYPE_CHECKING:
+    from inverse_service.inverse_problem.decision.analysis import Analysis
+    from inverse_service.inverse_problem.explanation.elimination import Elimination
 
 Matrix = tuple[tuple[Quotient, ...], ...]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
 
 from inverse_service.algebra.real_point import own_requirements
 from inverse_service.errors import InputError
@@ -10,17 +11,17 @@ from inverse_service.expressions.inequalities import inequality
 from inverse_service.expressions.notation import Formula, listed, row
 from inverse_service.expressions.tree import TIME, Expression
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.decision.deciding import Decision
-from inverse_service.inverse_problem.decision.power_series import as_tree, count, rational_series
 from inverse_service.inverse_problem.explanation.verification import euler_lagrange_steps, explain_positive
 from inverse_service.inverse_problem.explanation.wording import Piece, said, separated
 from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
 from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
-from inverse_service.inverse_problem.search.rungs import REASONS
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+if TYPE_CHECKING:
+    from inverse_service.inverse_problem.decision.analysis import Analysis
+    from inverse_service.inverse_problem.decision.deciding import Decision
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # The order of the series that is written out, and how many coefficients it may have.
 _SERIES_ORDER = 2
@@ -55,6 +56,8 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
 
 def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
     """The families that were tried without success."""
+    from inverse_service.inverse_problem.search.rungs import REASONS
+
     families = [(name, count) for name, count in outcome.tried if name not in REASONS]
     tried = "; ".join(f"{name} ({terms(count)})" for name, count in families if count) or "none fits f"
     others = {
@@ -77,6 +80,8 @@ def _written(formula: Formula, given: str) -> Piece:
 
 def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> tuple[Step, ...]:
     """The beginning of the power series of one regular Lagrangian, where f is rational and it is short."""
+    from inverse_service.inverse_problem.decision.power_series import as_tree, count, rational_series
+
     n = len(analysis.system.coordinates)
     wanted = range(1, (order or _SERIES_ORDER) + 1)
     fitting = [k for k in wanted if count(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
@@ -146,6 +151,8 @@ def energy_step(taken: Collection[str]) -> Step:
 
 def search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
     """The family or the method that found L, and the constants it may have."""
+    from inverse_service.inverse_problem.search.rungs import REASONS
+
     assert outcome.found is not None
     name, count = outcome.tried[-1]
     reason = (

@@ -19,7 +19,7 @@ import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from flint import nmod_mat
 
@@ -29,7 +29,6 @@ from inverse_service.algebra.series import Series, SeriesRing, SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.mechanics.conditions import (
     Motion,
     S,
@@ -42,6 +41,9 @@ from inverse_service.mechanics.conditions import (
     nabla_of_curvature,
     power_name,
 )
+
+if TYPE_CHECKING:
+    from inverse_service.inverse_problem.decision.analysis import Analysis
 
 _POINTS = 8
 

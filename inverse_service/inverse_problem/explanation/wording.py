@@ -8,18 +8,20 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
-from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.notation import Formula, formula_of, matrix, row, theory
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.explanation.differential_obstruction import Contradiction
-from inverse_service.inverse_problem.explanation.elimination import Unknown
-from inverse_service.inverse_problem.explanation.hierarchy import ConditionName, EquationName, SufficientSet
 from inverse_service.inverse_problem.outcome import Answer, Conditions, Part, Solution, Step
 from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+if TYPE_CHECKING:
+    from inverse_service.algebra.rational_functions import Quotient
+    from inverse_service.inverse_problem.explanation.differential_obstruction import Contradiction
+    from inverse_service.inverse_problem.explanation.elimination import Unknown
+    from inverse_service.inverse_problem.explanation.hierarchy import ConditionName, EquationName, SufficientSet
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Piece = str | Formula | Expression
 

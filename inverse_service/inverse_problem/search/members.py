@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.deadline import check
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Symbol, Velocity, walk
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.choice import (
     complexity,
     gauge_of,
@@ -141,20 +141,6 @@ def best_members(space: LagrangianSpace, seed: int) -> list[Member]:
     table = space.sampler.real_point
     plain = [_divided(member, parameters, table) for member in found] if table and parameters else found
     return sorted(plain, key=lambda member: _order(member, parameters))
-
-
-def reading_class(lagrangian: Expression) -> int:
-    """0 for a polynomial in the velocities, 1 where it holds t, 2 for a rational function of them, 3 for all else."""
-    kind = int(any(node == TIME for node in walk(lagrangian)))
-    for node in walk(lagrangian):
-        if isinstance(node, Apply) and has_velocity(node):
-            return 3
-        if isinstance(node, Power) and has_velocity(node):
-            exponent = node.exponent.value if isinstance(node.exponent, Number) else Fraction(1, 2)
-            if exponent.denominator != 1:
-                return 3
-            kind = max(kind, 2 if exponent < 0 else 0)
-    return kind
 
 
 def _order(member: Member, parameters: frozenset[Symbol]) -> tuple[bool, Fraction, tuple[Fraction, int]]:

@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import lcm
 
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.terms import (
     Monomial,
     Terms,
@@ -134,3 +134,17 @@ def irreducible_factors(tree: Expression) -> tuple[Expression, ...]:
     found = [terms_of_polynomial(factor, letters) for factor, _ in polynomial.factor()[1]]
     sums = [{frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()} for one in found if len(one) > 1]
     return tuple(split_content(one)[2] for one in sums)
+
+
+def reading_class(lagrangian: Expression) -> int:
+    """0 for a polynomial in the velocities, 1 where it holds t, 2 for a rational function of them, 3 for all else."""
+    kind = int(any(node == TIME for node in walk(lagrangian)))
+    for node in walk(lagrangian):
+        if isinstance(node, Apply) and has_velocity(node):
+            return 3
+        if isinstance(node, Power) and has_velocity(node):
+            exponent = node.exponent.value if isinstance(node.exponent, Number) else Fraction(1, 2)
+            if exponent.denominator != 1:
+                return 3
+            kind = max(kind, 2 if exponent < 0 else 0)
+    return kind

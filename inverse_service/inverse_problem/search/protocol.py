@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from inverse_service.algebra.components import known_positive
 from inverse_service.algebra.exact_atoms import factored
@@ -20,10 +21,12 @@ from inverse_service.expressions.tree import Expression, Number, Power, Product,
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.outcome import Lagrangian, Matrix
-from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import hessian
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+if TYPE_CHECKING:
+    from inverse_service.inverse_problem.search.material import Material
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,11 +18,7 @@ from inverse_service.expressions.tree import (
     subtract,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, resolved, split
-from inverse_service.mechanics.legendre.linear import linear_branches
 from inverse_service.mechanics.legendre.quadratic import form_matrix, quadratic_branches
-from inverse_service.mechanics.legendre.radial import radial_branches, ratio_branches
-from inverse_service.mechanics.legendre.routh import routh_branches
-from inverse_service.mechanics.legendre.scalar import elimination_branches, scalar_branches
 
 _MOST_BRANCHES = 8
 
@@ -44,6 +40,12 @@ def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:
     yield from quadratic_branches(block)
     if form_matrix(expand(block.function), block.names) is not None:
         return
+    # Most Lagrangians are quadratic: what solves the others is loaded for them.
+    from inverse_service.mechanics.legendre.linear import linear_branches
+    from inverse_service.mechanics.legendre.radial import radial_branches, ratio_branches
+    from inverse_service.mechanics.legendre.routh import routh_branches
+    from inverse_service.mechanics.legendre.scalar import elimination_branches, scalar_branches
+
     inner = partial(solve, reach=Reach(reach.depth - 1, reach.deadline))
     for family in (ratio_branches, radial_branches, routh_branches, linear_branches, scalar_branches):
         if reach.exhausted:

@@ -14,17 +14,14 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, subtract, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.proofs.identities import checked_identities
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
-from inverse_service.mechanics.nonholonomic.reading import read_lagrangian
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.hamiltonians import compared_hamiltonians
-from inverse_service.service.documents.kinds import to_kinds
 from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
 from inverse_service.service.documents.reading import read_json
 
@@ -68,6 +65,8 @@ def check_document(text: str) -> dict[str, Any]:
     if claims_nothing(found):
         return {"verdict": "incomplete", "reasons": [_NO_CLAIM]}
     if isinstance(found, dict) and "theorems" in found:
+        from inverse_service.inverse_problem.proofs.identities import checked_identities
+
         return answer(judged(lambda tools: checked_identities(found), TIME_LIMIT, None))
     if isinstance(found, dict) and "document" in found and "result" in found:
         from inverse_service.service.jobs.identity import write_json  # brings all that jobs are made of
@@ -203,6 +202,8 @@ def _not_checked(result: Any, hamiltonian: bool) -> list[str]:
 
 def _answers_all(result: dict[str, Any], given: object) -> CheckResult | None:
     """What is wrong where a result does not answer on every branch, or for the vector fields, that the document has."""
+    from inverse_service.service.documents.kinds import to_kinds
+
     try:
         document = prepared(given).document
         if is_nonholonomic(document) or is_motion(document):
@@ -318,6 +319,8 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
 
 def _read(schema: Any, system: SecondOrderSystem, text: str) -> Expression:
     """L with the names of the system and no others."""
+    from inverse_service.mechanics.nonholonomic.reading import read_lagrangian
+
     declared = Declared(system.coordinates, schema.parameters, system.names.functions, schema.where)
     known = known_names(declared, {POINTER: text}, order=1)
     return known.put_in(read_lagrangian(text, known.names))

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
@@ -13,12 +12,14 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Symbol, Velocity, substitute, subtract
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
-from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
-from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
-from inverse_service.mechanics.nonholonomic.reading import read_motion
 from inverse_service.mechanics.reading import read_given
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.preparing import is_motion, is_nonholonomic, prepared
+
+if TYPE_CHECKING:
+    from api_schemas.system import SystemDocument
+    from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
+    from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 
 
 def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
@@ -93,6 +94,8 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
 
 
 def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
+    from inverse_service.mechanics.nonholonomic.reading import read_motion
+
     constraints = [f"{name}' = {w}" for name, w in system["velocities"].items()]
     return read_motion(
         system["coordinates"], system["equations"], constraints, system["parameters"], system["functions"]

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from api_schemas.base import ParseAnswer
-from api_schemas.result import ResultDocument
-from api_schemas.system import SystemDocument
 from inverse_service.certificate.checker import check_result
 from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused
-from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solving import solve_branches
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.checking import compare_before_leaving
+
+if TYPE_CHECKING:
+    from api_schemas.base import ParseAnswer
+    from api_schemas.result import ResultDocument
+    from api_schemas.system import SystemDocument
+    from inverse_service.expressions.tree import Expression
+    from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
+    from inverse_service.inverse_problem.options import SolveOptions
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
 SHARE_OF_SOLVER = 0.8
@@ -96,7 +98,7 @@ def with_special_cases(
     """The result with the tree of special cases, found in the time that is left."""
     # Loaded when asked for, so that others start sooner.
     from inverse_service.inverse_problem.special_cases.tree import special_cases
-    from inverse_service.service.documents.translate import to_special_cases
+    from inverse_service.service.documents.translate_cases import to_special_cases
 
     end, progress = limits
     deadline = now() + SHARE_OF_SOLVER * (end - now())

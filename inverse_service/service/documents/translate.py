@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,6 @@ from api_schemas.base import ParseAnswer, ParsedFormula
 from api_schemas.result import (
     AdvicePart,
     BranchPart,
-    CaseNode,
     ConditionsPart,
     ExplanationPart,
     ExplanationStep,
@@ -20,9 +19,7 @@ from api_schemas.result import (
     OtherAnswer,
     ResultDocument,
     SolutionSpacePart,
-    SpecialCasesPart,
     UnderstoodSystem,
-    VariationalCase,
 )
 from api_schemas.system import NamedDocument, SystemDocument
 from inverse_service import __version__
@@ -44,11 +41,8 @@ from inverse_service.inverse_problem.outcome import (
     Matrix,
     Solution,
     Step,
-    Verdict,
 )
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
-from inverse_service.inverse_problem.special_cases.cases import Case, conditions
-from inverse_service.inverse_problem.special_cases.tree import Node, SpecialCases
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.reading import read_given, read_system
@@ -382,60 +376,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [plain(part) for part in value]
     return value
-
-
-Reading = Callable[[Case], Verdict | None]
-
-
-def to_special_cases(found: SpecialCases) -> SpecialCasesPart:
-    """The part of the document; raises nothing."""
-    both = found.root.case.autonomous is not None and found.root.case.with_time is not None
-    return SpecialCasesPart(
-        tree=_node(found.root),
-        variational_when=list(_variational(found.root, main_verdict, False)),
-        variational_when_with_time=list(_variational(found.root, lambda case: case.with_time, False)) if both else None,
-        examined=len(found.examined),
-        complete=found.complete,
-        complete_with_time=found.complete_with_time if both else None,
-        reasons=list(found.reasons),
-    )
-
-
-def main_verdict(case: Case) -> Verdict | None:
-    """The verdict of the question that a result answers in its main fields."""
-    return case.autonomous if case.autonomous is not None else case.with_time
-
-
-def _node(node: Node) -> CaseNode:
-    case = node.case
-    main = main_verdict(case)
-    assert main is not None, "each case answers a question"
-    return CaseNode(
-        conditions=_conditions_of(case),
-        verdict=main,
-        verdict_with_time=case.with_time,
-        dimension=case.stratum.dimension,
-        statement=case.statement,
-        reason=case.reason,
-        children=[_node(child) for child in node.children],
-    )
-
-
-def _variational(node: Node, verdict: Reading, inside: bool) -> Iterator[VariationalCase]:
-    """The largest cases with this verdict, in the order of the tree."""
-    here = verdict(node.case) == "variational"
-    if here and not inside:
-        yield VariationalCase(
-            conditions=_conditions_of(node.case),
-            dimension=node.case.stratum.dimension,
-            exceptions=[_conditions_of(child.case) for child in node.children if verdict(child.case) != "variational"],
-        )
-    for child in node.children:
-        yield from _variational(child, verdict, here)
-
-
-def _conditions_of(case: Case) -> list[Formula]:
-    return [
-        Formula(text=f"{to_text(left)} = {to_text(right)}", latex=f"{to_latex(left)} = {to_latex(right)}")
-        for left, right in conditions(case)
-    ]

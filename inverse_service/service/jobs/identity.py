@@ -15,11 +15,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from inverse_service import __version__
 from inverse_service.errors import InputError, LimitError
-from inverse_service.service.jobs.model import Batch, BatchLine, Job, JobRequest
+
+if TYPE_CHECKING:
+    from inverse_service.service.jobs.model import Batch, BatchLine, Job, JobRequest
 
 DIGITS = 40
 # A new page or command does not make an answer another one.
@@ -84,7 +86,7 @@ def _order(document: Any) -> list[str]:
     return list(equations) if isinstance(equations, Mapping) else []
 
 
-Owned = TypeVar("Owned", Job, Batch)
+Owned = TypeVar("Owned", "Job", "Batch")
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,27 +8,42 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.reading import decode, read_json
 from inverse_service.service.documents.refusals import DocumentRefused
-from inverse_service.service.jobs.batch_files import BatchTerms, batch_lines, lines_of_array, lines_of_ndjson
 from inverse_service.service.jobs.identity import JobOptions, read_options, split_options, stored_options
-from inverse_service.service.jobs.kinds import KINDS, label_of, request_of
-from inverse_service.service.jobs.model import BatchLine, JobRequest
 from inverse_service.service.jobs.outcome import Outcome, Place, faults_of
 
-ENGINE = tuple(
-    f"inverse_service.service.documents.{name}" for name in ("documents", "solving", "nonholonomic", "checking")
+if TYPE_CHECKING:
+    from inverse_service.service.jobs.batch_files import BatchTerms
+    from inverse_service.service.jobs.model import BatchLine, JobRequest
+
+# What a command loads only for the questions that need it, and a worker before its first.
+ENGINE = (
+    "service.documents.documents",
+    "service.documents.solving",
+    "service.documents.nonholonomic",
+    "service.documents.checking",
+    "service.documents.kinds",
+    "service.documents.translate_cases",
+    "service.jobs.batch_files",
+    "inverse_problem.explanation.negative",
+    "inverse_problem.proofs.identities",
+    "inverse_problem.search.ladder",
+    "mechanics.legendre.linear",
+    "mechanics.legendre.radial",
+    "mechanics.legendre.routh",
+    "mechanics.legendre.scalar",
 )
 
 
 def load_engine() -> None:
     """Import everything that a task needs."""
     for module in ENGINE:
-        importlib.import_module(module)
+        importlib.import_module(f"inverse_service.{module}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +96,8 @@ def ping_task() -> Outcome:
 
 
 def _job(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Answer:
+    from inverse_service.service.jobs.kinds import KINDS, label_of
+
     result = KINDS[kind].work(read_json(document), stored_options(options), report)
     fault = result.get("provenance", {}).get("fault", "") if isinstance(result, dict) else ""
     return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result), fault)
@@ -146,6 +163,8 @@ def batch_task(body: bytes, is_array: bool, terms: BatchTerms) -> Outcome:
 
 
 def _asked(body: bytes, terms: AskingTerms) -> JobRequest:
+    from inverse_service.service.jobs.kinds import request_of
+
     document, given = split_options(_read(body))
     options = read_options(given, terms.server)
     if terms.time_limit is not None:
@@ -165,6 +184,8 @@ def _checked(body: bytes) -> Any:
 
 
 def _lines(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
+    from inverse_service.service.jobs.batch_files import batch_lines, lines_of_array, lines_of_ndjson
+
     return batch_lines(lines_of_array(body) if is_array else lines_of_ndjson(body), terms)
 
 
