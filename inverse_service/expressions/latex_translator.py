@@ -338,6 +338,9 @@ class LatexTranslator(LatexDerivatives):
         """InputError for q^1, which is a component and no power."""
         alone = len(raised) == 1 or raised[1].is_character("}")
         digits = self._run(raised[0]) if len(raised) == 1 else raised[:1]
+        if [piece.text for piece in raised[:1]] == ["("] and "".join(piece.text for piece in raised[1:]).isdigit():
+            instead = "write x^{2} for a power, f''(x) for a derivative"
+            raise refusal("a raised number in brackets occurs", raised[0].column, instead)
         if alone and [piece.text for piece in digits] == ["1"] and self._tokens and self._tokens[-1].kind != "number":
             raise refusal("a raised 1 occurs", raised[0].column, "an index? write it below, as in q_1 and q_2")
 

@@ -163,7 +163,11 @@ class LatexWords:
             name = self._with_subscript(plain) if plain else ""
         if braces and not self._take().is_character("}"):
             return "", 0, 0
-        order = first * self._small_power()
+        after = self._small_power()
+        if after > 1 and not dots:
+            instead = f"write \\frac{{d^2 {name}}}{{dt^2}} or \\left(\\frac{{d{name}}}{{dt}}\\right)^2"
+            raise refusal("what is raised in a derivative is not clear", raw.column, instead)
+        order = first * after
         if [piece.text for piece in self._raw[self._place : self._place + 3]] == ["(", "t", ")"]:
             self._place += 3
         return (name, order, dots) if self._take().is_character("}") else ("", 0, 0)

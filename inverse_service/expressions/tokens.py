@@ -192,11 +192,12 @@ SUPERSCRIPTS = dict(zip("\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\
 SUPERSCRIPT_MINUS = "\u207b"
 OPERATORS = {
     "\u00b7": "*", "\u22c5": "*", "\u00d7": "*", "\u2217": "*", "\u2219": "*", "\u00f7": "/", "\u2215": "/",
-    "\u2212": "-", "\u2013": "-", "\u2010": "-", "\u2011": "-",
+    "\u2022": "*", "\u2062": "*", "\u2044": "/", "\u2212": "-", "\u2013": "-", "\u2010": "-", "\u2011": "-",
 }  # fmt: skip
 PRIMES = {"'": 1, "\u2032": 1, "\u2019": 1, "\u02b9": 1, "\u02bc": 1, "\u00b4": 1, "\u2033": 2, "\u201d": 2}
 SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
 _DOTS = {"\u0307": 1, "\u0308": 2}
+_SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT")
 
 
 def letter(character: str) -> tuple[str, int] | None:
@@ -211,6 +212,8 @@ def letter(character: str) -> tuple[str, int] | None:
         return SUBSCRIPTS[character], 0
     if character in _DOTS:
         return "", _DOTS[character]
+    if unicodedata.name(character, "").startswith(_SLANTED):  # as word processors set formulas
+        return letter(unicodedata.normalize("NFKC", character))
     return _dotted_letter(character)
 
 

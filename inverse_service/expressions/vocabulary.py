@@ -51,7 +51,8 @@ _SPECIAL = "is not an elementary function"
 _COMMAND = ("is a command of another program", "write the equations alone")
 _VECTORS = ("belongs to vectors", "write an equation for each component")
 _WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", "given", "equation", "equations",
-          "model", "system", "when", "const", "constant", "begin", "end", "is", "the")  # fmt: skip
+          "model", "system", "when", "const", "constant", "begin", "end", "is", "the", "and", "or", "not", "xor",
+          "None", "True", "False", "true", "false", "null", "Null", "nil")  # fmt: skip
 _OTHER_TONGUES = (("sen", "sin"), ("seno", "sin"), ("sinus", "sin"), ("sine", "sin"), ("cosinus", "cos"),
                   ("cosine", "cos"), ("tangent", "tan"), ("senh", "sinh"))  # fmt: skip
 _DECLARE = 'declare a function of your own in "functions" and use its derivatives'
@@ -86,6 +87,8 @@ REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
     "zeta": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
     "j": ("is not declared and complex numbers are not accepted", 'write real equations, or add it to "parameters"'),
     "lg": ("is log10 to some and log2 to others", 'write log10(x), or add it to "parameters"'),
+    **dict.fromkeys(("lb", "ld"), ("is a logarithm to some", 'write log2(x), or add it to "parameters"')),
+    **dict.fromkeys(("PI", "M_PI"), ("is pi to many", 'write pi, or add it to "parameters"')),
     "sqr": ("is a square to some and a root to others", 'write x^2 or sqrt(x), or add it to "parameters"'),
     **{word: (f"is {plain} to many", f'write {plain}(x), or add it to "parameters"') for word, plain in _OTHER_TONGUES},
     **dict.fromkeys(("acot", "arccot", "arcctg"), ("has two meanings", "write atan(1/x) or pi/2 - atan(x)")),
@@ -142,5 +145,7 @@ def check_domain(function: str, argument: Expression, column: int) -> None:
 
 def reason_against(name: str, column: int) -> InputError | None:
     """The refusal of a well-known name that formulas cannot use, or None."""
+    if name.startswith("log_"):
+        return refusal("a base of a logarithm occurs", column, "write log(x)/log(2) or log(x, 2)")
     entry = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(name)
     return refusal(f"{name} {entry[0]}; it occurs", column, entry[1]) if entry else None

@@ -33,6 +33,7 @@ from inverse_service.expressions.vocabulary import (
     REFUSED,
     REFUSED_UNLESS_DECLARED,
     RESERVED,
+    reason_against,
 )
 
 _LONGEST_ARGUMENTS = 400
@@ -295,12 +296,33 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinat
     if token.text == "j" and not token.space_before and place and line[place - 1].kind == "number":
         what, instead = REFUSED_UNLESS_DECLARED["i"]
         raise refusal(f"j {what}; it occurs", token.column, instead).at(pointer)
+    based = reason_against(token.text, token.column) if token.text.startswith("log_") else None
+    if error := based or _half_a_number(line, place):
+        raise error.at(pointer)
+    following = [other.text for other in line[place + 1 : place + 6]]
+    if following[:2] == ["^", "("] and following[2:3] and following[2].isdigit() and following[3:] == [")", "("]:
+        instead = f"write {token.text}''({line[place + 6].text}) for a derivative, ^2* for a product"
+        raise refusal(f"{token.text}^({following[2]})( could be a derivative", token.column, instead).at(pointer)
     if token.text == "d" and after is not None and after.text == "t":
         raise refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
     if token.text == "Delta" and after is not None and after.kind == "name":
         instead = f'a product? write Delta*{after.text} and add Delta to "parameters"'
         raise refusal(f"Delta {after.text} is a difference or a Laplacian to most; it occurs", token.column, instead,
                       (f"Delta*{after.text}",)).at(pointer)  # fmt: skip
+
+
+def _half_a_number(line: Sequence[Token], place: int) -> InputError | None:
+    """The refusal of 1.0d-3 and 2D0 (Fortran), 0.5f (C), 1f0 (Julia), 0o7, whose letters are no factors."""
+    token, before = line[place], line[place - 1] if place else None
+    if before is None or before.kind != "number" or token.space_before:
+        return None
+    text, after = token.text, [other.text for other in line[place + 1 : place + 3] if not other.space_before]
+    power = text in ("d", "D") and len(after) == 2 and after[0] in "+-" and after[1].isdigit()
+    suffix = re.fullmatch("[dDfF][0-9]{1,3}", text) is not None or (text in ("f", "F") and "." in before.text)
+    if not (power or suffix or before.text == "0"):
+        return None
+    shown = before.text + text + "".join(after) * power
+    return refusal(f"{shown} could be one number", before.column, f"write 2*{text} for a product, 2e-3 for a number")
 
 
 def _is_apart(line: Sequence[Token], place: int) -> bool:
