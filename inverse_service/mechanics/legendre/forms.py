@@ -93,6 +93,30 @@ def related(tree: Expression) -> Expression:
         return tree
 
 
+def inside(tree: Expression) -> Expression:
+    """The tree with each sum that a function is taken of as one quotient, where that is shorter."""
+    match rebuild(tree, inside):
+        case Apply(function, Sum() as argument):
+            return Apply(function, shortest([argument, _turned(quotient(argument))]))
+        case other:
+            return other
+
+
+def _turned(tree: Expression) -> Expression:
+    """-(a - b) c as (b - a) c."""
+    match tree:
+        case Product((Number(value), *rest)) if value < 0:
+            place = next((k for k, factor in enumerate(rest) if isinstance(factor, Sum)), None)
+            if place is not None:
+                return multiply(number(-value), *rest[:place], negated(rest[place]), *rest[place + 1 :])
+    return tree
+
+
+def negated(tree: Expression) -> Expression:
+    """-tree, term by term."""
+    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else negate(tree)
+
+
 def _is_monomial(tree: Expression) -> bool:
     factors = tree.factors if isinstance(tree, Product) else (tree,)
     bases = (factor.base if isinstance(factor, Power) else factor for factor in factors)
@@ -176,6 +200,8 @@ def _cancelled(tree: Expression, sign: int) -> Expression:
             return multiply(power(whole, e.numerator), power(rest, e)) if squares else inner
         case Power(Power() as square, Number(e)) if e.denominator == 2 and _is_square(square):
             return power(multiply(number(sign), _root_of_square(square)), e.numerator)
+        case Power(Sum() as base, Number(e)) if e.denominator == 2 and not isinstance(short := quotient(base), Sum):
+            return _cancelled(power(short, e), sign)
         case _:
             return inner
 

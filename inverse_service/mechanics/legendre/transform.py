@@ -20,7 +20,6 @@ from inverse_service.expressions.tree import (
     ZERO,
     Arbitrary,
     Expression,
-    Sum,
     Symbol,
     Velocity,
     add,
@@ -34,6 +33,8 @@ from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
 from inverse_service.mechanics.legendre.forms import (
     cancelled,
+    inside,
+    negated,
     related,
     roots_apart,
     shortest,
@@ -104,7 +105,7 @@ def legendre(
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
     slopes = gradient(lagrangian, map(Velocity, names))  # u log u has log u + 1 for a slope, if it is not expanded
-    functions = tuple(related(simplified(slopes.get(Velocity(name), ZERO))) for name in names)
+    functions = tuple(inside(related(simplified(slopes.get(Velocity(name), ZERO)))) for name in names)
     parts = split(lagrangian, names, dict(zip(names, symbols, strict=True)))
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
     points = sample_points([lagrangian, *functions], positive)
@@ -199,7 +200,7 @@ def _closed(
     energies = [_placed(found.branch.hamiltonian, table) for found in chosen]
     return replace(
         implicit,
-        hamiltonian=_collected_if_shorter(add(*energies, _negated(parts.free))),
+        hamiltonian=inside(_collected_if_shorter(add(*energies, negated(parts.free)))),
         velocities=tuple(merge_powers(velocity) for velocity in resolved(chained, names)),
         implicit=False,
         chained=chained,
@@ -218,11 +219,6 @@ def _placed(tree: Expression, table: dict[Expression, Expression]) -> Expression
 
 def _collected_if_shorter(tree: Expression) -> Expression:
     return shortest([tree, collect(tree)])
-
-
-def _negated(tree: Expression) -> Expression:
-    """-tree, term by term."""
-    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else negate(tree)
 
 
 def _claim(closed: LegendreTransform, names: tuple[str, ...]) -> Claim:
