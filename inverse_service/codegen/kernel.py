@@ -131,7 +131,7 @@ class Kernel:
             if watch.kind == "sign":
                 self.blocks.keep_sign(f"watch_{place}", value, WATCHED + place)
                 continue
-            if watch.kind == "positive":
+            if watch.kind in ("positive", "domain"):
                 good = w.compare(">", value, zero)
             elif watch.kind in ("bound", "resolution"):
                 good = w.compare("<", w.absolute(value), limit)

@@ -110,8 +110,8 @@ class Iterate:
 class Watch:
     """A quantity tested after each step.
 
-    "sign" must keep its sign, "positive" must be above 0, "bound" and "resolution" must stay below `limit` in size and
-    have a value, "map" must stay below it where it has one.
+    "sign" must keep its sign, "positive" and "domain" must be above 0, "bound" and "resolution" must stay below
+    `limit` in size and have a value, "map" must stay below it where it has one.
     """
 
     kind: str

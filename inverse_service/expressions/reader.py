@@ -9,7 +9,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.notations import in_our_words
 from inverse_service.expressions.tokenizer import tokenize
 from inverse_service.expressions.tokens import Token, refuse_decimal_commas
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions.tree import ZERO, Expression, subtract
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
@@ -24,6 +24,13 @@ def is_latex(formula: str) -> bool:
 def read_formula(formula: str, names: Names) -> Expression:
     """The formula as a tree; InputError or LimitError with the column."""
     return equations.read_formula(read_tokens(formula, names), len(formula) + 1, names)
+
+
+def read_condition(condition: str, names: Names) -> Expression:
+    """A - B of A > B and of A != B, B - A of A < B: positive, or not 0, where the condition of an answer holds."""
+    left, sign, right = re.split(r" (!=|>|<) ", condition)
+    sides = [read_formula(side, names) for side in ((right, left) if sign == "<" else (left, right))]
+    return sides[0] if sides[1] == ZERO else subtract(*sides)
 
 
 def read_equations(formula: str, names: Names) -> list[tuple[Expression, Expression]]:

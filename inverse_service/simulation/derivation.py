@@ -136,7 +136,7 @@ def with_energy(scene: Scene, derived: Derived) -> Scene:
     free = derived.free.get(None)
     if scene.accelerations is None or not isinstance(free, FreeLagrangian):
         return scene
-    return replace(scene, found=free.lagrangian, values=dict(free.constants) | dict(scene.values))
+    return replace(scene, found=free, values=dict(free.constants) | dict(scene.values))
 
 
 def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem | Unavailable:
@@ -169,6 +169,7 @@ def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem 
         free_hamiltonian=free.hamiltonian,
         free_constants=tuple(free.constants),
         forces=scene.forces if free.forced else (),
+        domain=free.domain,
     )
 
 

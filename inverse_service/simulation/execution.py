@@ -39,7 +39,7 @@ _UNDEFINED = "a formula of the scene ends there: begin elsewhere, stop before, o
 _ENDS = "the motion has a singular point there: stop before it; or take a larger tolerance, or the method stiff"
 _BENT = "the third difference of the path compared with its steps, squared: fewer than five steps in a turn"
 HIDDEN_QUANTITY = "the impulse of a force between two points, which neither shows: more than 0.1 of the momentum"
-_KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain"}
+_KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
 NEARLY_SINGULAR = 0.25
 

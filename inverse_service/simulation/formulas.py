@@ -296,6 +296,11 @@ class Formulas:
         return [self._denominator(wall) for wall in found]
 
     @cached_property
+    def domain(self) -> list[Denominator]:
+        """What is positive where L~ has the motion."""
+        return [self._denominator(tree) for tree in self.problem.domain]
+
+    @cached_property
     def momenta_may_fail(self) -> list[Formula]:
         """p - L~_v(q, H_p), where it is not seen to be 0: a Legendre map that is no map of all momenta.
 

@@ -199,21 +199,37 @@ def _constant_ratio(raw: Expression, stripped: Expression, motion: ExactMotion) 
 POINTS = 24
 ENOUGH = 4
 TOLERANCE = 1e-7
+NOTICED = 1e-3  # of the motion of a run, whose velocities come from momenta
 
 
 def keeps_motion(
-    scene: Scene, lagrangian: Expression, accelerations: tuple[Expression, ...], values: dict[str, float]
+    scene: Scene,
+    lagrangian: Expression,
+    accelerations: tuple[Expression, ...],
+    values: dict[str, float],
+    domain: tuple[Expression, ...] = (),
 ) -> bool | None:
-    """True or False where enough points have finite values, None where not."""
+    """True or False where enough points of the domain, where its formulas are positive, have values; None elsewhere."""
     positions, velocities = _points(scene)
     times = np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions)) + scene.grid.begin
     table = table_of(scene.coordinates, positions, velocities, values, times)
-    residuals = euler_lagrange_residual(lagrangian, scene.coordinates, accelerations)
-    worst = np.zeros(len(positions))
-    for residual in residuals:
-        worst = np.maximum(worst, np.abs(array_value(residual, table)) / _size(residual, table))
-    finite = worst[np.isfinite(worst)]
+    worst = distance_of_motion(lagrangian, scene.coordinates, accelerations, table)
+    inside = np.all([array_value(end, table) > 0 for end in domain], axis=0)
+    finite = worst[np.isfinite(worst) & inside]
     return None if len(finite) < ENOUGH else bool((finite < TOLERANCE).all())
+
+
+def distance_of_motion(
+    lagrangian: Expression,
+    coordinates: tuple[str, ...],
+    accelerations: tuple[Expression, ...],
+    table: dict[Expression, Array | float],
+) -> Array:
+    """The greatest Euler-Lagrange residual at each of m points (m,), measured by its largest term."""
+    residuals = euler_lagrange_residual(lagrangian, coordinates, accelerations)
+    sizes = [np.abs(array_value(residual, table)) / _size(residual, table) for residual in residuals]
+    worst: Array = np.max(sizes, axis=0)
+    return worst
 
 
 def _size(residual: Expression, table: dict[Expression, Array | float]) -> Array:

@@ -45,6 +45,7 @@ from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.formulas import walls
+from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
 from inverse_service.simulation.matching_circle import (
     CircleDrift,
     circle_drift,
@@ -80,7 +81,7 @@ def energy(lagrangian: Expression, coordinates: tuple[str, ...]) -> Expression:
 
 def lagrangian_of_energy(scene: Scene) -> Expression | None:
     """The Lagrangian of the scene; of a system given by its equations the one that was found."""
-    return scene.found if scene.lagrangian is None else scene.lagrangian
+    return scene.found.lagrangian if scene.lagrangian is None and scene.found is not None else scene.lagrangian
 
 
 def start_energy(scene: Scene) -> float | None:
@@ -160,19 +161,22 @@ def point_kinetic(
     return np.abs(sum(powers, np.zeros(len(positions)))) / 2
 
 
-def wall_of_energy(scene: Scene, positions: Array, velocities: Array) -> str | None:
-    """What the Lagrangian that was found divides by, or takes roots or logarithms of, and the motion passes through 0.
+def end_of_energy(scene: Scene, positions: Array, velocities: Array, times: Array) -> str | None:
+    """How the Lagrangian that was found stops being one of the motion at the points; None where it does not.
 
-    The energy of the other side may differ from this one by anything.
+    It is divided by, or takes roots or logarithms of, what passes through 0, its domain ends, or its equations are
+    others. The energy of the other side may differ from this one by anything.
     """
     if scene.found is None:
         return None
-    table = table_of(scene.coordinates, positions, velocities, scene.values)
-    for wall in dict.fromkeys(walls(scene.found, set(map(Symbol, scene.coordinates)))):
+    table = table_of(scene.coordinates, positions, velocities, scene.values, times)
+    own = walls(scene.found.lagrangian, set(map(Symbol, scene.coordinates)))
+    for wall in dict.fromkeys((*own, *scene.found.domain)):
         values = array_value(wall, table)
         if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
-            return to_text(wall)
-    return None
+            return f"ends where {to_text(wall)} = 0, and the motion passes there"
+    apart = distance_of_motion(scene.found.lagrangian, scene.coordinates, scene.accelerations or (), table)
+    return "has another motion than the equations on a part of the way" if (apart > NOTICED).any() else None
 
 
 def point_constraints(scene: Scene, positions: Array, velocities: Array) -> dict[str, Any]:

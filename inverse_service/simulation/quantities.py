@@ -15,6 +15,7 @@ from inverse_service.simulation.observing import (
     circle_numbers,
     conserved_momenta,
     constraint_numbers,
+    end_of_energy,
     error_numbers,
     greatest,
     mean_velocities,
@@ -24,7 +25,6 @@ from inverse_service.simulation.observing import (
     point_energy,
     point_velocities,
     start_energy,
-    wall_of_energy,
     why_energy_varies,
 )
 from inverse_service.simulation.scene import Problem, Requested, Scene, Unavailable
@@ -32,7 +32,7 @@ from inverse_service.simulation.truth import Truth, places_of
 
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
 _NO_ENERGY = "The system is given by its equations, and no Lagrangian of it was found, so there is no energy."
-_WALL = "The energy is that of a Lagrangian that was found, which ends where {} = 0, and the motion passes there."
+_WALL = "The energy is that of a Lagrangian that was found, which {}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
         return {"energy_start": start, "max_energy_error": None, "energy_note": note} | numbers, series
     points = point_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
     series = {"energy": points} | series
-    wall = wall_of_energy(run.scene, run.trajectory.positions, velocities)
+    wall = end_of_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
     varies = why_energy_varies(run.scene) or (wall and _WALL.format(wall))
     if varies:
         numbers = {"energy_start": start, "max_energy_error": None, "energy_note": varies}

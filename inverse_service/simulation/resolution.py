@@ -2,7 +2,8 @@
 
 In two steps: the energy, a constant, changes by half of the kinetic energy; of a method with a tolerance, by far more
 than that. Over the whole run: a force changes with t
-faster than the steps, and the end is far from the true motion. What lies between two points: `between_steps`.
+faster than the steps, and the end is far from the true motion. What lies between two points: `between_steps`. A run
+with a Lagrangian that has another motion there than the given equations is `off_domain`.
 """
 
 from __future__ import annotations
@@ -13,28 +14,29 @@ from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.between_steps import greatest_near
+from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
 from inverse_service.simulation.observing import (
+    end_of_energy,
     lagrangian_of_energy,
     point_energy,
     point_kinetic,
-    wall_of_energy,
     why_energy_varies,
 )
 from inverse_service.simulation.quantities import Observed, velocities_at_points
 from inverse_service.simulation.scene import OWN_STEPS, SCIPY
 from inverse_service.simulation.truth import Truth, places_of
-from inverse_service.simulation.watches import RESOLVE
+from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE
 
 _JUMPS = "the change of the energy, a constant, in two steps: more than {} of the kinetic energy"
 _NOISE = 1e-6
 _ROUND_OFF = 1e-14  # of formulas such as log(cos(x)) near 0, whose parts are of size 1
 _OF_TOLERANCE = 1e8  # tolerances that the energy may change in two steps, in kinetic energies: steps of their own may
 # enter a narrow force before they see it, and lose what it did until then
+_OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 UNSEEN = "the error at the end: the force changes with t within each step, which its ends do not show"
 # A change with t is lost between steps where half of the steps do not show this share of it; then so large an error,
 # over the size of the motion, is too large.
 LOST, TOO_LARGE = 0.2, 0.1
-NOTICED = 1e-3
 LOOKED_AT, INSIDE = 256, 33
 
 
@@ -49,7 +51,7 @@ def jump_of_energy(run: Observed) -> Outcome | None:
     if unknown or not 0 < steps < len(at.times):  # not every step was recorded
         return None
     velocities = velocities_at_points(run)
-    if velocities is None or wall_of_energy(run.scene, at.positions, velocities):
+    if velocities is None or end_of_energy(run.scene, at.positions, velocities, at.times):
         return None
     energies = point_energy(run.scene, at.positions, velocities, at.times)
     kinetic = point_kinetic(run.scene, at.positions, velocities, at.times)
@@ -66,6 +68,29 @@ def jump_of_energy(run: Observed) -> Outcome | None:
     step = int(places[0])
     change = float(changes[np.abs(changes[:, step]).argmax(), step])
     return Outcome("unresolved", step + 1, float(at.times[step + 1]), _JUMPS.format(f"{share:.1g}"), change, RESOLVE)
+
+
+def other_motion(run: Observed) -> Outcome | None:
+    """The outcome where the Lagrangian of the method has another motion at a point of the run than the equations.
+
+    What is known of its domain is watched at every step; a Lagrangian that is given brings none.
+    """
+    scene, problem, at = run.scene, run.problem, run.trajectory
+    if scene.accelerations is None or problem is None or problem.free_lagrangian is None:
+        return None
+    velocities = velocities_at_points(run)
+    if velocities is None:
+        return None
+    table = table_of(scene.coordinates, at.positions, velocities, run.values, at.times)
+    apart = distance_of_motion(problem.free_lagrangian, scene.coordinates, scene.accelerations, table)
+    apart += np.sum([0 * array_value(f, table) for f in scene.accelerations], axis=0)  # no number where one has none
+    apart[0] = 0.0  # where the start was looked at, which may be a pole that the motion leaves
+    places = np.flatnonzero(~(apart <= NOTICED))
+    if not len(places):
+        return None
+    point = int(places[0])
+    step = min(point * scene.grid.record_every, scene.grid.steps)
+    return Outcome("off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), OTHER_MOTION)
 
 
 def changes_unseen(run: Observed) -> bool:

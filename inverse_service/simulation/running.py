@@ -42,7 +42,7 @@ from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.quantities import Observed, observed_quantities
-from inverse_service.simulation.resolution import UNSEEN, changes_unseen, jump_of_energy, lost_to_time
+from inverse_service.simulation.resolution import UNSEEN, changes_unseen, jump_of_energy, lost_to_time, other_motion
 from inverse_service.simulation.scene import (
     EXACT,
     FreeLagrangian,
@@ -185,7 +185,7 @@ def run_method(
         with timed(seconds, "between steps"):
             whole = Observed(scene, requested, found, problem, values, truth)
             hidden, looked = hidden_in(whole, derived, stop) if forces(scene) else (None, POLYNOMIAL)
-            hidden = jump_of_energy(whole) or hidden
+            hidden = other_motion(whole) or jump_of_energy(whole) or hidden
     if requested.method != EXACT and whole_grid(scene) != scene.grid:
         found = thinned(scene, found)
     events: tuple[Found, ...] = ()

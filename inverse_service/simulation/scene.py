@@ -20,7 +20,8 @@ class Problem:
     velocities, `free_lagrangian` the L~ of an associated second-order system or the L of a free one,
     `free_hamiltonian` its H~(q, p) in Symbol("p_x") for each coordinate x, `free_constants` names among the
     parameters that L~ may choose freely (C2, a_x, ...), `accelerations` all n accelerations of the true motion,
-    `forces` Q_i(t, q, q') that act with `lagrangian` or `free_lagrangian`.
+    `forces` Q_i(t, q, q') that act with `lagrangian` or `free_lagrangian`, `domain` what is positive where L~ has the
+    motion.
     """
 
     coordinates: tuple[str, ...]
@@ -32,6 +33,7 @@ class Problem:
     free_constants: tuple[str, ...] = ()
     accelerations: tuple[Expression, ...] | None = None
     forces: tuple[Expression, ...] = ()
+    domain: tuple[Expression, ...] = ()
 
     @property
     def depends_on_time(self) -> bool:
@@ -42,6 +44,7 @@ class Problem:
             self.free_hamiltonian,
             *(self.accelerations or ()),
             *self.forces,
+            *self.domain,
         )
         return any(node == TIME for tree in trees if tree is not None for node in walk(tree))
 
@@ -133,7 +136,8 @@ class FreeLagrangian:
 
     `constants` are names of parameters that L~ may choose freely, with the values used; `source` says where L~ comes
     from. `start_momenta` gives p_0 from q_0 and v_0 where dL~/dv is 0/0 at the start. `forced`: the forces of the scene
-    act with it. `lost` says why an H~ in closed form is not used here.
+    act with it. `lost` says why an H~ in closed form is not used here. `domain` is positive at the start and as long as
+    L~ has the motion of the scene.
     """
 
     lagrangian: Expression
@@ -143,6 +147,7 @@ class FreeLagrangian:
     start_momenta: Callable[[Array, Array, Mapping[str, float]], Array] | None = None
     forced: bool = False
     lost: str = ""
+    domain: tuple[Expression, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,6 +221,6 @@ class Scene:
     own: tuple[Observable, ...] = ()
     events: tuple[Event, ...] = ()
     ensemble: Members | None = None
-    found: Expression | None = None
+    found: FreeLagrangian | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     without: Mapping[str, tuple[Expression | None, tuple[Expression, ...]]] = field(default_factory=dict)

@@ -23,6 +23,7 @@ from inverse_service.simulation.watches import (
     discrete_point,
     domain_watches,
     moment_at,
+    range_watches,
     rank_watches,
     root_guards,
     velocity_watches,
@@ -82,7 +83,7 @@ def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> Prog
     statements = [Assign(str(name), force) for name, force in zip(forces, found, strict=True)]
     statements += [Assign(str(name), move) for name, move in zip(f.symbols("d"), moves, strict=True)]
     point = dict(zip([*q, *p, MOMENT], [*half, *p, middle], strict=True))
-    watches = domain_watches(f, point)
+    watches = [*domain_watches(f, point), *range_watches(f, HALF)]
     return _program(f, choice, observation, tuple(statements), [*f.symbols("d"), *kicked], watches)
 
 
@@ -100,7 +101,7 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
         unknowns, watched = [*d, *f.symbols("e")], between(p, f.symbols("e"), 1 - alpha)
     point = dict(zip([*q, *p, MOMENT], [*between(q, d, alpha), *watched, moment_at(alpha)], strict=True))
     guards = root_guards(f, point) if choice.guard else []
-    watches = [*velocity_watches(f, q, d, alpha), *domain_watches(f, point), *guards]
+    watches = [*velocity_watches(f, q, d, alpha), *domain_watches(f, point), *range_watches(f, alpha), *guards]
     scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
     # The determinant of a mean of two places has zeros of its own, which the factors of L~ name better.
     guarded = choice.guard and len(parts_of(choice)) == 1
@@ -119,6 +120,7 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program
         for part in parts
         for wall in f.denominators
     ]
+    watches += range_watches(f, parts[0])
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
     # Near A_beta = 0 the determinant itself has no limit; there the watches above are the guard.
     guarded = choice.guard and all(one.moves for one in f.denominators)
@@ -159,7 +161,7 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Pro
     equations += [d[k] - STEP * value.subs(pair) for k, value in f.dependent.items()]
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
     statements = plan(equations, [str(name) for name in d], scales, poles=True)
-    watches = velocity_watches(f, q, d, alpha)
+    watches = [*velocity_watches(f, q, d, alpha), *range_watches(f, alpha)]
     return _program(f, choice, observation, statements, [*d, *pushes], watches, base)
 
 
@@ -180,6 +182,7 @@ def _modified_in_full(f: Formulas, choice: MethodChoice, observation: Observatio
         for part in parts
         for denominator in f.denominators
     ]
+    watches += range_watches(f, parts[0])
     return _program(f, choice, observation, statements, [*d, *(kicks[k] for k in base)], watches, base)
 
 

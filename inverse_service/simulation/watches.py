@@ -23,6 +23,10 @@ GUARD_REMEDY = "take a smaller step or smaller free constants of the free Lagran
 OTHER_LAGRANGIAN = (
     "the free Lagrangian ends there: give another free_lagrangian, or use the method reference or runge-kutta"
 )
+OTHER_MOTION = (
+    "behind it the free Lagrangian has another motion than the system: give the one that holds there and begin there "
+    "again, or use the method reference or runge-kutta"
+)
 RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
 RANK_REMEDY = "divide the constraints by what vanishes there, begin elsewhere, or take a smaller step"
 MAP_LIMIT = 1e-12
@@ -75,6 +79,15 @@ def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
         text = "p - dL/dv at the velocities that the Hamiltonian gives"
         watches.append(Watch("map", defect.subs(point), text, OTHER_LAGRANGIAN, MAP_LIMIT))
     return watches
+
+
+def range_watches(f: Formulas, alpha: Formula) -> list[Watch]:
+    """L~ must stay where it has the motion: at the end of the step, and at its own place where velocities count."""
+    q, d = f.symbols("q"), f.symbols("d")
+    return [
+        Watch("domain", end.formula.subs(discrete_point(f, q, d, alpha if end.moves else ONE)), end.text, OTHER_MOTION)
+        for end in f.domain
+    ]
 
 
 def rank_watches(f: Formulas, place: Sequence[Formula]) -> list[Watch]:

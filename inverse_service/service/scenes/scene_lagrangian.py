@@ -5,7 +5,7 @@ Here the two subjects meet as text: what the solver finds is read again and test
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +18,8 @@ from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions.derivative import define_functions
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Symbol, walk
+from inverse_service.expressions.reader import read_condition
+from inverse_service.expressions.tree import Expression, Symbol, negate, walk
 from inverse_service.integrators.trajectory import Array
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.legendre.transform import legendre
@@ -30,14 +31,16 @@ from inverse_service.service.documents.reading import escape
 from inverse_service.service.documents.solving import solve_document
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.service.scenes.scene_system import (
+    KnownLagrangian,
     MechanicalSystem,
     formula,
-    lagrangian_of,
+    lagrangians_of,
     refuse_open_functions,
 )
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.derivation import Find
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion
+from inverse_service.simulation.formulas import walls
 from inverse_service.simulation.free_lagrangians import ClassLagrangian, class_lagrangian, keeps_motion, start_momenta
 from inverse_service.simulation.regular_motion import regular_accelerations
 from inverse_service.simulation.scene import FreeLagrangian, Scene, Unavailable
@@ -80,8 +83,8 @@ def _found(
         return replace(found, forced=bool(scene.forces)) if isinstance(found, FreeLagrangian) else found
     if scene.forces:
         return Unavailable("With further forces the constrained motion has no free Lagrangian here: use nonholonomic.")
-    if wanted is None and system.free_lagrangian is not None:
-        return _given(scene, system, system.free_lagrangian, constants, "/system", system.source)
+    if wanted is None and system.known:
+        return _first_fitting(scene, system, system.known, constants, system.source)
     if wanted in (None, "second") and isinstance(exact, ExactMotion):
         known = class_lagrangian(exact, tuple(scene.values))
         if known is not None:
@@ -89,8 +92,30 @@ def _found(
     return _of_associated(scene, system, catalogue_name, wanted or "second", constants)
 
 
+def _first_fitting(
+    scene: Scene,
+    system: MechanicalSystem,
+    known: Sequence[KnownLagrangian],
+    constants: Mapping[str, float],
+    source: str,
+) -> FreeLagrangian | Unavailable:
+    """The first in whose domain the motion begins and that has it; why the last has not where there is none."""
+    found: FreeLagrangian | Unavailable = Unavailable("")
+    for one in known:
+        found = _given(scene, system, one.text, constants, "/system", source, one.domain)
+        if isinstance(found, FreeLagrangian):
+            break
+    return found
+
+
 def _given(
-    scene: Scene, system: MechanicalSystem, text: str, constants: Mapping[str, float], pointer: str, source: str
+    scene: Scene,
+    system: MechanicalSystem,
+    text: str,
+    constants: Mapping[str, float],
+    pointer: str,
+    source: str,
+    conditions: Sequence[str] = (),
 ) -> FreeLagrangian | Unavailable:
     names = system.names
     extra = tuple(name for name in constants if name not in names.parameters)
@@ -106,12 +131,37 @@ def _given(
             accelerations = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
         except InputError as error:
             return Unavailable(error.detail[:1].upper() + error.detail[1:])
-    if accelerations is not None and keeps_motion(scene, tree, accelerations, values) is False:
+    domain = _domain(scene, system, conditions, values)
+    if domain is None:
+        where = ", ".join(conditions)
+        return Unavailable(f"The Lagrangian that is {source} holds where {where}: the motion begins elsewhere.")
+    if accelerations is not None and keeps_motion(scene, tree, accelerations, values, domain) is False:
         detail = "the motion of this scene is no solution of this Lagrangian"
         if pointer == "/system":
             return Unavailable(f"For the Lagrangian that is {source}, {detail}: the effects of the scene changed it.")
         raise InputError(f"{detail}: give one of an associated system of it, or leave it out.", pointer)
-    return _with_hamiltonian(scene, tree, own, source)
+    found = _with_hamiltonian(scene, tree, own, source)
+    return replace(found, domain=domain) if isinstance(found, FreeLagrangian) else found
+
+
+def _domain(
+    scene: Scene, system: MechanicalSystem, conditions: Sequence[str], values: Mapping[str, float]
+) -> tuple[Expression, ...] | None:
+    """What is positive as long as L~ has the motion: its conditions, and what given accelerations divide by or take
+    roots of; None where one does not hold at the start."""
+    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
+    ends = [read_condition(condition, system.names) for condition in conditions]
+    ends = [define_functions(end, system.definitions) for end in ends]
+    table = table_of(
+        scene.coordinates, scene.positions[None], scene.velocities[None], values, np.array([scene.grid.begin])
+    )
+    signs = [float(array_value(end, table)[0]) for end in ends]
+    if any(not sign > 0 and " != " not in condition for sign, condition in zip(signs, conditions, strict=True)):
+        return None
+    inner = [wall for tree in scene.accelerations or () for wall in walls(tree, moving)]
+    signs += [float(array_value(wall, table)[0]) for wall in inner]
+    pairs = zip([*ends, *inner], signs, strict=True)
+    return tuple(dict.fromkeys(end if sign > 0 else negate(end) for end, sign in pairs if sign))
 
 
 def _with_hamiltonian(
@@ -149,20 +199,20 @@ def _of_class(known: ClassLagrangian, exact: ExactMotion, constants: Mapping[str
 def _of_associated(
     scene: Scene, system: MechanicalSystem, catalogue_name: str | None, which: str, constants: Mapping[str, float]
 ) -> FreeLagrangian | Unavailable:
-    known = _catalogued(catalogue_name, which)
-    if known is not None:
+    catalogued = _catalogued(catalogue_name, which)
+    if catalogued is not None:
         source = f"the known Lagrangian of the {which} associated system"
-        found = _given(scene, system, known, constants, "/system", source)
+        found = _given(scene, system, catalogued, constants, "/system", source)
         if isinstance(found, FreeLagrangian):
             return found
     question = _question(scene, which)
     if isinstance(question, Unavailable):
         return question
-    text, reason = _solved(question, system.names)
+    known, reason = _solved(question, system.names)
     what = f"the {which} associated system" if scene.lagrangian is not None else "the system"
-    if text is None:
+    if not known:
         return Unavailable(f"No free Lagrangian was found for {what}: {reason} Use the other methods.")
-    return _given(scene, system, text, constants, "/system", f"found by the solver for {what}")
+    return _first_fitting(scene, system, known, constants, f"found by the solver for {what}")
 
 
 def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
@@ -210,18 +260,18 @@ def _catalogued(catalogue_name: str | None, which: str) -> str | None:
     return found[0] if found else None
 
 
-def _solved(question: dict[str, Any], names: Names) -> tuple[str | None, str]:
+def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[KnownLagrangian, ...], str]:
     try:
         result = solve_document(question, SolveOptions(time_limit=SOLVE_SECONDS))
     except InverseServiceError as error:
-        return None, error.detail
-    text = lagrangian_of(result, names)
-    if text is not None:
-        return text, ""
+        return (), error.detail
+    known = lagrangians_of(result, names)
+    if known:
+        return known, ""
     verdict = str(result.get("verdict", "undetermined")).replace("_", " ")
     if verdict == "variational":
-        return None, "the solver proves that there is one, but finds no closed form in its time."
-    return None, f"the solver says {verdict}."
+        return (), "the solver proves that there is one, but finds no closed form in its time."
+    return (), f"the solver says {verdict}."
 
 
 def _constants(schema: SceneDocument) -> dict[str, float]:

@@ -79,6 +79,14 @@ def refuse_open_functions(formulas: Sequence[Expression], names: Names) -> None:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class KnownLagrangian:
+    """The text of an L~ and the conditions under which it is one of the system, such as "x > 0"."""
+
+    text: str
+    domain: tuple[str, ...] = ()
+
+
 Values = Mapping[str, str]
 LAGRANGIAN_KEYS = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions", "where", "time")
 
@@ -87,8 +95,8 @@ LAGRANGIAN_KEYS = ("name", "coordinates", "lagrangian", "constraints", "paramete
 class MechanicalSystem:
     """Coordinates with L and constraints, or with accelerations; `names` are those its formulas may use.
 
-    `values` are the parameters that its document gives a value. `free_lagrangian` is the text of an L~ that comes
-    with the system, `source` says from where. `document` is what `solve` would be asked about. `definitions` are the
+    `values` are the parameters that its document gives a value. `known` are the L~ that come with the system, the best
+    first, `source` says from where. `document` is what `solve` would be asked about. `definitions` are the
     formulas that the scene gives to its functions.
     """
 
@@ -98,7 +106,7 @@ class MechanicalSystem:
     accelerations: tuple[Expression, ...] | None
     values: Values
     name: str = ""
-    free_lagrangian: str | None = None
+    known: tuple[KnownLagrangian, ...] = ()
     source: str = ""
     document: Mapping[str, Any] | None = None
     definitions: Definitions = field(default_factory=dict)
@@ -139,7 +147,7 @@ def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
     known = entry.get("expected", {}).get("lagrangians", [])
     found = _of_document(entry["document"], extra)
     if found.accelerations is not None and known:
-        return _with_free(found, known[0], "the known Lagrangian of the catalogue")
+        return replace(found, known=(KnownLagrangian(known[0]),), source="the known Lagrangian of the catalogue")
     return found
 
 
@@ -154,21 +162,27 @@ def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSys
     else:
         keys = ("name", "coordinates", "equations", "parameters", "functions")
         found = _of_document({key: system[key] for key in keys if key in system}, extra)
-    text = lagrangian_of(result, found.names)
-    return found if text is None else _with_free(found, text, "the result given")
+    return replace(found, known=lagrangians_of(result, found.names), source="the result given")
 
 
-def lagrangian_of(result: Mapping[str, Any], names: Names) -> str | None:
-    """The Lagrangian of a result that serves best here, also with t: one with a Hamiltonian in closed form, and of
-    these the one with the fewest walls, at which a motion would end."""
-    answers = [a for a in (result, result.get("with_time")) if isinstance(a, Mapping) and _is_part(a.get("lagrangian"))]
+def lagrangians_of(result: Mapping[str, Any], names: Names) -> tuple[KnownLagrangian, ...]:
+    """The Lagrangians of a result on all its branches, also with t, those that serve best here first: with a
+    Hamiltonian in closed form, and of these those with the fewest walls, at which a motion would end."""
+    branches = [result, *(branch for branch in result.get("branches") or () if isinstance(branch, Mapping))]
+    answers = [
+        answer
+        for branch in branches
+        for answer in (branch, branch.get("with_time"))
+        if isinstance(answer, Mapping) and _is_part(answer.get("lagrangian"))
+    ]
 
     def rank(answer: Mapping[str, Any]) -> tuple[bool, int]:
         hamiltonian = answer.get("hamiltonian")
         closed = _is_part(hamiltonian) and not (hamiltonian or {}).get("implicit")
         return not closed, len(_walls(answer["lagrangian"]["text"], names))
 
-    return str(min(answers, key=rank)["lagrangian"]["text"]) if answers else None
+    parts = [answer["lagrangian"] for answer in sorted(answers, key=rank)]
+    return tuple(dict.fromkeys(KnownLagrangian(part["text"], tuple(part.get("domain") or ())) for part in parts))
 
 
 def _walls(text: str, names: Names) -> set[Expression]:
@@ -267,10 +281,6 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
     spelled = Names((), tuple(extra))
     taken = {spelled.spelling(name) for name in names}
     return [*names, *(name for name in extra if name not in taken), *more], values
-
-
-def _with_free(found: MechanicalSystem, text: str, source: str) -> MechanicalSystem:
-    return replace(found, free_lagrangian=text, source=source)
 
 
 def _place(fault: Any) -> Place:

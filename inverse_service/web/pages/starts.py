@@ -12,7 +12,7 @@ import numpy as np
 from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.reader import read_condition, read_formula
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.scenes.simulating import simulate
@@ -51,7 +51,7 @@ def with_good_start(
     try:
         scene, found = accelerations_of(scene_document(form, system))
         names = Names(scene.coordinates, tuple(scene.values))
-        watched = tuple(_left(condition, names) for condition in domain)
+        watched = tuple(read_condition(condition, names) for condition in domain)
         hessian = tuple(read_formula(text, names) for line in answer.get("multiplier") or () for text in line)
     except InputError:
         return form
@@ -151,15 +151,6 @@ def _drawn(plane: Array) -> str:
 
 def _texts(names: Sequence[str], values: Array) -> dict[str, str]:
     return {name: f"{value or 0:g}" for name, value in zip(names, values, strict=True)}
-
-
-def _left(condition: str, names: Names) -> Expression:
-    """The difference of the two sides of a condition, which is not zero on the domain."""
-    for sign in (" != ", " > ", " < ", " >= ", " <= "):
-        left, found, right = condition.partition(sign)
-        if found:
-            return read_formula(f"({left}) - ({right})", names)
-    return read_formula(condition, names)
 
 
 def _lasted(

@@ -16,8 +16,7 @@ from inverse_service.expressions.inequalities import needed
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import theory
 from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import ZERO, Expression, subtract
+from inverse_service.expressions.reader import read_condition, read_formula
 
 # Beyond this a formula is read as text, in a box that scrolls.
 MAX_CHARACTERS = 4_000
@@ -110,20 +109,13 @@ def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
 def conditions(texts: Sequence[str], names: Names) -> list[Markup]:
     """The conditions of a domain without those that follow from the rest; the JSON has all of them."""
     try:
-        found = [_difference(text, names) for text in texts]
+        found = [read_condition(text, names) for text in texts]
     except (InputError, ValueError):  # a sentence
         return [formula(text, names) for text in texts]
     groups = [[k for k, text in enumerate(texts) if (" != " in text) is unequal] for unequal in (False, True)]
     kept = needed(*([found[k] for k in group] for group in groups))
     places = sorted(group[k] for group, chosen in zip(groups, kept, strict=True) for k in chosen)
     return [formula(texts[k], names) for k in places]
-
-
-def _difference(condition: str, names: Names) -> Expression:
-    """What is positive, or not 0, where the condition holds."""
-    left, sign, right = re.split(r" (!=|>|<) ", condition)
-    sides = [read_formula(side, names) for side in ((right, left) if sign == "<" else (left, right))]
-    return sides[0] if sides[1] == ZERO else subtract(*sides)
 
 
 def _breakable(text: str, names: Names) -> Markup | None:
