@@ -6,13 +6,15 @@ Each quantity is a function of t, the coordinates, the velocities (the momenta, 
 from __future__ import annotations
 
 import keyword
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import sympy
 from sympy.core.function import AppliedUndef
-from sympy.printing.codeprinter import CodePrinter, ccode, cxxcode, fcode
+from sympy.printing.codeprinter import CodePrinter, ccode, cxxcode
+from sympy.printing.fortran import FCodePrinter
 from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.rust import RustCodePrinter
 from sympy.printing.str import StrPrinter
@@ -82,8 +84,22 @@ def _maxima(expression: Any) -> str:
     return str(StrPrinter().doprint(expression.subs(named))).replace("**", "^")
 
 
+class _FortranPrinter(FCodePrinter):  # type: ignore[misc]
+    """SymPy's, with pi in its place and not as a PARAMETER statement before it, and with the sign of a real number."""
+
+    def _print_Pi(self, expr: Any) -> str:
+        return "3.1415926535897932d0"
+
+    def _print_Exp1(self, expr: Any) -> str:
+        return "2.7182818284590452d0"
+
+    def _print_sign(self, expr: Any) -> str:
+        argument = self._print(expr.args[0])
+        return f"merge(0d0, sign(1d0, {argument}), {argument} == 0d0)"
+
+
 def _fortran(expression: Any) -> str:
-    return str(fcode(expression, source_format="free", standard=95))
+    return str(_FortranPrinter({"source_format": "free", "standard": 95}).doprint(expression))
 
 
 _FORTRAN = """subroutine {name}(out, {arguments})
@@ -180,8 +196,7 @@ def _function(answer: Answer, what: str, language: Language) -> str:
     value = quantity_of(answer, what)
     values = list(value) if isinstance(value, list | sympy.MatrixBase) else [value]
     shared, written = sympy.cse([_with_plain(each, plain) for each in values], sympy.numbered_symbols("c_"))
-    if any(each.atoms(AppliedUndef, sympy.Subs) for each in (*written, *(part for _, part in shared))):
-        raise InputError("The system has arbitrary functions, and code needs formulas for them: give them by 'where'.")
+    _refuse_functions([*written, *(part for _, part in shared)], answer)
     names = [str(plain[each]) for each in given]
     local = [str(symbol) for symbol, _ in shared]
     opening = language.opening.format(
@@ -190,12 +205,27 @@ def _function(answer: Answer, what: str, language: Language) -> str:
         locals=", ".join(local) or "dummy",
         size=len(values),
         declared=f"  double precision :: {', '.join(local)}" if local else "",
-    )
-    lines = [opening.rstrip("\n")]
+    ).rstrip("\n")
+    lines = [_continued(opening) if language.printed is _fortran else opening]
     lines += [language.assignment.format(symbol, language.printed(part)) for symbol, part in shared]
     return "\n".join(
         [*lines, *_returned([language.printed(each) for each in written], language), language.closing]
     ).rstrip()
+
+
+def _continued(text: str) -> str:
+    """Lines of at most 100 characters; Fortran ends at 132."""
+    return "\n".join(" &\n      ".join(textwrap.wrap(line, 100, drop_whitespace=False)) for line in text.split("\n"))
+
+
+def _refuse_functions(expressions: Sequence[Any], answer: Answer) -> None:
+    """InputError for functions that no language knows: arbitrary ones, and the integrals of an answer."""
+    if any(each.atoms(AppliedUndef, sympy.Subs) for each in expressions):
+        raise InputError("The system has arbitrary functions, and code needs formulas for them: give them by 'where'.")
+    called = {call.func.__name__ for each in expressions for call in each.atoms(sympy.Function)}
+    if integrals := sorted(called & (answer.get("integrals") or {}).keys()):
+        what = f"L holds the integral {integrals[0]}, for which this language has no formula"
+        raise InputError(f"{what}: choose sympy, which writes it as an integral.")
 
 
 def _returned(texts: list[str], language: Language) -> list[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import sympy as sp
 
+import inverse_service
 from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.sympy import Result, from_result, solve
@@ -127,6 +128,21 @@ def test_maxima_reads_what_is_written_for_it() -> None:
     assert "accelerations(t, x, x_dot) := block([dummy],\n  -%e^x*%pi*x_dot^2/3\n)$" in text
 
 
+def test_fortran_has_short_lines_and_pi_is_a_number_in_it() -> None:
+    equations = [f"spring_number_{k}'' = -pi*stiffness_number_{k}*spring_number_{k}" for k in range(8)]
+    text = inverse_service.solve({"equations": equations, "parameters": "guess"}).to_code("fortran")
+    assert max(map(len, text.splitlines())) <= 132
+    assert "parameter" not in text
+    assert "3.14159" in text
+
+
+def test_an_integral_without_a_formula_has_no_code_in_other_languages() -> None:
+    found = inverse_service.solve("x'' = -exp(-x^2)*x^x")
+    with pytest.raises(InputError, match="holds the integral"):
+        found.to_code("octave")
+    assert "F(x(t))" in found.to_code("sympy")
+
+
 def test_what_has_no_code_is_refused() -> None:
     x, V = sp.Function("x")(t), sp.Function("V")
     with pytest.raises(InputError, match="arbitrary functions"):
@@ -187,6 +203,16 @@ def languages_agree(language: str, found: list[sp.Expr], folder: Path) -> None:
             compiler = ["gcc"] if language == "c" else ["g++", "-std=c++17"]
             subprocess.run([*compiler, f"all.{language}", "-o", "all", "-lm"], cwd=folder, check=True)
             command = ["./all"]
+        case "fortran":
+            body = "\n".join(f"print *, {each}" for each in printed)
+            text = f"program all\ndouble precision :: a = {a}d0, b = {b}d0\n{body}\nend program\n"
+            (folder / "all.f90").write_text(text)
+            subprocess.run(["gfortran", "all.f90", "-o", "all"], cwd=folder, check=True)
+            command = ["./all"]
+        case "octave":
+            text = f"a = {a}; b = {b};\n" + "\n".join(f"printf('%.17g\\n', real({each}));" for each in printed)
+            (folder / "all.m").write_text(text)
+            command = ["octave", "--no-gui", "--quiet", "all.m"]
         case _:
             body = "\n".join(f'println!("{{}}", {each});' for each in printed)
             (folder / "all.rs").write_text(f"fn main() {{ let a: f64 = {a}_f64; let b: f64 = {b}_f64;\n{body} }}")
@@ -196,10 +222,20 @@ def languages_agree(language: str, found: list[sp.Expr], folder: Path) -> None:
     assert run(command, folder) == pytest.approx([float(each.subs(values).evalf(25)) for each in found], rel=1e-7)
 
 
-TOOLS = {"python": sys.executable, "javascript": "node", "c": "gcc", "cpp": "g++", "rust": "rustc"}
+TOOLS = {"python": sys.executable, "javascript": "node", "c": "gcc", "cpp": "g++", "rust": "rustc",
+         "fortran": "gfortran", "octave": "octave"}  # fmt: skip
+SLOW = [pytest.param(each, marks=pytest.mark.slow) for each in ("rust", "fortran", "octave")]
 
 
-@pytest.mark.parametrize("language", ["python", "javascript", "c", pytest.param("rust", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "language",
+    [
+        "python",
+        "javascript",
+        "c",
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ("rust", "fortran", "octave")),
+    ],
+)
 def test_random_formulas_have_the_value_that_sympy_gives(language: str, tmp_path: Path) -> None:
     if shutil.which(TOOLS[language]) is None:
         pytest.skip(f"no {language}")
