@@ -130,8 +130,14 @@ def _as_written(tree: Expression, system: SecondOrderSystem) -> Expression:
 
 
 def _merged(tree: Expression) -> Expression:
-    """Products with each base once: t^c/t is t^(c - 1), (1 - t^2)^m/((1 - t)(1 + t)) is (1 - t^2)^(m - 1)."""
+    """Products with each base once: t^c/t is t^(c - 1), (1 - t^2)^m/((1 - t)(1 + t)) is (1 - t^2)^(m - 1).
+
+    (u^(1/2))^2 is u.
+    """
     tree = rebuild(tree, _merged)
+    match tree:
+        case Power(Power(base, Number(inner)), Number(outer)) if outer.denominator == 1:
+            return power(base, inner * outer)
     if not isinstance(tree, Product) or not any(
         isinstance(f, Power) and not _is_number(f.exponent) for f in tree.factors
     ):

@@ -150,7 +150,7 @@ def _energy(parts: Parts) -> Expression:
     for block in parts.blocks:
         slopes = gradient(block.function, map(Velocity, block.names))
         works = [multiply(rate, slope) for rate, slope in slopes.items()]
-        terms.append(related(simplified(subtract(add(*works), block.function))))
+        terms.append(inside(related(simplified(subtract(add(*works), block.function)))))
     return add(*terms[1:], terms[0])
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
 
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Apply, walk
+from inverse_service.expressions.tree import Apply, Number, Power, multiply, walk
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.mechanics.reading import read_system
 from tests.inverse_problem.search.forty_digits import same_value
@@ -32,6 +34,11 @@ def test_the_shorter_form_has_the_same_value(given: str, most: int) -> None:
 
 def test_a_square_of_a_parameter_in_all_terms_is_left_out() -> None:
     assert same_value(tidied(tree("x'^2/a^2 + b*y/a^2"), SYSTEM), tree("x'^2 + b*y"))
+
+
+def test_the_square_of_a_root_is_its_radicand() -> None:
+    rooted = Power(tree("sqrt((1-x^2)*(1-a^2*x^2))"), Number(Fraction(-2)))
+    assert "sqrt" not in to_text(tidied(multiply(rooted, tree("x'^2/2")), SYSTEM))
 
 
 @pytest.mark.parametrize("text", ["0", "1", "x'", "A(x)*x'^2", "sqrt(1-x'^2)", "x'*log(x')", "x'^2/y'"])
