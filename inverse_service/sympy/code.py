@@ -93,6 +93,10 @@ class _FortranPrinter(FCodePrinter):  # type: ignore[misc]
     def _print_Exp1(self, expr: Any) -> str:
         return "2.7182818284590452d0"
 
+    def _print_Function(self, expr: Any) -> str:
+        text = str(super()._print_Function(expr))
+        return f"({text})" if text.startswith("-") else text  # a number, which may stand under a power
+
     def _print_sign(self, expr: Any) -> str:
         argument = self._print(expr.args[0])
         return f"merge(0d0, sign(1d0, {argument}), {argument} == 0d0)"
