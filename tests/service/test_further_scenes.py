@@ -289,3 +289,14 @@ def test_lyapunov_exponents_are_those_published(force: str, start: float, publis
     given = {"positions": {"x": start}, "velocities": {"x": 0}}
     document = scene(system, ["adaptive"], initial=given, step=1, time=10_000, observe=["lyapunov"])
     assert simulate(document, None, 300.0)["lyapunov"]["largest"] == pytest.approx(published, abs=0.005)
+
+
+def test_the_potential_of_a_high_power_is_not_multiplied_out() -> None:
+    """(1 + x^2 y^2)^-5 at q + d/2 has tens of thousands of terms: the scene took minutes and gigabytes."""
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2-50/(1+x^2*y^2)^4"}
+    given = {"positions": {"x": 2.0, "y": 0.3}, "velocities": {"x": -1.0, "y": 0.2}}
+    (method,) = simulate(scene(system, ["variational"], initial=given, step=0.001, time=1, observe=["energy"]))[
+        "methods"
+    ]
+    assert method["outcome"] == "completed"
+    assert method["max_energy_error"] < 1e-4
