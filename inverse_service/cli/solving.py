@@ -97,8 +97,8 @@ def given_document(name: str, guess: bool | None) -> Any:
     """
     if name == "-" or _is_file(name):
         document = read_document(read_bytes(name), name)
-    elif "=" in name or "''" in name or _CALLED.match(name):
-        document = read_document(name, "") if "=" in name else {"equations": name}
+    elif "=" in name or "''" in name or name.startswith("{") or _CALLED.match(name):
+        document = read_document(name, "") if "=" in name or name.startswith("{") else {"equations": name}
         guess = guess if guess is not None else "equations" in document and "parameters" not in document
     elif name in catalogue.names():
         document = catalogue.document(name)

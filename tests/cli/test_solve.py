@@ -286,3 +286,7 @@ def test_a_lagrangian_alone_is_answered(call: Any, tmp_path: Path) -> None:
 )
 def test_equations_of_other_programs_are_read_as_they_are_typed(text: str) -> None:
     assert parse_document(given_document(text, None))["equations"]["x"]["text"] == "-x"
+
+
+def test_a_document_without_an_equals_sign_may_be_the_argument() -> None:
+    assert given_document('{"lagrangian": "x^2"}', None) == {"lagrangian": "x^2"}
