@@ -195,6 +195,19 @@ BAD_FORMULAS = (
 )
 
 
+@pytest.mark.parametrize("kind", ["second", "third"])
+def test_a_sleigh_without_this_associated_system_is_told_what_to_ask(kind: str) -> None:
+    document = {
+        "lagrangian": "m/2*(x'^2 + y'^2) + J/2*phi'^2",
+        "constraints": ["x'*sin(phi) - y'*cos(phi) + a*phi'"],
+        "parameters": ["m", "J", "a"],
+        "associated": kind,
+    }
+    with pytest.raises(InputError, match=f'The {kind} system is .*Ask for "any"') as caught:
+        solve_document(document, SolveOptions(time_limit=60))
+    assert caught.value.pointer == "/associated"
+
+
 @pytest.mark.parametrize("key", ["lagrangian", "constraints", "multiples"])
 def test_bad_formulas_are_refused_or_understood_and_never_a_fault(key: str) -> None:
     refused = 0

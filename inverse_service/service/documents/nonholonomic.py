@@ -64,6 +64,8 @@ def solve_nonholonomic(
         return _about_the_motion(report, schema, options, end, progress)
     systems = associated_systems(report, None if kind == "search" else kind, families)
     defined = next((one.system for one in systems if one.system is not None), None)
+    if defined is None:
+        raise InputError(f'{systems[0].explanation} Ask for "any", which decides the motion alone.', "/associated")
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
