@@ -171,7 +171,6 @@ class Further:
 
 KINDS = {
     "rayleigh": "With friction: the Euler-Lagrange expressions of this L are the derivatives of D in the velocities.",
-    "time": "A Lagrangian that contains the time.",
     "parameters": "A Lagrangian where",
     "reduced": "A Lagrangian of the reduced system",
 }
@@ -182,8 +181,8 @@ def further_of(result: Mapping[str, Any]) -> list[Further]:
     """What holds instead of a no, the kinds of Lagrangian that were asked for, and the answer with another clock."""
     names = typesetting.names_of(result["system"])
     found = []
-    if result.get("instead"):
-        part = result["instead"]
+    part = result.get("instead")
+    if part and part["kind"] != "time":  # that with time has a section of its own
         where = ", ".join(part.get("conditions") or ()) or (f"with the clock {c}" if (c := part.get("clock")) else "")
         found.append(Further(f"Instead: {KINDS[part['kind']]} {where}", _formulas_of(part, names), part["checked"]))
     for name, part in (result.get("kinds") or {}).items():

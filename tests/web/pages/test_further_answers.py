@@ -26,6 +26,18 @@ def test_a_damped_chain_leaves_with_l_and_d(service: str) -> None:
     assert "of the kind \u201cnatural\u201d: no" in page
 
 
+def test_a_lagrangian_with_time_has_its_section_and_no_second_card(service: str) -> None:
+    document = {"equations": "x'' = -x/(x^2 + y^2)^(3/2) - x'; y'' = -y/(x^2 + y^2)^(3/2) - y'"}
+    with httpx.Client(base_url=service, timeout=120) as client:
+        found = client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"})
+        address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        assert found.json()["instead"]["kind"] == "time"
+        page = client.get(f"/results/{address}").text
+    assert "Instead:" not in page
+    assert "If L may contain the time" in page
+    assert "Hamiltonian" in page
+
+
 def test_the_form_asks_for_kinds_and_another_clock() -> None:
     form = Form({"kind": ("equations",), "equations": ("x'' = -x",), "kinds": ("natural", "rayleigh"), "clock": ("x",)})
     document = document_of_fields(fields_of(form))
