@@ -164,6 +164,7 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     field = steps[0] if steps else ""
     name = ", ".join([FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())])
     text = _text_at(steps, fields)
+    detail = re.sub("^time_limit", "It", detail)  # the box before the sentence names it
     if detail.startswith(("the ", "a ", "an ", "this ", "what ", "where ")):
         detail = detail[:1].upper() + detail[1:]
     if column is None or text is None or column > len(text) + 1:
