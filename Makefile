@@ -44,6 +44,7 @@ durations: install
 nightly: install
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,manifests]'
 	.venv/bin/python -m pytest -m 'slow or nightly'
+	.venv/bin/python -m pytest -m 'not slow and not nightly' tests/attacks
 
 lint: install
 	.venv/bin/ruff check .

@@ -12,7 +12,7 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from inverse_service.web.middleware import headers_too_large
+from inverse_service.web.middleware import MOST_HEADERS, headers_too_large
 
 # The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.
 HEADERS = 10.0
@@ -140,6 +140,8 @@ class Connection(H11Protocol):
         self._unread = 0
         self._rest = bytearray()
         self._is_refused = False
+        self._lines = 0
+        self._tail = b""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -176,7 +178,12 @@ class Connection(H11Protocol):
         return bool(self._rest)
 
     def _take(self, data: bytes) -> None:
+        if self.is_waiting and self._lines_of_head(data) > MOST_HEADERS:
+            self._refuse_head()
+            return
         super().data_received(data)
+        if not self.is_waiting:
+            self._lines, self._tail = 0, b""
         if self.cycle is not self._request:
             self._request, self._is_first = self.cycle, False
             self.since, self._received = time.monotonic(), 0
@@ -188,6 +195,16 @@ class Connection(H11Protocol):
         if getattr(sys.exc_info()[1], "error_status_hint", 400) != 431:
             super().send_400_response(msg)
             return
+        self._refuse_head()
+
+    def _lines_of_head(self, data: bytes) -> int:
+        """The lines of the head so far; what follows it is not counted."""
+        head, end, _ = (self._tail + data).partition(b"\r\n\r\n")
+        self._lines += head.count(b"\n") - self._tail.count(b"\n")
+        self._tail = b"" if end else data[-3:]
+        return self._lines
+
+    def _refuse_head(self) -> None:
         answer = headers_too_large()
         lines = [b"HTTP/1.1 431 Request Header Fields Too Large", *(b": ".join(pair) for pair in answer.raw_headers)]
         self.transport.write(b"\r\n".join([*lines, b"", bytes(answer.body)]))

@@ -178,7 +178,8 @@ class Watch:
         """Fail where the loop was held or the web process grew; `pytest -rP` shows the figures."""
         figures = f"/livez at the longest {1e3 * self.longest:.0f} ms, 9 of 10 below {1e3 * self.usual:.0f} ms"
         print(f"{figures}, {1e3 * max(self.whole):.0f} ms with waiting for cores, web process {self.memory:.0f} MiB")
-        assert self.longest < FREEZE, f"/livez took {self.longest:.3f} s"
+        if "PYTEST_XDIST_WORKER" not in os.environ:  # other tests beside it would be measured, too
+            assert self.longest < FREEZE, f"/livez took {self.longest:.3f} s"
         assert self.memory < MEMORY, f"the web process had {self.memory:.0f} MiB"
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from inverse_service.inverse_problem import solving
+from inverse_service.inverse_problem.explanation import negative
 from inverse_service.inverse_problem.explanation.wording import with_conditions
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import associated_systems, motion_report, study
 from inverse_service.inverse_problem.options import SolveOptions
@@ -48,8 +48,8 @@ def test_of_associated_systems_only_the_main_one_has_its_conditions(wanted: bool
 def test_conditions_that_exclude_a_lagrangian_are_argued_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """They exclude L(t, q, q') with L(q, q'): both answers have the same steps, and each a certificate of its own."""
     asked: list[object] = []
-    explain = solving.explain_negative
-    monkeypatch.setattr(solving, "explain_negative", lambda *given: asked.append(given[1]) or explain(*given))
+    explain = negative.explain_negative
+    monkeypatch.setattr(negative, "explain_negative", lambda *given: asked.append(given[1]) or explain(*given))
     found = solve(read_system(["x", "y"], {"x": "x*y'", "y": "y*x'^2"}), SolveOptions(conditions=False))
     assert found.autonomous is not None
     assert found.with_time is not None
@@ -62,8 +62,8 @@ def test_conditions_that_exclude_a_lagrangian_are_argued_once(monkeypatch: pytes
 
 def test_a_differential_consequence_is_argued_for_each_question(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
-    explain = solving.explain_negative
-    monkeypatch.setattr(solving, "explain_negative", lambda *given: asked.append(given[1]) or explain(*given))
+    explain = negative.explain_negative
+    monkeypatch.setattr(negative, "explain_negative", lambda *given: asked.append(given[1]) or explain(*given))
     # every algebraic condition lets it through
     system = read_system(["x", "y"], {"x": "x'^2*y'", "y": "2*y' + 2*x'^2*y'"})
     found = solve(system, SolveOptions(conditions=False))

@@ -10,10 +10,11 @@ import pytest
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.errors import CertificateRefused
 from inverse_service.expressions.tree import Symbol, add, multiply, number, power
-from inverse_service.inverse_problem import confirming, solving
+from inverse_service.inverse_problem import confirming
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
+from inverse_service.inverse_problem.search import ladder
 from inverse_service.inverse_problem.search.protocol import SearchOutcome
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
@@ -46,12 +47,12 @@ def test_an_autonomous_lagrangian_answers_the_second_question_too() -> None:
 
 def test_a_lagrangian_without_time_found_late_answers_both_questions(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the first search runs out of time and the search with t finds one that holds no t."""
-    whole = solving.search
+    whole = ladder.search
 
     def hurried(analysis: Analysis, with_time: bool, *rest: Any, **more: Any) -> SearchOutcome:
         return whole(analysis, with_time, *rest, **more) if with_time else SearchOutcome(None, ())
 
-    monkeypatch.setattr(solving, "search", hurried)
+    monkeypatch.setattr(ladder, "search", hurried)
     solution = solved({"x": "x*y'", "y": "-x*x'"})
     assert solution.autonomous is not None
     assert solution.autonomous is solution.with_time

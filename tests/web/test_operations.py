@@ -139,6 +139,26 @@ def test_a_large_header_that_comes_in_parts_is_refused_alike(guarded: Guarded) -
     assert json.loads(body)["status"] == 431
 
 
+@pytest.mark.parametrize(("lines", "status"), [(400, b"200"), (7_000, b"431")])
+@pytest.mark.parametrize("size", [1_000, 100_000])
+def test_a_head_of_thousands_of_lines_is_refused(service: str, lines: int, status: bytes, size: int) -> None:
+    """Those of the body do not count, wherever the parts that come end."""
+    port = int(service.rpartition(":")[2])
+    body = b'{"equations": "x\'\'=-x"' + b"\n" * 2_000 + b"}"
+    head = b"POST /v1/parse HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
+    head += b"Content-Length: %d\r\n" % len(body) + b"a:\r\n" * lines + b"\r\n"
+    for shift in range(4):
+        data = head + body
+        with socket.create_connection(("127.0.0.1", port), timeout=30) as sent:
+            sent.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            first = len(head) - shift
+            for part in (data[:first], data[first:]):
+                for begin in range(0, len(part), size):
+                    sent.sendall(part[begin : begin + size])
+            answer = sent.recv(65_536)
+        assert answer.startswith(b"HTTP/1.1 " + status), answer[:80]
+
+
 def test_a_second_service_on_the_same_database_says_so(guarded: Guarded) -> None:
     run = subprocess.run(COMMAND, capture_output=True, text=True, env=guarded.environment, timeout=60)
     assert run.returncode == 2
