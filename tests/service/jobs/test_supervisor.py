@@ -20,7 +20,7 @@ from inverse_service.service.jobs.kinds import request_of
 from inverse_service.service.jobs.model import MAX_CRASHES, MAX_RESTARTS, MAX_UNSTARTED, Job, JobRequest
 from inverse_service.service.jobs.outcome import Call, Outcome, Place, Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.supervisor import Supervisor
+from inverse_service.service.jobs.supervisor import TICK, Supervisor
 from inverse_service.service.jobs.worker_process import Report
 from inverse_service.service.jobs.workers import Running
 
@@ -172,6 +172,35 @@ def test_jobs_of_a_service_that_died_run_again_but_not_for_ever(store: SqliteSto
     supervisor.stop()
     assert ended.status == "failed"
     assert "died" in json.loads(ended.body or b"")["detail"]
+
+
+def test_the_short_lane_gives_no_answer_to_what_a_limit_stopped(store: SqliteStore) -> None:
+    """How its system is understood waits for a worker, and is not the result of the job."""
+    waiting: list[Running] = []
+
+    class Waiting(Scripted):
+        def submit(self, call: Call, report: Report | None = None) -> Running:
+            running = super().submit(call, report)
+            if call.task is tasks.understand_job_task:
+                waiting.append(running)
+            return running
+
+    def of_worker(call: Call) -> Outcome | None:
+        return None if call.task is tasks.understand_job_task else Outcome("deadline")
+
+    quick = Scripted(lambda call: Outcome("done", {"coordinates": ["x"]}))
+    supervisor = Supervisor(store, Waiting(of_worker), quick=quick)
+    supervisor.start()
+    (job,) = store.submit([request()])
+    end = time.monotonic() + 10
+    while not waiting and time.monotonic() < end:
+        time.sleep(0.002)
+    time.sleep(5 * TICK)  # in which the short lane looks for what waits
+    waiting[0].cancel()
+    found = final(store, job.id)
+    supervisor.stop()
+    assert [call.task for call in quick.calls] == [], found.priority
+    assert (found.status, json.loads(found.body or b"")["verdict"]) == ("successful", "undetermined")
 
 
 def test_a_cancelled_job_frees_its_worker(store: SqliteStore) -> None:
