@@ -171,7 +171,7 @@ def _examined(
     begun = thread_time()
     found = judged(work, time_limit, None)
     left = time_limit - (thread_time() - begun)
-    # Points at which x^999 is no larger than an interval come one after the other in a call of 300.
+    # The points are drawn at random: others may settle what these did not.
     return judged(work, left, None) if found.verdict == "incomplete" and left > time_limit / 2 else found
 
 

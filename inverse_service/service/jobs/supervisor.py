@@ -52,7 +52,7 @@ class ShortLane:
         self._tried &= {(job.id, job.attempt) for job, _ in claimed}
         for job, task in claimed:
             key = (job.id, job.attempt)
-            if task.call.task is not tasks.job_task:  # what a limit stopped is understood, which is no answer to it
+            if task.call.task is not tasks.job_task:  # how the system of a stopped job is understood is no answer
                 continue
             if job.priority == INTERACTIVE and job.client not in busy and key not in self._tried:
                 self._tried.add(key)
