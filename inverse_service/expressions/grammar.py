@@ -276,7 +276,8 @@ class FormulaParser(OperandParser):
     def _bare_argument(self, token: Token) -> Expression:
         """The argument of sin x, sin 2x, sin x^2; refused where it could go on."""
         ahead = self._stream.ahead
-        if ahead.kind not in ("number", "name"):
+        barred = ahead.is_operator("|") and not self._bars
+        if ahead.kind not in ("number", "name") and not barred:
             raise unexpected(ahead, f"the argument of {token.text} in brackets")
         with self._stream.nested():
             argument = self._factor()

@@ -226,7 +226,7 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
                 raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(line, place + 1, timed)
-            if arguments and _is_apart(line, place):
+            if len(arguments) == 1 and _is_apart(line, place):
                 called = f"({', '.join(arguments)})"
                 instead = f"write {token.text}*{called} for a product, {token.text}{called} for a function"
                 raise refusal(f"{token.text} ( could be a product or a function", token.column, instead).at(pointer)

@@ -182,7 +182,7 @@ def test_dots_over_two_letters_are_not_one_name() -> None:
         (guess(r"\ddot x = -x^{T} x"), "a raised T"),
         (guess(r"\ddot x = -\Delta x"), "write Delta*x"),
         ({"equations": "x'' = -x//2"}, "write /"),
-        ({"equations": "x'' = -1_000*x"}, "a number has no _"),
+        ({"equations": "x'' = -1_000*x"}, "write 1000"),
     ],
 )
 def test_a_habit_of_another_notation_gets_the_right_advice(document: dict[str, Any], fragment: str) -> None:
