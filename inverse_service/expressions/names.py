@@ -20,6 +20,7 @@ from inverse_service.expressions.tokens import (
     refusal,
     shorten,
 )
+from inverse_service.expressions.tree import Expression
 from inverse_service.expressions.vocabulary import FUNCTIONS, RESERVED, reason_against
 
 Role = Literal["coordinate", "parameter", "function"]
@@ -35,13 +36,15 @@ DOTTED = (
 class Names:
     """Declared names; `functions` maps each arbitrary function to the names that it depends on.
 
-    `time` says whether `t` may occur. `pi` is always there, `e` and `E` mean exp(1) unless declared.
+    `time` says whether `t` may occur. `pi` is always there, `e` and `E` mean exp(1) unless declared. `definitions`
+    are the formulas for which some of the parameters stand: their derivatives are those of the formulas.
     """
 
     coordinates: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
     functions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     time: bool = True
+    definitions: Mapping[Expression, Expression] = field(default_factory=dict)
 
     def role(self, name: str) -> Role | None:
         """What the name was declared as, None if it was not."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.names import Names, check_clashes, declared_name, refuse_two_spellings
-from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.reader import read_formula, read_tokens
 from inverse_service.expressions.tokens import LIMITS, joined, shorten
 from inverse_service.expressions.tree import (
     Apply,
@@ -144,7 +144,8 @@ class Known:
     def remaining(self) -> Names:
         """The names that can still occur after that."""
         gone = {*self.values, *(node.name for node in self.definitions if isinstance(node, Symbol))}
-        return replace(self.names, parameters=tuple(name for name in self.names.parameters if name not in gone))
+        parameters = tuple(name for name in self.names.parameters if name not in gone)
+        return replace(self.names, parameters=parameters, definitions={})
 
 
 def known_names(
@@ -153,25 +154,44 @@ def known_names(
     """The names that the formulas of a document may use, and what they stand for; see `document_names`."""
     where = {f"/where/{escaped(name)}": text for name, text in declared.where.items()}
     names = document_names(declared, {**texts, **where}, order, keys, pairs)
-    return Known(names, _definitions(declared.where, names), parameter_values(declared.named_parameters()))
+    definitions = _definitions(declared.where, names)
+    values = parameter_values(declared.named_parameters())
+    return Known(replace(names, definitions=definitions), definitions, values)
 
 
 def _definitions(where: Mapping[str, str], names: Names) -> dict[Expression, Expression]:
     """Each name of `where` with its formula, in which no such name is left; InputError where they go in a circle."""
+    pointers = {declared_name(name, f"/where/{escaped(name)}"): f"/where/{escaped(name)}" for name in where}
+    texts = dict(zip(pointers, where.values(), strict=False))
     found: dict[Expression, Expression] = {}
-    for name, text in where.items():
-        pointer = f"/where/{escaped(name)}"
-        try:
-            found[Symbol(declared_name(name, pointer, "name"))] = read_formula(text, names)
-        except InputError as error:
-            raise error if error.pointer else error.at(pointer) from None
-    for _ in found:
-        found = {name: substitute(tree, found) for name, tree in found.items()}
-    circle = next((name for name, tree in found.items() if any(node in found for node in walk(tree))), None)
-    if isinstance(circle, Symbol):
-        detail = f"the formula of {circle.name} leads back to {circle.name}: define it by other names."
-        raise InputError(detail, f"/where/{circle.name}")
+    name = ""
+    try:
+        used = {name: _names_in(text, names) & texts.keys() for name, text in texts.items()}
+        for name in _ordered(used):
+            found[Symbol(name)] = substitute(read_formula(texts[name], replace(names, definitions=found)), found)
+    except InputError as error:
+        raise error if error.pointer else error.at(pointers[name]) from None
     return found
+
+
+def _ordered(used: Mapping[str, set[str]]) -> list[str]:
+    """The names so that each comes after those that its formula uses; InputError where they go in a circle."""
+    done: dict[str, None] = {}
+    while len(done) < len(used):
+        ready = [name for name in used if name not in done and used[name] <= done.keys()]
+        if not ready:
+            path = [next(name for name in used if name not in done)]
+            while path[-1] not in path[:-1]:
+                path.append(min(used[path[-1]] - done.keys()))
+            detail = f"the formula of {path[-1]} leads back to {path[-1]}: define it by other names."
+            raise InputError(detail, f"/where/{path[-1]}")
+        done |= dict.fromkeys(ready)
+    return list(done)
+
+
+def _names_in(text: str, names: Names) -> set[str]:
+    """The names that stand in a formula."""
+    return {names.spelling(token.text) for token in read_tokens(text, names) if token.kind == "name"}
 
 
 def escaped(key: str) -> str:
