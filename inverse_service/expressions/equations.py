@@ -115,11 +115,23 @@ def remark(line: Sequence[Token], place: int) -> InputError | None:
         return None
     before, after = line[start - 2] if start > 1 else None, line[end + 1] if end + 1 < len(line) else None
     begins = _is_edge(before) and after is not None and after.kind == "name"
-    follows = line[start - 1].space_before and _ends_factor(before) and _is_edge(after)
+    follows = (
+        line[start - 1].space_before and _ends_factor(before) and _is_edge(after) and not _is_power(line, start - 1)
+    )
     if not begins and not follows:
         return None
     shown = shorten(f"({' '.join(token.text for token in line[start:end])})")
     return refusal(f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor")
+
+
+def _is_power(line: Sequence[Token], end: int) -> bool:
+    """Whether the power of a function, as in sin^{2} (omega t), ends there; then its argument follows."""
+    depth = 0
+    for place in range(end - 1, 1, -1):
+        depth += line[place].is_operator(")") - line[place].is_operator("(")
+        if depth == 0:
+            return line[place - 1].is_operator("^") and line[place - 2].text in FUNCTIONS
+    return False
 
 
 def _is_edge(token: Token | None) -> bool:

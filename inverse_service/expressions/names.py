@@ -82,7 +82,8 @@ def _plain(name: str) -> str:
 def unknown_name(name: str, names: Names, column: int, follows: str = "") -> InputError:
     """The refusal of an undeclared name: how to declare it, what may have been meant.
 
-    `follows` is the text of the token after it: "(" after a function, a prime after a coordinate.
+    `follows` is the text of the token after it: "(" after a function, a prime after a coordinate, which stays where
+    another name is put in its place.
     """
     known = reason_against(name, column)
     if known is not None:
@@ -91,7 +92,7 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     if name == "d":
         return refusal(shown, column, "write x' and x'' for dx/dt and d^2x/dt^2, diff(u, t) for other derivatives")
     if follows[:1] == "'" and (meant := readings(name, names)):
-        return refusal(shown, column, f"did you mean {meant[-1]}'? else add its equation too", (f"{meant[-1]}'",))
+        return refusal(shown, column, f"did you mean {meant[-1]}'? else add its equation too", meant[-1:])
     if follows[:1] == "'":
         return refusal(shown, column, f"add its equation too; the coordinates are {joined(names.coordinates)}")
     if follows == "(":

@@ -287,30 +287,41 @@ def _coordinates(
         found = tuple(dict.fromkeys(key_name(key, names) for key in keys)) or inferred_coordinates(texts, names, order)
         if texts and not found:
             missing = NO_ACCELERATION if order == 2 else _NO_VELOCITY
-            raise InputError(_why_nothing_moves(texts, names, order) or missing, pointer)
+            raise _nothing_moves(texts, names, order) or InputError(missing, pointer)
     if not found:
         raise InputError("there are no coordinates: name at least one, or write equations that contain x''.", pointer)
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
 
 
-_SUBSCRIPTS = re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])")
-_PRIMED_VALUE = re.compile(r"([A-Za-z]\w*)\s*\(t\)\s*(?:''|\u2033|\u2019\u2019)")
+# Other spellings of a second derivative, with what is said of each.
+_SPELLED = {
+    re.compile(r"([A-Za-z]\w*)\s*\(t\)\s*(?:''|\u2033|\u2019\u2019)"): (
+        "the primes come after (t): write {meant} or {name}'' for a second derivative."
+    ),
+    re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])"): (
+        "{whole} is read as a name: write {meant} for a second derivative."
+    ),
+}
 
 
-def _why_nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> str:
-    """What hides the coordinates: a declaration of the same name, or subscripts for derivatives; empty for neither."""
+def _nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> InputError | None:
+    """What hides the coordinates: a declaration of the same name, or another spelling of derivatives; None for
+    neither."""
     for name in inferred_coordinates(texts, Names(), order):
         known = names.spelling(name)
         derivatives = "two derivatives" if order == 2 else "a derivative"
-        return (
+        return InputError(
             f"{name} has {derivatives} in time, and {known} is declared as a {names.role(known)}: take it out, or "
-            'name the "coordinates".'
+            'name the "coordinates".',
+            "/equations" if order == 2 else "/lagrangian",
         )
-    found = next(filter(None, map(_PRIMED_VALUE.search, texts.values())), None)
-    if found:
-        return f"the primes come after (t): write {found[1]}''(t) or {found[1]}'' for a second derivative."
-    found = next(filter(None, map(_SUBSCRIPTS.search, texts.values())), None)
-    return f"{found[0]} is read as a name: write {found[1]}''({found[2]}) for a second derivative." if found else ""
+    for pattern, said in _SPELLED.items():
+        for pointer, text in texts.items():
+            if found := pattern.search(text):
+                meant, span = f"{found[1]}''({(*found.groups(), 't')[1]})", (found.start() + 1, found.end() + 1)
+                detail = said.format(whole=found[0], name=found[1], meant=meant)
+                return InputError(detail, pointer, span[0], (meant,), span)
+    return None
 
 
 _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."

@@ -75,8 +75,8 @@ def _refuse_products(tokens: Sequence[Token], declared: Names) -> None:
             named = looks_like_a_coordinate(moving) or moving in GREEK_NAMES
             if named and (_FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES):
                 factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
-                meant = "*".join((*factors, f"{moving}''"))
-                instead = f'did you mean {meant}? a coordinate of this name? add it to "coordinates"'
+                meant = "*".join((*factors, moving))
+                instead = f"did you mean {meant}''? a coordinate of this name? add it to \"coordinates\""
                 raise refusal(f"{name}'' occurs", column, instead, (meant,))
 
 

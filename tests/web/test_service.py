@@ -278,7 +278,21 @@ def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
         ("x'' = -1,000 x", "8+5", "1000", "x'' = -1000 x"),
         ("x'' = -k(x-1)", "9+1", "*(", "x'' = -k*(x-1)"),
         ('x" = -x', "2+1", "''", "x'' = -x"),
-        ("xdd = -x", "1+4", "x''", "x''= -x"),
+        ("xdd = -x", "1+3", "x''", "x'' = -x"),
+        ("x(t)'' = -x(t)", "1+6", "x''(t)", "x''(t) = -x(t)"),
+        ("x_tt = -x", "1+4", "x''(t)", "x''(t) = -x"),
+        ("x'' = 1 - kx'", "11", "k*x", "x'' = 1 - k*x'"),
+        ("mx'' = -x", "1", "m*x", "m*x'' = -x"),
+        ("x'' = -sin x/2 + t", "12+3", "(x)/2", "x'' = -sin (x)/2 + t"),
+        ("x'' = -sin 2 x", "12+3", "(2*x)", "x'' = -sin (2*x)"),
+        ("x'' = -2sin^-1 x", "9+8", " asin(x)", "x'' = -2 asin(x)"),
+        (r"\ddot x = \cos\omega t", "15+8", r"(\omega*t)", r"\ddot x = \cos(\omega*t)"),
+        (
+            r"\ddot x = \sin x\left(1 - x\right) \label{a}",
+            "16+19",
+            "(x)*(1 - x)",
+            r"\ddot x = \sin (x)*(1 - x) \label{a}",
+        ),
         ("x'' = -Sin(x)", "8+3", "sin", "x'' = -sin(x)"),
         ("x'' = -X", "8", "x", "x'' = -x"),
     ],
@@ -292,6 +306,13 @@ def test_each_reading_is_a_button_that_leaves_the_rest(
     chosen = client.post("/understood", data={**fields, "instead": choice})
     assert f"{escape(left)}</textarea>" in chosen.text
     assert "data-problem" not in chosen.text
+
+
+def test_a_constant_is_offered_only_where_it_can_be_one(client: httpx.Client) -> None:
+    """kx' is a velocity: no constant; each reading is shown as the line that it makes."""
+    page = client.post("/understood", data={"kind": "equations", "equations": "x'' = 1 - kx'"}).text
+    assert escape("x'' = 1 - k*x'") in page
+    assert "a constant" not in page
 
 
 def test_primes_after_the_time_are_told_their_place(client: httpx.Client) -> None:

@@ -13,6 +13,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions.tokens import LETTER_COMMANDS, PRIMES
 from inverse_service.expressions.tree import Acceleration, Symbol
 from inverse_service.service.jobs.outcome import faults_of
 from inverse_service.web.pages import typesetting
@@ -27,7 +28,11 @@ NAMED = ("parameters", "initial")
 MOTION = "Motion, the same for every associated system"
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40
+LONGEST_LABEL = 60
 _COLUMN = re.compile(r"(; it occurs)? at column \d+")
+# What may stand between a formula and the sign after it and belongs to neither.
+_AFTER_FORMULA = re.compile(r"(?:[\s&~$]|\\[,;:! \]]|\\(?:end|tag|label)\{[^}]*\}|\\(?:nonumber|notag)(?![a-z]))*$")
+_LETTER = re.compile(rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(LETTER_COMMANDS, reverse=True))})(?![A-Za-z])")
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,26 +187,39 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     number = text.count("\n", 0, start) + 1 + _lines_before(steps)
     # The column in the sentence counts from the start of the whole text; the place is shown by its line.
     detail = _COLUMN.sub("", detail, count=1)
-    first, after_last = (one - 1 - start for one in error.span) if error.span else (place, place)
-    length = after_last - first
-    at = f"{field}:{number}:{first + 1}" + (f"+{length}" if length else "")
-    choices = _choices(error.instead, at, line[first:], length)
+    choices = _choices(error, text, start, line, f"{field}:{number}")
     return ShownPlace(detail, name, number, place + 1, before, marked, after, choices)
 
 
-def _choices(instead: tuple[str, ...], at: str, rest: str, length: int) -> tuple[tuple[str, str], ...]:
-    """The readings of the text of this length that stands there, or of a name; then the last declares it constant.
+def _choices(error: InputError, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:
+    """The readings of what stands at the place of an error, each as the line that it makes and what a button sends.
 
-    LaTeX has none: they are written as plain text.
+    Those of a name end with one that declares it a constant. In LaTeX a reading is written as LaTeX.
     """
-    if length:
-        fits = length <= len(rest) and "\\" not in rest[:length]
-        return tuple((text, f"{at}:{text}") for text in dict.fromkeys(instead) if fits)
-    word = re.match(r"\w+", rest)
-    if not instead or word is None:
+    first, last = (one - 1 for one in error.span) if error.span else ((error.column or 1) - 1,) * 2
+    piece = _AFTER_FORMULA.sub("", text[first:last]) if error.span else _word_at(text, first)
+    readings = dict.fromkeys(_as_latex(one) if "\\" in text else one for one in error.instead)
+    if text[:first][-1:].isalnum():
+        readings = {f"{' ' * one[:1].isalnum()}{one}": None for one in readings}
+    if not piece or "\n" in piece or piece.count("{") != piece.count("}"):
         return ()
-    constant = (f"a constant {word.group()}", f"parameters:0:0:{word.group()}")
-    return (*((text, f"{at}:{text}") for text in dict.fromkeys(instead)), constant)
+    place = first - start
+    until = f"+{len(piece)}" if error.span else ""
+    whole = {one: f"{line[:place]}{one}{line[place + len(piece) :]}" for one in readings}
+    found = [
+        (made if len(made) <= LONGEST_LABEL else one, f"{at}:{place + 1}{until}:{one}") for one, made in whole.items()
+    ]
+    is_name = found and not error.span and text[first + len(piece) :][:1] not in PRIMES and "\\" not in piece
+    return (*found, *([(f"a constant {piece}", f"parameters:0:0:{piece}")] if is_name else []))
+
+
+def _word_at(text: str, place: int) -> str:
+    word = re.compile(r"\\?\w+").match(text, place)
+    return word.group() if word else ""
+
+
+def _as_latex(reading: str) -> str:
+    return _LETTER.sub(r"\\\g<0>", reading)
 
 
 def _text_at(steps: list[str], fields: Mapping[str, str]) -> str | None:
