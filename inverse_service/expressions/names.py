@@ -137,11 +137,13 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     """What an undeclared name may be that is known names and a letter: kx is k*x, sinx is sin(x), omegat is omega*t.
 
     A letter may have a number (k1x); with a coordinate there may be two (mgx). dx is x' to most and is given both
-    ways; V_x is a derivative where V is a function of x, or may be a potential; a Greek letter is a name.
+    ways; x_t is x'; V_x is a derivative where V is a function of x, or may be a potential; a Greek letter is a name.
     """
     if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
     head, _, below = name.partition("_")
+    if head in names.coordinates and below in ("t", "tt"):
+        return (head + "'" * len(below),)
     arguments = names.functions.get(head, names.coordinates if head in _POTENTIALS else ())
     by = [below] if below in arguments else list(below)
     if by and set(by) <= set(arguments):

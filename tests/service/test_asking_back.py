@@ -8,6 +8,7 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
 
 
@@ -287,3 +288,33 @@ def test_the_rate_of_a_name_stands_in_lagrangian_and_constraint() -> None:
     assert forward["equations"]["x"]["text"] == "-4*x^3"
     rolling = {"lagrangian": "x'^2/2 + y'^2/2", "constraints": ["dw/dt = 0"], "associated": "first", **given}
     assert "y' - 2*x*x'" in str(parse_document(rolling))
+
+
+@pytest.mark.parametrize(
+    ("equations", "time", "name", "meant"),
+    [
+        ("x'' = -x_t", None, "x_t", "x'"),
+        (r"\ddot x = -k x_{t}", None, "x_t", "x'"),
+        ("x'' = -x_tt", None, "x_tt", "x''"),
+        ("y'' = -kx", "x", "kx", "k*x"),
+        ("y''(x) = -wxy(x)", None, "wxy", "w*x*y"),
+        ({"y": "-omegax"}, "x", "omegax", "omega*x"),
+        ("y'' = -y_x", "x", "y_x", "y'"),
+        (r"\ddot y = -k y_x", "x", "y_x", "y'"),
+        (r"\ddot\theta = -\theta_\tau", "tau", "theta_tau", "theta'"),
+    ],
+)
+def test_a_name_with_the_time_in_it_is_asked_back(equations: Any, time: str | None, name: str, meant: str) -> None:
+    document = {"equations": equations, "parameters": "guess"} | ({"time": time} if time else {})
+    error = refused(document)
+    assert f"'{name}' is not declared" in error.detail
+    assert error.instead == (meant,)
+    assert error.pointer.startswith("/equations")
+
+
+def test_declared_names_with_the_time_in_them_come_back_as_they_were() -> None:
+    document = {"equations": "y'' = -k_x*y - k_t*kx", "parameters": ["k_x", "k_t", "kx"], "time": "x"}
+    result = solve_document(document, SolveOptions())
+    assert result["system"]["equations"] == {"y": "-k_x*y - k_t*kx"}
+    assert result["lagrangian"]["text"] == "y'^2/2 - k_x*y^2/2 - k_t*kx*y"
+    assert check_plain(result)["verdict"] == "valid"
