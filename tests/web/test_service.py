@@ -319,3 +319,25 @@ def test_primes_after_the_time_are_told_their_place(client: httpx.Client) -> Non
     refused = client.post("/understood", data={"kind": "equations", "equations": "x(t)'' = -x(t)"})
     assert "the primes come after (t)" in refused.text.lower()
     assert "x&#39;&#39;(t)" in refused.text
+
+
+@pytest.mark.parametrize(
+    ("kind", "shown"),
+    [
+        ("first", "z&#39;&#39; = -x&#39;*y&#39;/(x^2 + 1)"),
+        ("second", "z&#39;&#39; = x&#39;*z&#39;/(x*(x^2 + 1))"),
+        ("third", "y&#39;&#39; = x&#39;*z&#39;/(x^2 + 1)"),
+    ],
+)
+def test_the_associated_system_that_is_decided_is_shown(client: httpx.Client, kind: str, shown: str) -> None:
+    fields = {"kind": "nonholonomic", "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": "z' + x*y'"}
+    page = client.post("/understood", data={**fields, "associated": kind}).text
+    after = page.partition(f"The {kind} associated system, which is decided")[2]
+    assert shown in after
+    assert "which is decided" not in client.post("/understood", data={**fields, "associated": "any"}).text
+
+
+def test_an_associated_system_that_is_not_defined_says_why(client: httpx.Client) -> None:
+    fields = {"kind": "nonholonomic", "lagrangian": "(x'^2 + y'^2 + z'^2 + w'^2)/2", "constraints": "z' - y*x'"}
+    page = client.post("/understood", data={**fields, "associated": "third"}).text
+    assert "the constraints leave 3 free velocities" in page

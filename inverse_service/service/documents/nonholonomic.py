@@ -42,6 +42,8 @@ from inverse_service.service.documents.translate_nonholonomic import (
 SHARE_OF_MOTION = 0.3
 # And what the question about any associated system may take, after the others.
 SHARE_OF_ANY = 1 / 3
+# What looking at a document again may take for an associated system that is only shown, s.
+SHOWN_AT_ONCE = 0.3
 # And what is left for checking all answers at the end.
 SHARE_LEFT = 0.1
 
@@ -161,6 +163,20 @@ def parse(schema: NonholonomicDocument) -> NonholonomicParseAnswer:
     system = to_nonholonomic(schema)
     to_families(schema, system)
     return to_nonholonomic_parse_answer(system, equations_of_motion(system), schema)
+
+
+def parse_associated(schema: NonholonomicDocument) -> dict[str, Any] | None:
+    """The equations of the one associated system that is asked for, or why it is not defined; None for another
+    question."""
+    if schema.associated not in ("first", "second", "third"):
+        return None
+    system = to_nonholonomic(schema)
+    report = motion_report(system, SHOWN_AT_ONCE)
+    one = associated_systems(report, schema.associated, to_families(schema, system))[0]
+    found = one.system
+    pairs = zip(found.coordinates, found.accelerations, strict=True) if found else ()
+    equations = {name: translate.parsed(f).model_dump() for name, f in pairs}
+    return {"kind": one.kind, "explanation": "" if found else one.explanation, "equations": equations}
 
 
 def system_of(schema: NonholonomicDocument) -> SecondOrderSystem:

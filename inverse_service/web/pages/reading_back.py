@@ -76,14 +76,19 @@ class Problem:
     places: list[ShownPlace]
 
 
-def understood(answer: Mapping[str, Any]) -> Understood:
-    """The answer of /v1/parse, typeset; what was guessed is said."""
+def understood(answer: Mapping[str, Any], associated: Mapping[str, Any] | None = None) -> Understood:
+    """The answer of /v1/parse, typeset, with the associated system that is asked about; what was guessed is said."""
     groups = [("", _equations(answer))] if answer.get("equations") else []
     for key, heading in (("lagrangian", "Lagrangian"), ("constraints", "Constraints")):
         lines = _formulas(answer.get(key), heading)
         if lines:
             groups.insert(len(groups) - 1 if key == "lagrangian" else len(groups), (heading, lines))
-    return Understood(_ordered(groups), _names(answer))
+    shown, names = _ordered(groups), _names(answer)
+    if associated and associated["equations"]:
+        shown.append((f"The {associated['kind']} associated system, which is decided", _equations(associated)))
+    elif associated:
+        names.append((f"The {associated['kind']} associated system", Markup(), associated["explanation"]))
+    return Understood(shown, names)
 
 
 def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]]]:
