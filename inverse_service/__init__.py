@@ -46,7 +46,7 @@ def solve(
     catalogue, or SymPy objects (see `inverse_service.sympy`). `time_limit` in s of processor time is kept by the
     solver between its stages, in this process: a result past it is `undetermined` and says so in `reason`. `seed`
     fixes the random points and primes. The key `options` of a document asks for less time and another seed.
-    `keys` are further keys of the document, such as time="x". Raises InputError.
+    `keys` are further keys of the document, such as time="x", or of `inverse_service.sympy.solve`. Raises InputError.
     """
     from inverse_service.sympy import asked
     from inverse_service.sympy.result import result_of
