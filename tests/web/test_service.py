@@ -12,6 +12,8 @@ import httpx
 import pytest
 from markupsafe import escape
 
+from inverse_service.web.pages.reading_back import without_keys
+
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
 JSON = {"Content-Type": "application/json"}
 PROBLEM_KEYS = {"type", "title", "status", "detail", "errors"}
@@ -341,3 +343,15 @@ def test_an_associated_system_that_is_not_defined_says_why(client: httpx.Client)
     fields = {"kind": "nonholonomic", "lagrangian": "(x'^2 + y'^2 + z'^2 + w'^2)/2", "constraints": "z' - y*x'"}
     page = client.post("/understood", data={**fields, "associated": "third"}).text
     assert "the constraints leave 3 free velocities" in page
+
+
+def test_a_refusal_names_the_fields_that_the_form_has(client: httpx.Client) -> None:
+    page = client.post("/understood", data={"kind": "equations", "equations": "x'' = -kx"}).text
+    assert "\u201cParameters\u201d under \u201cNames and questions\u201d" in page
+
+
+def test_a_refusal_of_a_form_that_declares_nothing_asks_for_no_declaration() -> None:
+    refused = "the name 'w' is not declared: declare it in \"functions\" with its arguments, use a known function."
+    assert without_keys(refused) == "the name 'w' is not declared: use a known function."
+    asked = "the name 'kx' is not declared: did you mean k*x? a constant of this name? add it to \"parameters\"."
+    assert without_keys(asked) == "the name 'kx' is not declared: did you mean k*x?"

@@ -75,7 +75,9 @@ def _own(body: bytes, content_type: str) -> tuple[Fields, OwnLagrangian]:
         found = use_cases().check_document(write_json({"system": document, "lagrangian": text}))
         names = names_of(use_cases().understand_document(document))
     except InputError as error:
-        return fields, OwnLagrangian(text, OWN["incomplete"], [], [fault.detail for fault in faults_of(error)])
+        return fields, OwnLagrangian(
+            text, OWN["unread"], [], [reading_back.without_keys(one.detail) for one in faults_of(error)]
+        )
     return fields, own_of({**found, "lagrangian": text}, names)
 
 

@@ -29,6 +29,12 @@ MOTION = "Motion, the same for every associated system"
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40
 LONGEST_LABEL = 60
+FORM_NAMES = {"coordinates": "Coordinates", "parameters": "Parameters", "functions": "Arbitrary functions"}
+_KEY = re.compile(f'"({"|".join(FORM_NAMES)})"')
+_DECLARING = re.compile(
+    r"(?:a (?:constant|coordinate)(?: of this name)?\? |else |, or |or )?(?:add it to|declare it in) "
+    r'"(?:coordinates|parameters|functions)"(?: with its arguments)?(?:[,;] )?'
+)
 _COLUMN = re.compile(r"(; it occurs)? at column \d+")
 # What may stand between a formula and the sign after it and belongs to neither.
 _AFTER_FORMULA = re.compile(r"(?:[\s&~$]|\\[,;:! \]]|\\(?:end|tag|label)\{[^}]*\}|\\(?:nonumber|notag)(?![a-z]))*$")
@@ -175,6 +181,7 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     name = ", ".join([FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())])
     text = _text_at(steps, fields)
     detail = re.sub("^time_limit", "It", detail)  # the box before the sentence names it
+    detail = _KEY.sub(_field_of_the_form, detail) if fields else without_keys(detail)
     if detail.startswith(("the ", "a ", "an ", "this ", "what ", "where ")):
         detail = detail[:1].upper() + detail[1:]
     if column is None or text is None or column > len(text) + 1:
@@ -194,6 +201,16 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     detail = _COLUMN.sub("", detail, count=1)
     choices = _choices(error, text, start, line, f"{field}:{number}")
     return ShownPlace(detail, name, number, place + 1, before, marked, after, choices)
+
+
+def _field_of_the_form(key: re.Match[str]) -> str:
+    return f"\u201c{FORM_NAMES[key[1]]}\u201d under \u201cNames and questions\u201d"
+
+
+def without_keys(detail: str) -> str:
+    """The sentence for a form that declares nothing."""
+    found = re.sub(r"[\s;:,]+\.$", ".", _DECLARING.sub("", detail))
+    return found.replace("?.", "?")
 
 
 def _choices(error: InputError, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:
