@@ -22,7 +22,7 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.method_advice import for_constraints
-from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
+from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import solving, translate
@@ -85,7 +85,7 @@ def solve_nonholonomic(
     if schema.special_cases:
         assert main.associated.system is not None
         result = solving.with_special_cases(result, main.associated.system, asked, (end, progress))
-    fields = _constrained(result)
+    fields = _constrained(result, report.motion.system)
     whole = NonholonomicResult(
         **fields,
         nonholonomic=to_nonholonomic_part(found),
@@ -97,9 +97,10 @@ def solve_nonholonomic(
     return solving.ordered(solving.checked(whole, end - now()))
 
 
-def _constrained(result: ResultDocument) -> dict[str, Any]:
+def _constrained(result: ResultDocument, system: NonholonomicSystem) -> dict[str, Any]:
     """The fields of the result of an associated system; what is simulated is the motion with its constraints."""
-    return dict(result) | {"advice": AdvicePart(**for_constraints())}
+    taken = for_constraints(system.lagrangian, system.constraints, system.coordinates)
+    return dict(result) | {"advice": AdvicePart(**taken)}
 
 
 def _about_the_motion(
@@ -119,7 +120,7 @@ def _about_the_motion(
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     answer = answer_about(found, asked, end, progress)
     result = translate.to_result(solution, schema)
-    fields = _constrained(result)
+    fields = _constrained(result, report.motion.system)
     whole = NonholonomicResult(
         **fields,
         nonholonomic=to_nonholonomic_part(found),
