@@ -228,14 +228,15 @@ def _value_about(way: Way, brackets: Brackets, state: State) -> Array:
 
 def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
     """Whether the formula between the places has values that the cubic through four of them does not show."""
-    places = np.unique(np.linspace(1, len(fine) - 3, LOOKED_AGAIN).astype(np.int64)) if len(fine) > 3 else []
-    if not len(places):
+    if len(fine) < 4:
         return False
+    places = np.unique(np.linspace(1, len(fine) - 3, LOOKED_AGAIN).astype(np.int64))
     part = np.resize(OFF_GRID, len(places))
-    a, b, c, d = (fine[places + k] for k in (-1, 0, 1, 2))
+    a, b, c, d = fine[places - 1], fine[places], fine[places + 1], fine[places + 2]
     cubic = b + part * ((c - a) / 2 + part * (a - 2.5 * b + 2 * c - d / 2 + part * (1.5 * (b - c) + (d - a) / 2)))
     apart = np.abs(way.values((places + part) / pieces) - cubic)
-    return bool((apart > NOT_SHOWN * np.ptp([a, b, c, d], axis=0) + TOUCH * np.nanmax(np.abs(fine))).mean() > OFTEN)
+    change = np.ptp(np.stack([a, b, c, d]), axis=0)
+    return bool((apart > NOT_SHOWN * change + TOUCH * np.nanmax(np.abs(fine))).mean() > OFTEN)
 
 
 def _brackets(way: Way) -> tuple[Brackets, Array, bool]:
