@@ -227,9 +227,7 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(line, place + 1, timed)
             if len(arguments) == 1 and _is_apart(line, place):
-                called = f"({', '.join(arguments)})"
-                instead = f"write {token.text}*{called} for a product, {token.text}{called} for a function"
-                raise refusal(f"{token.text} ( could be a product or a function", token.column, instead).at(pointer)
+                raise _product_or_function(line, place, arguments[0], texts[pointer]).at(pointer)
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
             elif not arguments and not _is_primed(line, place) and not _may_be_called(line, place):
@@ -237,6 +235,21 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
     _ask_back(guessed, Names(coordinates, declared.parameters, {**declared.functions, **found_functions}))
     return Guess(tuple(guessed), found_functions)
+
+
+def _product_or_function(line: Sequence[Token], place: int, argument: str, text: str) -> InputError:
+    """The refusal of k (x) and k [x], with both ways to write it."""
+    name, depth, end = line[place], 0, line[place].column
+    for other in line[place + 1 :]:
+        depth += other.is_operator("(") - other.is_operator(")")
+        if depth == 0:
+            end = other.column
+            break
+    plain = text[end - 1 : end] in (")", "]")  # and no \\right)
+    both = (f"{name.text}*({argument})", f"{name.text}({argument})")
+    instead, what = f"write {both[0]} for a product, {both[1]} for a function", f"{name.text} ( could be"
+    span = (name.column, end + 1) if plain else None
+    return refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
 
 
 def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:

@@ -318,3 +318,10 @@ def test_declared_names_with_the_time_in_them_come_back_as_they_were() -> None:
     assert result["system"]["equations"] == {"y": "-k_x*y - k_t*kx"}
     assert result["lagrangian"]["text"] == "y'^2/2 - k_x*y^2/2 - k_t*kx*y"
     assert check_plain(result)["verdict"] == "valid"
+
+
+@pytest.mark.parametrize("asked", ["k [x]", "k[x]", "k (x)", "k (x(t))"])
+def test_a_bracket_that_may_hold_an_argument_is_asked_back_with_both_readings(asked: str) -> None:
+    error = refused(guess(f"x'' = -{asked} - x^3"))
+    assert error.instead == ("k*(x)", "k(x)")
+    assert error.span == (8, 8 + len(asked))
