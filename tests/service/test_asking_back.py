@@ -286,6 +286,11 @@ def test_the_rate_of_a_name_stands_in_lagrangian_and_constraint() -> None:
     given = {"coordinates": ["x", "y"], "where": {"V": "x^4", "w": "y - x^2"}}
     forward = solve_document({"lagrangian": "x'^2/2 + y'^2/2 - V + diff(V, t)", **given}, SolveOptions())
     assert forward["equations"]["x"]["text"] == "-4*x^3"
+    speed = {"coordinates": ["x"], "where": {"v": "x'", "V": "x^4"}}
+    rate = solve_document({"lagrangian": "v^2/2 - V", **speed}, SolveOptions())
+    assert rate["equations"]["x"]["text"] == "-4*x^3"
+    second = {"lagrangian": "x'^2/2 + a", "coordinates": ["x"], "where": {"a": "x''"}}
+    assert "the acceleration x''" in refused(second).detail
     rolling = {"lagrangian": "x'^2/2 + y'^2/2", "constraints": ["dw/dt = 0"], "associated": "first", **given}
     assert "y' - 2*x*x'" in str(parse_document(rolling))
 
