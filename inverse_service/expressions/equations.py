@@ -30,6 +30,7 @@ def split(tokens: Sequence[Token], end_column: int) -> list[EquationTokens]:
 
     A comma separates equations only: where one of the parts has an = and the other none, it is refused.
     """
+    _refuse_bullets(tokens)
     groups: list[EquationTokens] = []
     commas: list[Token] = []
     current: list[Token] = []
@@ -47,6 +48,22 @@ def split(tokens: Sequence[Token], end_column: int) -> list[EquationTokens]:
     if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
         raise refusal("a comma splits an equation", commas[0].column, "write a decimal point, or ; between equations")
     return found
+
+
+def _refuse_bullets(tokens: Sequence[Token]) -> None:
+    """InputError for lines that all begin with "- ", which is a bullet to most; -x'' = x in one line is none."""
+    lines: list[list[Token]] = [[]]
+    for token in tokens:
+        if token.kind == "newline":
+            lines.append([])
+        else:
+            lines[-1].append(token)
+    full = [line for line in lines if line]
+    listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
+    if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
+        raise refusal(
+            "every line begins with a - that may be a bullet", full[0][0].column, "leave it out, or write -1*"
+        )
 
 
 def _separates(tokens: Sequence[Token], place: int, current: list[Token], open_brackets: int) -> bool:

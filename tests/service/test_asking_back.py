@@ -330,3 +330,11 @@ def test_a_bracket_that_may_hold_an_argument_is_asked_back_with_both_readings(as
     error = refused(guess(f"x'' = -{asked} - x^3"))
     assert error.instead == ("k*(x)", "k(x)")
     assert error.span == (8, 8 + len(asked))
+
+
+@pytest.mark.parametrize("bullet", ["- ", "\u2013 "])
+def test_a_list_of_equations_with_dashes_before_them_is_asked_back(bullet: str) -> None:
+    """-x'' = -x would be x'' = x."""
+    assert "may be a bullet" in refused(guess(f"{bullet}x'' = -x\n{bullet}y'' = -y")).detail
+    meant = parse_document(guess(f"{bullet}x'' = -x;\ny'' = -y"))["equations"]
+    assert {name: formula["text"] for name, formula in meant.items()} == {"x": "x", "y": "-y"}
