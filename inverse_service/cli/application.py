@@ -175,7 +175,7 @@ def table(
     file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON or .gz of it; - is standard input.")],
 ) -> None:
     """The results of a batch as CSV: one row a line, with verdicts, L, H, reason and seconds."""
-    from inverse_service.cli.listing import write_table
+    from inverse_service.cli.batching import write_table
 
     sys.exit(write_table(file))
 
@@ -202,7 +202,7 @@ def work_precision(
     time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 300.")] = None,
 ) -> None:
     """Error against time for every method of a scene."""
-    from inverse_service.cli.measuring import measure_file
+    from inverse_service.cli.simulating import measure_file
 
     sys.exit(measure_file(scene, output, time_limit))
 
@@ -218,7 +218,7 @@ def catalogue(
 
     With a NAME, that system as a document that `solve` takes.
     """
-    from inverse_service.cli.listing import list_catalogue
+    from inverse_service.cli.solving import list_catalogue
 
     sys.exit(list_catalogue(name, None if format is None else format.value))
 

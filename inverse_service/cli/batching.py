@@ -1,7 +1,9 @@
-"""`inverse-service batch`."""
+"""`inverse-service batch` and `table`."""
 
 from __future__ import annotations
 
+import csv
+import io
 import signal
 import sys
 import time
@@ -9,11 +11,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from inverse_service.cli.exits import ExitCode
+from inverse_service.cli.exits import ExitCode, write
 from inverse_service.cli.solving import time_limit_or, warm_alone
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch import AGAIN, BatchPlan, Summary, run_batch
-from inverse_service.service.jobs.batch_files import Line, count_lines
+from inverse_service.service.jobs.batch_files import Line, count_lines, open_source, read_lines
 from inverse_service.service.jobs.batch_output import replaced_path
 from inverse_service.service.jobs.identity import JobOptions
 from inverse_service.settings import read_settings
@@ -125,3 +127,20 @@ def progress(summary: Summary, total: int | None) -> Iterator[Report]:
     with Progress(console=Console(stderr=True)) as progress:
         task = progress.add_task("systems", total=total)
         yield lambda line: progress.update(task, completed=line.number)
+
+
+def write_table(path: Path) -> ExitCode:
+    """Print one row of CSV for each line of a batch's output; raises InputError for a line that is no JSON object."""
+    from inverse_service.sympy.result import row_of  # for this command only
+
+    with open_source(path) as source:
+        for place, line in enumerate(read_lines(source)):
+            if line.document is None:
+                raise InputError(f"Line {line.number} is not an answer of a batch.")
+            row, text = row_of({**line.document, "id": line.identifier}), io.StringIO()
+            writer = csv.DictWriter(text, list(row))
+            if place == 0:
+                writer.writeheader()
+            writer.writerow(row)
+            write(text.getvalue())
+    return ExitCode.DONE

@@ -1,4 +1,4 @@
-"""`inverse-service solve`."""
+"""`inverse-service solve`, and `catalogue`, the documents that come with the package."""
 
 from __future__ import annotations
 
@@ -176,3 +176,33 @@ def _written(result: dict[str, Any], form: str, explain: bool) -> str:
     from inverse_service.service.documents.text_page import text_page
 
     return text_page(result, explain)
+
+
+def list_catalogue(name: str | None, form: str | None) -> ExitCode:
+    """Print the list of names, or one system; raises InputError for a name that is not there."""
+    write((_all(form or "text") if name is None else _one(name, form or "json")) + "\n")
+    return ExitCode.DONE
+
+
+def _all(form: str) -> str:
+    entries = [catalogue.entry(name) for name in catalogue.names()]
+    if form == "json":
+        lines = [{key: entry.get(key, "") for key in ("name", "title", "group")} for entry in entries]
+        return json.dumps({"systems": lines}, ensure_ascii=False, indent=2)
+    width = max((len(entry["name"]) for entry in entries), default=0)
+    return "\n".join(f"{entry['name']:<{width}}  {entry.get('title', '')}" for entry in entries)
+
+
+def _one(name: str, form: str) -> str:
+    try:
+        entry = catalogue.entry(name)
+    except KeyError as error:
+        raise InputError(f"There is {error.args[0]}; 'inverse-service catalogue' lists all names.") from None
+    document = entry["document"]
+    if form == "json":
+        return json.dumps(document, ensure_ascii=False, indent=2)
+    lines = [entry.get("title", name), f"source: {entry.get('source', '')}"]
+    lines += [
+        f"expected: {key} = {value}" for key, value in entry.get("expected", {}).items() if isinstance(value, str)
+    ]
+    return "\n".join([*lines, json.dumps(document, ensure_ascii=False, indent=2)])
