@@ -9,7 +9,8 @@ y = 0, by y = 2 sqrt(-a/3) sin(asin(3 sqrt(-3/a) b/(2 a))/3) for a < 0 (Viete; H
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -17,6 +18,7 @@ from inverse_service.expressions.collecting import Expansion, expand, to_tree
 from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
 from inverse_service.expressions.tree import (
     HALF,
+    ONE,
     PI,
     ZERO,
     Apply,
@@ -149,17 +151,25 @@ def polynomial_roots(tree: Expression, leaf: Velocity, target: Expression) -> It
         return
     table = dict(laurent.coefficients)
     table[Fraction(0)] = subtract(table.get(Fraction(0), ZERO), target)
-    exponents = sorted(table)
-    step = exponents[1] - exponents[0] if len(exponents) > 1 else Fraction(0)
-    generator = laurent.generator
-    if len(exponents) == 3 and exponents[2] - exponents[1] == step:
-        c = [table[exponent] for exponent in exponents]
-        for root in _quadratic(c[2], c[1], c[0], power(generator, step)):
-            yield from _unwound(power(generator, step), leaf, root)
-    elif all(exponent in (0, 1, 2, 3) for exponent in exponents) and exponents[-1] == 3:
-        c = [table.get(Fraction(e), ZERO) for e in range(4)]
-        for root in _cubic(c, generator):
-            yield from _unwound(generator, leaf, root)
+    table = {exponent: value for exponent, value in table.items() if value != ZERO}
+    lowest = min(table)
+    step = _common_step([exponent - lowest for exponent in table])
+    unknown = power(laurent.generator, step)
+    c = [table.get(lowest + k * step, ZERO) for k in range(int((max(table) - lowest) / step) + 1 if step else 0)]
+    if len(c) == 2:
+        yield from _unwound(unknown, leaf, Root(divide(negate(c[0]), c[1])))
+    elif len(c) == 3:
+        for root in _quadratic(c[2], c[1], c[0], unknown):
+            yield from _unwound(unknown, leaf, root)
+    elif len(c) == 4:
+        for root in _cubic(c, unknown):
+            yield from _unwound(unknown, leaf, root)
+
+
+def _common_step(exponents: Sequence[Fraction]) -> Fraction:
+    """The largest number of which all are multiples."""
+    below = math.lcm(*(e.denominator for e in exponents))
+    return Fraction(math.gcd(*(int(e * below) for e in exponents)), below)
 
 
 def laurent_polynomial(tree: Expression, leaf: Velocity) -> Laurent | None:
@@ -208,35 +218,29 @@ def _quadratic(a: Expression, b: Expression, c: Expression, y: Expression) -> It
 
 
 def _cubic(c: list[Expression], y: Expression) -> Iterator[Root]:
-    """A root of c_3 y^3 + c_2 y^2 + c_1 y + c_0, in depressed form by y = z - c_2/(3 c_3)."""
-    shift = simplified(divide(c[2], multiply(number(3), c[3])))
-    unknown = Velocity(_NAME)
-    z = subtract(unknown, shift)
-    shifted = add(*(multiply(value, power(z, k)) for k, value in enumerate(c)))
-    laurent = laurent_polynomial(shifted, unknown)
-    if laurent is None:
-        return
-    a = simplified(divide(laurent.coefficients.get(Fraction(1), ZERO), c[3]))
-    b = simplified(negate(divide(laurent.coefficients.get(Fraction(0), ZERO), c[3])))
-    centred = add(y, shift)
-    if a == ZERO:
+    """The roots of c_3 y^3 + c_2 y^2 + c_1 y + c_0: with y = z - h those of z^3 + 3 k z = b."""
+    h, slope, start = (simplified(divide(c[j], multiply(number(d), c[3]))) for j, d in ((2, 3), (1, 1), (0, 1)))
+    k = simplified(subtract(multiply(number(Fraction(1, 3)), slope), power(h, 2)))
+    b = simplified(subtract(multiply(h, subtract(slope, multiply(number(2), power(h, 2)))), start))
+    z, unknown = add(y, h), Velocity(_NAME)
+    if k == ZERO:
         for root in isolate(Power(unknown, number(3)), unknown, b):
-            yield Root(subtract(root.value, shift))
+            yield Root(subtract(root.value, h))
         return
-    yield Root(subtract(_hyperbolic(a, b), shift), (a,))
-    inner = subtract(negate(a), multiply(number(3), power(centred, 2)))
-    yield Root(subtract(_circular(a, b), shift), (negate(a), inner))
+    yield Root(subtract(_tripled(k, b, "asinh", "sinh"), h), (k,))
+    size = simplified(negate(k))
+    outside = subtract(power(z, 2), size)
+    yield Root(subtract(_tripled(size, negate(b), "asin", "sin"), h), (size, negate(outside)))
+    ratio = divide(b, multiply(number(2), power(size, Fraction(3, 2))))
+    for inverse, function, side in (("acosh", "cosh", 1), ("acos", "cos", -1)):
+        for sign in map(number, (1, -1)):
+            value = multiply(sign, _tripled(size, multiply(sign, b), inverse, function))
+            alone = multiply(number(side), subtract(multiply(sign, ratio), ONE))
+            yield Root(subtract(value, h), (size, outside, multiply(sign, z), alone))
 
 
-def _hyperbolic(a: Expression, b: Expression) -> Expression:
-    """The root of z^3 + a z = b for a > 0."""
-    third = divide(a, number(3))
-    angle = apply("asinh", simplified(divide(b, multiply(number(2), power(third, Fraction(3, 2))))))
-    return multiply(number(2), square_root(simplified(third)), apply("sinh", multiply(number(Fraction(1, 3)), angle)))
-
-
-def _circular(a: Expression, b: Expression) -> Expression:
-    """The root of z^3 + a z = b between the turning points, for a < 0."""
-    third = divide(negate(a), number(3))
-    angle = apply("asin", simplified(divide(negate(b), multiply(number(2), power(third, Fraction(3, 2))))))
-    return multiply(number(2), square_root(simplified(third)), apply("sin", multiply(number(Fraction(1, 3)), angle)))
+def _tripled(k: Expression, b: Expression, inverse: str, function: str) -> Expression:
+    """2 sqrt(k) sinh(asinh(b/(2 k^(3/2)))/3), for other functions likewise: z^3 + 3 k z = b by the triple angle."""
+    angle = apply(inverse, simplified(divide(b, multiply(number(2), power(k, Fraction(3, 2))))))
+    third = apply(function, multiply(number(Fraction(1, 3)), angle))
+    return multiply(number(2), square_root(simplified(k)), third)

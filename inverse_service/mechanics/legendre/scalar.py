@@ -119,9 +119,22 @@ def roots_for(slope: Expression, rate: Velocity, momentum: Expression) -> Iterat
         yield from isolate(shortest(once), rate, momentum)
         return
     yield from polynomial_roots(collected, rate, momentum)
+    yield from _cleared(quotient(collected), rate, momentum)
     yield from _balanced(collected, rate, momentum)
     yield from _of_two_logarithms(collected, rate, momentum)
     yield from _with_a_root(simplified(slope), rate, Root(momentum))
+
+
+def _cleared(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:
+    """A - p B = 0 for F = A/B."""
+    above: list[Expression] = []
+    below: list[Expression] = []
+    for f in slope.factors if isinstance(slope, Product) else (slope,):
+        inverted = isinstance(f, Power) and isinstance(f.exponent, Number) and f.exponent.value < 0
+        (below if inverted and occurrences(f, rate) else above).append(f)
+    if below:
+        inverse = multiply(*(power(f, -1) for f in below))
+        yield from polynomial_roots(subtract(multiply(*above), multiply(momentum, inverse)), rate, ZERO)
 
 
 def _of_two_logarithms(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:

@@ -41,13 +41,21 @@ def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:
     if form_matrix(expand(block.function), block.names) is not None:
         return
     # Most Lagrangians are quadratic: what solves the others is loaded for them.
+    from inverse_service.mechanics.legendre.homogeneous import homogeneous_branches
     from inverse_service.mechanics.legendre.linear import linear_branches
     from inverse_service.mechanics.legendre.radial import radial_branches, ratio_branches
     from inverse_service.mechanics.legendre.routh import routh_branches
     from inverse_service.mechanics.legendre.scalar import elimination_branches, scalar_branches
 
     inner = partial(solve, reach=Reach(reach.depth - 1, reach.deadline))
-    for family in (ratio_branches, radial_branches, routh_branches, linear_branches, scalar_branches):
+    for family in (
+        ratio_branches,
+        homogeneous_branches,
+        radial_branches,
+        routh_branches,
+        linear_branches,
+        scalar_branches,
+    ):
         if reach.exhausted:
             return
         yield from family(block, inner)

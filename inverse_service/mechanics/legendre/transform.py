@@ -57,6 +57,8 @@ from inverse_service.mechanics.legendre.solving import Reach, block_branches, mo
 _MOST_BRANCHES = 16
 _MANY, _FEW = 16, 4
 TIME_LIMIT = 3.0
+# For the reason why there is no closed form.
+_REASON_LIMIT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,13 +120,17 @@ def legendre(
     found = {block.names: _best(block, points, reach, few) for block in parts.blocks}
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
-        return _noted(implicit, _no_closed_form(missing))
+        # Loaded where it is needed only.
+        from inverse_service.mechanics.legendre.no_inverse import equation_of
+
+        equation = equation_of([block for block in parts.blocks if block.names in missing], _REASON_LIMIT)
+        return _noted(implicit, _implicit(equation.reason if equation else _no_closed_form(missing)))
     branches = [chosen for chosen in found.values() if chosen]
     closed = _closed(implicit, names, parts, branches)
     table = _shifts(implicit, names, parts)
     conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgement.conditions]
     if judge(_claim(closed, names), conditions, points) is None:
-        return _noted(implicit, _no_closed_form(list(found)))
+        return _noted(implicit, _implicit(_no_closed_form(list(found))))
     # Each block needs its own; few points would not show that of one in the presence of another.
     every = [substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
     return replace(on_branch(closed, tuple(dict.fromkeys(conditions)), names), conditions=tuple(every))
@@ -234,8 +240,12 @@ def _no_closed_form(groups: Sequence[Sequence[str]]) -> str:
     named = "; ".join(", ".join(group) for group in groups)
     return (
         f"No closed form of the velocities was found that passes the check: p = dL/dv could not be solved for "
-        f"the velocities of {named}. H is given in the velocities, with the momenta as functions of them."
+        f"the velocities of {named}."
     )
+
+
+def _implicit(reason: str) -> str:
+    return f"{reason} H is given in the velocities, with the momenta as functions of them."
 
 
 def on_branch(closed: LegendreTransform, conditions: tuple[Expression, ...], names: Sequence[str]) -> LegendreTransform:
