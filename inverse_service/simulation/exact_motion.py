@@ -43,10 +43,7 @@ MOST_PIECES = 4096
 MOST_NODES = 2_000_000
 INTERVALS_AT_ONCE = 5_000
 TOLERANCE = 4e-16
-RANK_LOST = (
-    "on the way the constraints lose rank, or the kinetic energy along them is not positive, so the exact motion is "
-    "not determined: change a parameter or the start"
-)
+RANK_LOST = "the constraints lose rank on the way, so the exact motion is not determined"
 
 
 @dataclass(frozen=True, slots=True)

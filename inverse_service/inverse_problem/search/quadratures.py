@@ -70,7 +70,7 @@ def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analys
             if found is not None:
                 factors.append(exponential(ring, found, analysis.real_point))
                 continue
-            elementary = _exponential_of_integral(readable(ring, part), ring.variables[place], analysis)
+            elementary = _elementary_factors(readable(ring, part), ring.variables[place], analysis)
             if elementary is not None:
                 factors += elementary
                 continue
@@ -83,7 +83,16 @@ def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analys
     return multiply(*others, Apply("exp", add(*inside)))
 
 
-def _exponential_of_integral(slope: Expression, variable: Expression, analysis: Analysis) -> list[Expression] | None:
+def exponential_of_integral(slope: Expression, variable: Expression, analysis: Analysis) -> Expression:
+    """exp(int slope dx) for a slope that holds no other variable."""
+    found = _elementary_factors(slope, variable, analysis)
+    if found is not None:
+        return multiply(*found)
+    integral = Integral(next(fresh_names(analysis.system)), (variable,), (0,), (slope,))
+    return Apply("exp", integral)
+
+
+def _elementary_factors(slope: Expression, variable: Expression, analysis: Analysis) -> list[Expression] | None:
     """Factors of exp(int slope dx), powers for the logarithms; None where no elementary antiderivative is found."""
     found = antiderivative(analysis.system, slope, variable)
     if found is None:

@@ -63,12 +63,21 @@ LEAVES = (
         "multiples of themselves solves it, and `L` is `g` integrated twice by `v`.",
     ),
     Leaf(
+        "one coordinate, a function of the velocity",
+        4.2,
+        scalar_multiplier.is_of_one_coordinate,
+        last_multiplier.propose_function_of_velocity,
+        "With `P' = 1/F` and `Q' = v/F`, `f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where "
+        "`phi_t = A phi` and `phi_x = B phi`; then `L = phi (v P - Q) + int phi G dx`.",
+        exact=True,
+    ),
+    Leaf(
         "one coordinate, a function of the velocity by quadratures",
         9.5,
         scalar_multiplier.is_of_one_coordinate,
         last_multiplier.propose_with_integrals,
-        "For `f = F(v) G(t, x)` the multiplier `1/F` solves `Gamma(g) + g df/dv = 0`; `L` is that integrated twice by "
-        "`v`, two integrals, and the integral of `G` by `x`.",
+        "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
+        "`phi_t = A phi` and `phi_x = B phi`; what is not elementary stays under integral signs.",
         exact=True,
     ),
 )

@@ -10,7 +10,8 @@ different solutions e are the functions of first integrals times a multiplier th
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -23,6 +24,7 @@ from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
+    ZERO,
     Apply,
     Expression,
     Integral,
@@ -40,10 +42,9 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.search.choice import scaled
-from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.factors import Factors, find_factors
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.motion import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.null_vectors import small_solution
 from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     expanded,
@@ -66,7 +67,12 @@ from inverse_service.inverse_problem.search.one_coordinate.kinetic import (
     double_integral,
     potential,
 )
-from inverse_service.inverse_problem.search.quadratures import antiderivative, fresh_names
+from inverse_service.inverse_problem.search.quadratures import (
+    antiderivative,
+    exponential_of_integral,
+    fresh_names,
+    potential_with_integrals,
+)
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
@@ -226,27 +232,62 @@ def _of_symbolic_power(material: Material) -> Expression | None:
     return None if rest is None else add(kinetic, rest)
 
 
+def propose_function_of_velocity(material: Material, seed: int) -> list[Expression]:
+    """As `propose_with_integrals`, where all integrals are elementary."""
+    found = propose_with_integrals(material, seed)
+    return [tree for tree in found if not any(isinstance(node, Integral) for node in walk(tree))]
+
+
 def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
-    """For f = F(v) G(t, x): v P - Q + int G dx with P' = 1/F and Q' = v/F, known by these where not elementary."""
+    """L with g = phi(t, x)/F(v), for the first F that will do; phi, the two integrals of g and the potential by
+    quadratures."""
+    for function in _functions_of_velocity(material):
+        with suppress(TooManyTerms):
+            found = _of_function(material, function)
+            if found is not None:
+                return [found]
+    return []
+
+
+def _functions_of_velocity(material: Material) -> Iterator[Expression]:
+    """Candidates for F: the factors of f that hold v alone, and what each term of f holds of v."""
+    x = material.motion.coordinates[0]
+    found = [multiply(*(power(base, e) for base, e in _moving_factors(material) if not _holds(base, x, TIME)))]
+    found += [monomial_tree(split_velocities(key)[1]) for key in material.motion.forces[0]]
+    yield from dict.fromkeys(tree for tree in found if not _holds(tree, x, TIME))
+
+
+def _holds(tree: Expression, *leaves: Expression) -> bool:
+    return any(node in leaves for node in walk(tree))
+
+
+def _of_function(material: Material, function: Expression) -> Expression | None:
+    """phi (v P - Q) + int phi G dx for f = F (G - A P - B Q), where P' = 1/F, Q' = v/F, A = phi_t/phi, B = phi_x/phi.
+
+    1/F is a multiplier of f = F G; A(t) and B(x) follow from F d(f/F)/dv = -(A + B v).
+    """
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
-    system, (f,) = material.analysis.system, material.analysis.system.accelerations
-    moving = multiply(*(power(base, e) for base, e in _moving_factors(material)))
-    try:
-        outer = factored(divide(f, moving), [x, v])
-        rest = None if has_velocity(outer) else completed([x.name], [terms_of(negate(outer))])
-        slopes = [tree_of(terms_of(divide(above, moving))) for above in (ONE, v)]
-    except TooManyTerms:
-        return []
-    if rest is None or any(node in (x, TIME) for node in walk(moving)):
-        return []
-    names = fresh_names(system)
-    known = [antiderivative(system, slope, v) for slope in slopes]
-    p, q = (
-        Integral(next(names), (v,), (0,), (slope,)) if found is None else tree_of(found)
-        for slope, found in zip(slopes, known, strict=True)
-    )
-    kinetic = add(multiply(v, p), negate(q))
-    return [add(kinetic if None in known else tree_of(terms_of(kinetic)), rest)]
+    system = material.analysis.system
+    rest = factored(divide(system.accelerations[0], function), [x, v])
+    rate = factored(multiply(function, negate(differentiate(rest, v))), [x, v])
+    along = factored(differentiate(rate, v), [x, v])
+    in_time = factored(subtract(rate, multiply(v, along)), [x, v])
+    if _holds(along, v, TIME) or _holds(in_time, v, x) or (in_time != ZERO and not material.motion.with_time):
+        return None
+    phi = multiply(*(exponential_of_integral(c, q, material.analysis) for c, q in ((in_time, TIME), (along, x))))
+    names = fresh_names(system, phi)
+    integrals = []
+    for slope, c in ((divide(ONE, function), in_time), (divide(v, function), along)):
+        known = antiderivative(system, tree_of(terms_of(slope)), v)
+        if known is None and c != ZERO:
+            return None
+        tree = Integral(next(names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else tree_of(known)
+        integrals.append(tree)
+        rest = add(rest, multiply(c, tree)) if c != ZERO else rest
+    force = multiply(phi, factored(rest, [x, v]))
+    kinetic = multiply(phi, subtract(multiply(v, integrals[0]), integrals[1]))
+    potential_part = potential_with_integrals(system, kinetic, terms_of(negate(force)))
+    return None if potential_part is None else add(tree_of(terms_of(kinetic)), potential_part)
 
 
 _MOST_TERMS_OF_FORCE = 30
