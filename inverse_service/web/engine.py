@@ -274,7 +274,7 @@ class Engine:
     async def faults(self) -> list[str]:
         """Why the service is not ready; empty where it is."""
         if not self.is_open:
-            return ["The service starts or stops."]
+            return ["The service is starting or shutting down."]
         found = []
         if self.hub.closing:
             found.append("The service stops.")

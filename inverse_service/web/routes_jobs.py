@@ -186,7 +186,7 @@ def written(event: Event) -> bytes:
 
 
 def engine_of(request: Request) -> Engine:
-    """The engine of this application; 503 while it starts or stops."""
+    """The engine of this application; 503 while it is starting or shutting down."""
     engine: Engine = request.app.state.engine
     if not engine.is_open:
         raise Refusal(

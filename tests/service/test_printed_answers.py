@@ -210,3 +210,11 @@ def test_names_that_were_not_declared_are_said_as_what_they_were_taken_for() -> 
     document = {"equations": "m*x'' = -V'(x) - k*x", "parameters": "guess"}
     text = text_page(solve_document(document, SolveOptions(time_limit=600)), False)
     assert "not declared, taken as constants: m, k; taken as any functions: V(x)" in text
+
+
+def test_two_open_questions_say_that_the_reason_is_one() -> None:
+    lines = text_page(solve_document({"equations": "x'' = -cos(pi/7)*x"}, SolveOptions()), False).splitlines()
+    places = [place for place, line in enumerate(lines) if line.startswith("Undetermined")]
+    assert len(places) == 2
+    assert lines[places[0] + 1].startswith("  the angle 1/7 pi")
+    assert lines[places[1] + 1] == "  for the same reason"

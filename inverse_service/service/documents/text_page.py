@@ -109,6 +109,8 @@ def _both_answers(branch: dict[str, Any], result: dict[str, Any], explain: bool)
     if branch["with_time"] is None and branch["verdict_with_time"] is not None and not asks_for_time(result):
         yield ""
         yield verdict_sentence(branch["verdict_with_time"], True, branch.get("domain"))
+        if branch["verdict"] == branch["verdict_with_time"] == "undetermined" and branch["reason"]:
+            yield "  for the same reason"
 
 
 def guessed_words(result: Mapping[str, Any]) -> list[str]:
