@@ -42,6 +42,7 @@ def serve_http(host: str, port: int) -> ExitCode:
         # Another name would be a page elsewhere that lets its own name point here.
         settings = replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
+    _start_loading()
     from inverse_service.service.jobs.isolation import bound_data
     from inverse_service.web import journal
     from inverse_service.web.application import create_application
@@ -54,6 +55,7 @@ def serve_http(host: str, port: int) -> ExitCode:
     address = _address(host, listener.getsockname()[1])
     bound_data(WEB_MEMORY + SHARE_OF_BODIES * settings.max_body // 2**20)
     server = _server(application, settings)
+    _make_first_page()
     # uvicorn ends in order and then raises the signal once more, which is no fault; one that comes before it begins
     # is heard too.
     signal.signal(signal.SIGTERM, server.handle_exit)
@@ -64,6 +66,24 @@ def serve_http(host: str, port: int) -> ExitCode:
     # Collecting what is left would take longer than all that stopped before, and nothing could end it.
     gc.freeze()
     return ExitCode.DONE
+
+
+def _start_loading() -> None:
+    """The server that forks the workers loads the engine while this process loads the pages."""
+    from inverse_service.service.jobs.worker_process import preload, start_server
+    from inverse_service.web import pages
+
+    for module in pages.TASKS:
+        preload(module)
+    start_server()
+
+
+def _make_first_page() -> None:
+    """The templates and examples of the start page, which its first visitor need not wait for."""
+    from inverse_service.web.pages import solve
+    from inverse_service.web.pages.documents import fields_from
+
+    solve.solve_page(fields_from({"equations": solve.START}))
 
 
 def _warn(settings: Settings, host: str, listener: socket.socket) -> None:

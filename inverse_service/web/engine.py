@@ -28,6 +28,7 @@ from inverse_service.service.jobs.upkeep import Cleaner
 from inverse_service.service.jobs.worker_process import preload
 from inverse_service.service.jobs.workers import Executor, Workers
 from inverse_service.settings import Settings
+from inverse_service.web import pages
 from inverse_service.web.asking import LARGEST_FACTOR, Hub, until_set
 from inverse_service.web.clients import Keys
 from inverse_service.web.problems import Refusal
@@ -47,7 +48,6 @@ READY_PATIENCE = 10.0
 READY_KEPT = 1.0
 LAG_EVERY = 0.25
 START_PATIENCE = 10.0
-PAGE_TASKS = tuple(f"inverse_service.web.pages.{name}" for name in ("form_tasks", "preview", "result_tasks"))
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -92,7 +92,7 @@ class Engine:
         """Start processes and threads; call on the loop and thread that live as long as the service."""
         self.open()
         self.hub = Hub()
-        for module in PAGE_TASKS:
+        for module in pages.TASKS:
             preload(module)
         self._working.start()
         self._quick.start()
@@ -132,6 +132,11 @@ class Engine:
         self._threads.shutdown(wait=False, cancel_futures=True)
         self.store.close()
         self._store = None
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether a process that reads what comes in has answered once."""
+        return self._quick.first.done()
 
     @property
     def server_options(self) -> JobOptions:

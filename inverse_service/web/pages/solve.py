@@ -84,7 +84,8 @@ async def form(request: Request) -> HTMLResponse:
     else:
         fields = fields_from({"equations": START})
     # A page at its start is shown at once: while the workers of a fresh service start, the script asks by itself.
-    patience = None if query else AT_ONCE
+    engine: Engine = request.app.state.engine
+    patience = None if query else AT_ONCE * engine.is_reading
     return solve_page(fields, reveal=revealed_of_link(query), **await understand(request, fields, patience))
 
 
