@@ -209,11 +209,11 @@ def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
         return ()
     pairs = list(zip(hamiltonian.symbols, hamiltonian.momenta, strict=True))
     momenta = listed([row(symbol, " = ", p) for symbol, p in pairs])
-    solved = "were not solved for the velocities" if hamiltonian.implicit else "are solved for the velocities"
     branch = hamiltonian.note.rstrip(".").replace("`", "")
     note = f" ({branch})" if branch else ""
+    solved = f"{branch}: " if hamiltonian.implicit else f"They are solved for the velocities{note}; with them "
     result = row("H = p v - L = ", hamiltonian.expression)
     return (
         said("The momenta `p = dL/dv` are ", _written(momenta, "those given with H"), "."),
-        said(f"They {solved}{note}; with them ", _written(result, "H = p v - L is the one given above"), "."),
+        said(solved, _written(result, "H = p v - L is the one given above"), "."),
     )
