@@ -27,7 +27,6 @@ _ELSEWHERE = {
     "InputError": "inverse_service.errors",
     "Result": "inverse_service.sympy.result",
 }
-_KEYS = frozenset(("equations", "lagrangian", "constraints", "motion", "format", "options", "parameters"))
 
 
 def __getattr__(name: str) -> Any:
@@ -39,7 +38,7 @@ def __getattr__(name: str) -> Any:
 
 
 def solve(
-    document: Mapping[str, Any] | Sequence[str] | str | Any, *, time_limit: float = 60.0, seed: int = 1
+    document: Mapping[str, Any] | Sequence[str] | str | Any, *, time_limit: float = 60.0, seed: int = 1, **keys: Any
 ) -> Result:
     """The result of a system, its certificates checked.
 
@@ -47,46 +46,21 @@ def solve(
     catalogue, or SymPy objects (see `inverse_service.sympy`). `time_limit` in s of processor time is kept by the
     solver between its stages, in this process: a result past it is `undetermined` and says so in `reason`. `seed`
     fixes the random points and primes. The key `options` of a document asks for less time and another seed.
-    Raises InputError.
+    `keys` are further keys of the document, such as time="x", or of `inverse_service.sympy.solve`. Raises InputError.
     """
+    from inverse_service.sympy import asked
     from inverse_service.sympy.result import result_of
 
-    whole = _document(document)
-    if whole is None:
-        from inverse_service import sympy as bridge
-
-        return bridge.solve(document, time_limit=time_limit, seed=seed)
+    whole, names = asked(document, **keys)
     from inverse_service.inverse_problem.options import SolveOptions
     from inverse_service.service.documents.documents import solve_document
     from inverse_service.service.jobs.identity import JobOptions, read_options, split_options
     from inverse_service.service.jobs.warming import warm_first, warm_up
 
     alone, given = split_options(_plain(whole))
-    asked = read_options(given, JobOptions(time_limit=time_limit, seed=seed))
+    wanted = read_options(given, JobOptions(time_limit=time_limit, seed=seed))
     warm_first(logging.getLogger(__name__).warning, warm_up)
-    return result_of(solve_document(alone, SolveOptions(seed=asked.seed, time_limit=asked.time_limit)))
-
-
-def _document(given: Any) -> Mapping[str, Any] | None:
-    """The document that is meant, None for objects of SymPy."""
-    if isinstance(given, Mapping) and all(isinstance(key, str) for key in given):
-        texts = all(isinstance(value, str | int) and not isinstance(value, bool) for value in given.values())
-        return {"equations": given} if texts and given and not _KEYS & given.keys() else given
-    if isinstance(given, str):
-        return _of_text(given)
-    if isinstance(given, list | tuple) and given and all(isinstance(entry, str) for entry in given):
-        return {"equations": list(given)}
-    return None
-
-
-def _of_text(text: str) -> Mapping[str, Any]:
-    """The document of a text: a name of the catalogue, JSON, or equations."""
-    from inverse_service import catalogue
-
-    if text.strip().startswith("{") and '"' in text:
-        found = _read(text)
-        return found if isinstance(found, dict) else {"equations": text}
-    return catalogue.document(text) if text in catalogue.names() else {"equations": text}
+    return result_of(solve_document(alone, SolveOptions(seed=wanted.seed, time_limit=wanted.time_limit)), names)
 
 
 def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = None) -> dict[str, Any]:

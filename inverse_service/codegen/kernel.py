@@ -24,6 +24,7 @@ from inverse_service.codegen.program import (
     NOT_FINITE,
     PACE,
     STATUS,
+    TOO_MANY,
     TOO_SHORT,
     TRIAL,
     UNOBSERVABLE,
@@ -289,7 +290,7 @@ class Kernel:
 SAFETY, MOST, LEAST = 0.9, 5.0, 0.2
 FIRST = 1e-2  # of the grid's step: the first trial
 SHORTEST = 1e-18  # of the grid's step
-MOST_TRIES = 4_000_000
+MOST_TRIES = 4_000_000  # between two points of the grid
 
 
 class AdaptiveKernel(Kernel):
@@ -316,7 +317,7 @@ class AdaptiveKernel(Kernel):
         w.open("end_tries")
         self.blocks.active = None
         zero = w.number(0.0)
-        self.blocks.stop_unless(w.compare("==", w.read("left"), zero), TOO_SHORT, w.read("length"))
+        self.blocks.stop_unless(w.compare("==", w.read("left"), zero), TOO_MANY, w.read("length"))
         self._end_step()
 
     def _arrived(self) -> str:

@@ -71,14 +71,14 @@ def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token
         return None
     if called:
         return _call([above.name, *called], below.name, above.order), after
-    if below.name.text == "t" and names.role(names.spelling(above.name.text)) != "function":
+    role, by = names.role(names.spelling(above.name.text)), names.spelling(below.name.text)
+    if below.name.text == "t" and role not in ("function", "parameter"):
         order = above.order + primes
         prime = Token("prime", "'" * order, first.column, False, Fraction(order))
         return [Token("name", above.name.text, first.column, first.space_before), prime], after
-    role, by = names.role(names.spelling(above.name.text)), names.spelling(below.name.text)
     if role is None and by in names.coordinates and names.role(tokens[slash + 1].text) is None:
         raise _of_what(above, by, names.coordinates)
-    return (_call([above.name], below.name, above.order), after) if role == "function" else None
+    return (_call([above.name], below.name, above.order), after) if role in ("function", "parameter") else None
 
 
 def _of_what(above: _Part, by: str, coordinates: Sequence[str]) -> InputError:

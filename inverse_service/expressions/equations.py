@@ -30,6 +30,7 @@ def split(tokens: Sequence[Token], end_column: int) -> list[EquationTokens]:
 
     A comma separates equations only: where one of the parts has an = and the other none, it is refused.
     """
+    _refuse_bullets(tokens)
     groups: list[EquationTokens] = []
     commas: list[Token] = []
     current: list[Token] = []
@@ -47,6 +48,22 @@ def split(tokens: Sequence[Token], end_column: int) -> list[EquationTokens]:
     if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
         raise refusal("a comma splits an equation", commas[0].column, "write a decimal point, or ; between equations")
     return found
+
+
+def _refuse_bullets(tokens: Sequence[Token]) -> None:
+    """InputError for lines that all begin with "- ", which is a bullet to most; -x'' = x in one line is none."""
+    lines: list[list[Token]] = [[]]
+    for token in tokens:
+        if token.kind == "newline":
+            lines.append([])
+        else:
+            lines[-1].append(token)
+    full = [line for line in lines if line]
+    listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
+    if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
+        raise refusal(
+            "every line begins with a - that may be a bullet", full[0][0].column, "leave it out, or write -1*"
+        )
 
 
 def _separates(tokens: Sequence[Token], place: int, current: list[Token], open_brackets: int) -> bool:
@@ -115,11 +132,23 @@ def remark(line: Sequence[Token], place: int) -> InputError | None:
         return None
     before, after = line[start - 2] if start > 1 else None, line[end + 1] if end + 1 < len(line) else None
     begins = _is_edge(before) and after is not None and after.kind == "name"
-    follows = line[start - 1].space_before and _ends_factor(before) and _is_edge(after)
+    follows = (
+        line[start - 1].space_before and _ends_factor(before) and _is_edge(after) and not _is_power(line, start - 1)
+    )
     if not begins and not follows:
         return None
     shown = shorten(f"({' '.join(token.text for token in line[start:end])})")
     return refusal(f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor")
+
+
+def _is_power(line: Sequence[Token], end: int) -> bool:
+    """Whether the power of a function, as in sin^{2} (omega t), ends there; then its argument follows."""
+    depth = 0
+    for place in range(end - 1, 1, -1):
+        depth += line[place].is_operator(")") - line[place].is_operator("(")
+        if depth == 0:
+            return line[place - 1].is_operator("^") and line[place - 2].text in FUNCTIONS
+    return False
 
 
 def _is_edge(token: Token | None) -> bool:

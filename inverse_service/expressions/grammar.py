@@ -16,6 +16,7 @@ x^2y) the formula is refused with both ways to write it. Recursion is bounded by
 from __future__ import annotations
 
 import itertools
+from contextlib import suppress
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.checked import product, raised, reciprocal, sum_of
@@ -109,16 +110,11 @@ class FormulaParser(OperandParser):
         stream, place = self._stream, self._stream.position
         said = ("what is divided is not clear", column, "write (a/b)*c or a/(b*c)")
         start, bar = self._quotient_before()
-        try:
-            while self._continues(stream.ahead):
-                self._factor()
-        except InputError:
-            return refusal(*said)
-        if "|" in stream.source(start, stream.position):
-            return refusal(*said)
+        rest = self._source_of_factors(place)
         over, under = stream.source(start, bar), stream.source(bar + 1, place)
-        rest, last = stream.source(place, stream.position), stream.look(-1)
-        span = (stream.look(start - stream.position).column, last.column + len(last.text))
+        if rest is None or "|" in over + under:
+            return refusal(*said)
+        span = (stream.look(start - stream.position).column, stream.ahead.column)
         return refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
 
     def _quotient_before(self) -> tuple[int, int]:
@@ -269,31 +265,67 @@ class FormulaParser(OperandParser):
             return None
         sign = next(k for k in itertools.count() if not self._stream.look(k).is_operator("("))
         if self._stream.look(sign).is_operator("-") and (sign < 2 or self._stream.look(sign + 1).value == 1):
-            name = token.text
-            raise refusal(f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
+            raise self._unclear_inverse(token, caret, sign)
         return self._base()
+
+    def _unclear_inverse(self, token: Token, caret: Token, sign: int) -> InputError:
+        """The refusal of sin^-1, with both readings where its argument can be read."""
+        stream, name = self._stream, token.text
+        said = (f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
+        is_one = stream.look(sign + 1).value == 1
+        stream.position += sign + 2
+        while stream.take_operator(")") and sign:
+            sign -= 1
+        place = stream.position
+        with suppress(InputError):
+            self._factor()
+        argument = stream.source(place, stream.position)
+        if not argument or sign or not is_one or f"a{name}" not in FUNCTIONS:
+            return refusal(*said)
+        called = argument if argument.startswith("(") else f"({argument})"
+        return refusal(*said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, stream.ahead.column))
 
     def _bare_argument(self, token: Token) -> Expression:
         """The argument of sin x, sin 2x, sin x^2; refused where it could go on."""
         ahead = self._stream.ahead
-        if ahead.kind not in ("number", "name"):
+        barred = ahead.is_operator("|") and not self._bars
+        if ahead.kind not in ("number", "name") and not barred:
             raise unexpected(ahead, f"the argument of {token.text} in brackets")
+        start = self._stream.position
         with self._stream.nested():
             argument = self._factor()
             following = self._stream.ahead
             if ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
                 if following.space_before or token.text in ("sqrt", "cbrt"):
-                    raise self._unclear_end(token)
+                    raise self._unclear_end(token, start)
                 argument = product([argument, self._factor()], ahead.column, self._limits)
         after = self._stream.ahead
         if after.is_operator("/") or (_starts_factor(after) and not self._bare_ends()):
-            raise self._unclear_end(token)
+            raise self._unclear_end(token, start)
         return argument
 
-    def _unclear_end(self, token: Token) -> InputError:
-        name = token.text
-        what = f"where the argument of {name} ends is not clear"
-        return refusal(what, self._stream.ahead.column, f"write {name}( and )")
+    def _unclear_end(self, token: Token, start: int) -> InputError:
+        """The refusal of sin a b and sin a/b, with both readings where what follows can be read; sin 2 x has one."""
+        stream, end, name = self._stream, self._stream.position, token.text
+        said = (f"where the argument of {name} ends is not clear", stream.ahead.column, f"write {name}( and )")
+        sign = "/" if stream.take_operator("/") else "*"
+        place = stream.position
+        if (rest := self._source_of_factors(place)) is None:
+            return refusal(*said)
+        inner, first = stream.source(start, end), stream.look(start - stream.position)
+        separate = (f"({inner}){sign}{rest}",) * (first.kind != "number" or sign == "/" or name in ("sqrt", "cbrt"))
+        span = (first.column, stream.ahead.column)
+        return refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
+
+    def _source_of_factors(self, place: int) -> str | None:
+        """What can be read as factors from this position on, which is passed; None where it cannot be read."""
+        try:
+            while self._continues(self._stream.ahead):
+                self._factor()
+        except InputError:
+            return None
+        found = self._stream.source(place, self._stream.position)
+        return found if found and "|" not in found else None
 
     def _bare_ends(self) -> bool:
         """Whether a bare argument ends here: before an operator, another function or a velocity."""

@@ -45,7 +45,7 @@ class LatexDerivatives(LatexWords, ABC):
         start, partial = self._place, self._raw[self._place + 1].is_command("partial")
         name, order, dots = self._derivative_part()
         variables = self._variables_part() if name else []
-        declared = self._names.role(self._names.spelling(name)) == "function"
+        declared = self._names.role(self._names.spelling(name)) in ("function", "parameter")
         if 0 < order == len(variables) and declared and not (partial and "t" in variables):
             if self._ahead.is_character("(") or self._ahead.is_command("left"):
                 instead = f"write {name}'({variables[0]}), or \\cdot before a factor"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from inverse_service.errors import InputError
@@ -24,7 +24,7 @@ from inverse_service.expressions.tokens import (
 RawKind = Literal["command", "letter", "digit", "character", "condition", "end"]
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
 _MARKS = re.compile(r"\\(?:nonumber|notag)(?![A-Za-z])|\\(?:label|tag\*?)\s*\{[^{}]*\}")
-_COMMAND = re.compile(r"\\([A-Za-z]+\*?|.)", re.DOTALL)
+_COMMAND = re.compile(r"\\(operatorname\*|[A-Za-z]+|.)", re.DOTALL)
 _ENVIRONMENT = re.compile(r"\{\s*([a-z]+)\*?\s*\}(\s*\{[lcr| ]*\})?")
 _ENVIRONMENTS = frozenset(
     ("align", "aligned", "alignat", "array", "cases", "dcases", "equation", "gather", "gathered", "split", "eqnarray")
@@ -71,7 +71,26 @@ def scan(text: str, limits: Limits = LIMITS) -> list[Raw]:
             pieces.append(piece)
         if len(pieces) > limits.tokens:
             raise limit_passed("the formula has too many parts", pieces[-1].column, limits.tokens)
-    return [*pieces, Raw("end", "", stop + 1)]
+    return [*_with_fractions(pieces), Raw("end", "", stop + 1)]
+
+
+def _with_fractions(pieces: list[Raw]) -> list[Raw]:
+    """{a \\over b} as \\frac{a}{b}."""
+    openings: list[int] = []
+    found: list[Raw] = []
+    for piece in pieces:
+        if piece.is_command("over") and openings and not found[openings[-1] - 1].is_command("frac", "over"):
+            start = openings[-1]
+            found.insert(start, replace(found[start], kind="command", text="frac"))
+            openings[-1] += 1
+            found += [replace(piece, kind="character", text="}"), replace(piece, kind="character", text="{")]
+            continue
+        if piece.is_character("{"):
+            openings.append(len(found))
+        elif piece.is_character("}") and openings:
+            openings.pop()
+        found.append(piece)
+    return found
 
 
 def _inside_wrappers(text: str) -> tuple[int, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import replace
 from fractions import Fraction
 
@@ -229,6 +230,8 @@ class LatexTranslator(LatexDerivatives):
         self._depth -= 1
         inner = self._tokens[start:]
         after_function = start > 0 and self._tokens[start - 1].text in FUNCTIONS
+        if len(inner) == 1 and inner[0].is_operator(","):
+            return  # 0{,}5
         if not inner or (len(inner) <= 2 and inner[0].kind == "name" and not after_function):
             return
         self._tokens[start:] = [Token("operator", "(", opening.column, True), *inner]
@@ -314,6 +317,7 @@ class LatexTranslator(LatexDerivatives):
         else:
             self._emit("^", caret)
             if raw.is_character("{"):
+                self._refuse_raised_brackets(caret)
                 self._refuse_index(self._raw[self._place + 1 : self._place + 3])
                 self._emit("(", raw)
                 self._group(self._take())
@@ -338,11 +342,23 @@ class LatexTranslator(LatexDerivatives):
         """InputError for q^1, which is a component and no power."""
         alone = len(raised) == 1 or raised[1].is_character("}")
         digits = self._run(raised[0]) if len(raised) == 1 else raised[:1]
-        if [piece.text for piece in raised[:1]] == ["("] and "".join(piece.text for piece in raised[1:]).isdigit():
-            instead = "write x^{2} for a power, f''(x) for a derivative"
-            raise refusal("a raised number in brackets occurs", raised[0].column, instead)
         if alone and [piece.text for piece in digits] == ["1"] and self._tokens and self._tokens[-1].kind != "number":
             raise refusal("a raised 1 occurs", raised[0].column, "an index? write it below, as in q_1 and q_2")
+
+    def _refuse_raised_brackets(self, caret: Raw) -> None:
+        """InputError for f^{(2)} and x^{\\left(n\\right)}: a derivative or a component to most; e^{(x)} is exp(x)."""
+        depth, inside = 0, ""
+        for raw in self._raw[self._place :]:
+            depth += raw.is_character("{") - raw.is_character("}")
+            if depth == 0 or len(inside) > self._limits.name_characters:
+                break
+            inside += "" if raw.is_command("left", "right") else raw.text
+        raised = re.fullmatch(r"\{*[(\[]\{*(\w+)\}*[)\]]\}*", inside)
+        base = self._tokens[-2] if len(self._tokens) > 1 else caret
+        if raised and base.kind != "number" and base.text not in ("e", "E"):
+            instead = "write x^{2} for a power, f''(x) for a derivative, q_1 for an index"
+            kind = "number" if raised[1].isdigit() else "name"
+            raise refusal(f"a raised {kind} in brackets occurs", self._raw[self._place + 1].column, instead)
 
     def _primes(self) -> None:
         while _is_prime(self._ahead):

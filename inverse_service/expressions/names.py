@@ -20,6 +20,7 @@ from inverse_service.expressions.tokens import (
     refusal,
     shorten,
 )
+from inverse_service.expressions.tree import Expression
 from inverse_service.expressions.vocabulary import FUNCTIONS, RESERVED, reason_against
 
 Role = Literal["coordinate", "parameter", "function"]
@@ -35,13 +36,15 @@ DOTTED = (
 class Names:
     """Declared names; `functions` maps each arbitrary function to the names that it depends on.
 
-    `time` says whether `t` may occur. `pi` is always there, `e` and `E` mean exp(1) unless declared.
+    `time` says whether `t` may occur. `pi` is always there, `e` and `E` mean exp(1) unless declared. `definitions`
+    are the formulas for which some of the parameters stand: their derivatives are those of the formulas.
     """
 
     coordinates: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
     functions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     time: bool = True
+    definitions: Mapping[Expression, Expression] = field(default_factory=dict)
 
     def role(self, name: str) -> Role | None:
         """What the name was declared as, None if it was not."""
@@ -79,7 +82,8 @@ def _plain(name: str) -> str:
 def unknown_name(name: str, names: Names, column: int, follows: str = "") -> InputError:
     """The refusal of an undeclared name: how to declare it, what may have been meant.
 
-    `follows` is the text of the token after it: "(" after a function, a prime after a coordinate.
+    `follows` is the text of the token after it: "(" after a function, a prime after a coordinate, which stays where
+    another name is put in its place.
     """
     known = reason_against(name, column)
     if known is not None:
@@ -88,7 +92,7 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     if name == "d":
         return refusal(shown, column, "write x' and x'' for dx/dt and d^2x/dt^2, diff(u, t) for other derivatives")
     if follows[:1] == "'" and (meant := readings(name, names)):
-        return refusal(shown, column, f"did you mean {meant[-1]}'? else add its equation too", (f"{meant[-1]}'",))
+        return refusal(shown, column, f"did you mean {meant[-1]}'? else add its equation too", meant[-1:])
     if follows[:1] == "'":
         return refusal(shown, column, f"add its equation too; the coordinates are {joined(names.coordinates)}")
     if follows == "(":
@@ -133,11 +137,13 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     """What an undeclared name may be that is known names and a letter: kx is k*x, sinx is sin(x), omegat is omega*t.
 
     A letter may have a number (k1x); with a coordinate there may be two (mgx). dx is x' to most and is given both
-    ways; V_x is a derivative where V is a function of x, or may be a potential; a Greek letter is a name.
+    ways; x_t is x'; V_x is a derivative where V is a function of x, or may be a potential; a Greek letter is a name.
     """
     if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
     head, _, below = name.partition("_")
+    if head in names.coordinates and below in ("t", "tt"):
+        return (head + "'" * len(below),)
     arguments = names.functions.get(head, names.coordinates if head in _POTENTIALS else ())
     by = [below] if below in arguments else list(below)
     if by and set(by) <= set(arguments):

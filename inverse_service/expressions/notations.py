@@ -36,7 +36,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     marks = {token.text for token in tokens}
     written = tokens
     if marks & {"[", "{"}:
-        tokens = _with_round_brackets(_with_indices(tokens, names))
+        tokens = _with_round_brackets(_with_indices(tokens, names), names)
     if marks & {*_STARTS, ".", "@", "Piecewise"} or _is_primed_call(tokens):
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (tokens != written or marks & DERIVATIVE_NAMES):
@@ -73,9 +73,14 @@ def _is_indexed(tokens: Tokens, place: int) -> bool:
     return whole and (after[:1] != ["("] or after == ["(", "t", ")"])
 
 
-def _with_round_brackets(tokens: Tokens) -> Tokens:
-    """Mathematica's f[x] and {x, 2}; the orders in our own B[1,0](x, y) stay."""
+def _with_round_brackets(tokens: Tokens, names: Names) -> Tokens:
+    """Mathematica's f[x] and {x, 2}; the orders in our own B[1,0](x, y) stay.
+
+    Without another sign of Mathematica k[x] is as unclear as k (x).
+    """
     found: Tokens = []
+    calls = {(a.text, b.text) for a, b in itertools.pairwise(tokens) if b.is_operator("[") or a.is_operator("[")}
+    mathematica = any((first == "[" and second == "t") or first != _small(first) for first, second in calls)
     closing: list[str] = []
     for place, token in enumerate(tokens):
         if token.is_operator("[", "{"):
@@ -87,7 +92,9 @@ def _with_round_brackets(tokens: Tokens) -> Tokens:
             if called:
                 listed = [each.text for each in tokens[place - 1 : place + 2]] == ["Piecewise", "[", "{"]
                 found[-1] = replace(found[-1], text=_PIECES if listed else _small(found[-1].text))
-            found.append(token if orders else replace(token, text="(", space_before=token.space_before and not called))
+            unclear = called and not mathematica and names.role(found[-1].text) is None
+            space = unclear or (token.space_before and not called)
+            found.append(token if orders else replace(token, text="(", space_before=space))
         elif token.is_operator("]", "}") and closing:
             found.append(replace(token, text=closing.pop()))
         else:

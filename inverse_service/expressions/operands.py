@@ -30,6 +30,7 @@ from inverse_service.expressions.tree import (
     Expression,
     Symbol,
     Velocity,
+    substitute,
     walk,
 )
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
@@ -48,10 +49,24 @@ def carry_out(expression: Expression, variables: Sequence[Variable], names: Name
     """The derivative; by t it is the one along the motion (x -> x' -> x''), else a partial one."""
     if sum(variable.times for variable in variables) > limits.derivative_order:
         raise limit_passed("a derivative is too high", variables[0].column, limits.derivative_order)
+    expression = _defined(expression, variables, names)
     for variable in variables:
         for _ in range(variable.times):
             expression = _once(expression, variable, names, limits)
     return expression
+
+
+def _defined(expression: Expression, variables: Sequence[Variable], names: Names) -> Expression:
+    """What is differentiated with the formulas of its names; InputError for the derivative of a constant."""
+    for variable in variables:
+        if isinstance(variable.node, Symbol) and variable.node in names.definitions:
+            what = f"a derivative by {variable.node.name} occurs, which stands for a formula"
+            raise refusal(what, variable.column, "differentiate by a coordinate")
+    others = {*names.definitions, *(variable.node for variable in variables)}
+    if isinstance(expression, Symbol) and expression.name in names.parameters and expression not in others:
+        what = f"a derivative of the constant {expression.name} occurs"
+        raise refusal(what, variables[0].column, 'declare it in "functions" with its arguments, or leave it out')
+    return substitute(expression, dict(names.definitions)) if names.definitions else expression
 
 
 def _once(expression: Expression, variable: Variable, names: Names, limits: Limits) -> Expression:
@@ -161,7 +176,8 @@ class OperandParser(ABC):
             span = (ahead.column, ahead.column + 1)
             raise refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span)
         if ahead.kind == "prime":
-            raise refusal(f"{token.text} has no derivative in time; a prime occurs", ahead.column, "leave it out")
+            instead = f"write diff({token.text}, t)" if node in self._names.definitions else "leave it out"
+            raise refusal(f"{token.text} has no derivative in time; a prime occurs", ahead.column, instead)
         return node
 
     def _coordinate(self, name: str, order: int, token: Token) -> Expression:

@@ -29,6 +29,7 @@ from inverse_service.expressions.tokens import (
 )
 
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000
 _OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _HALVES = {"\u00bd": Fraction(1, 2), "\u2153": Fraction(1, 3), "\u2154": Fraction(2, 3), "\u00bc": Fraction(1, 4),
@@ -44,7 +45,7 @@ _CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "
                     "&&": "&", "||": "|", "True": "true", "otherwise": "true"}  # fmt: skip
 _REASONS = {
     "!": "factorials are not accepted, write the number",
-    "%": "write the formula of one interval, or 0.5 for 50 %",
+    "%": "write the formula of one interval, 0.5 for 50 %, and # before a remark",
     ":": "write the formula alone",
     ".": "a dot belongs to a number such as 0.5",
     "_": "a name begins with a letter, and a number has no _ in it",
@@ -124,6 +125,10 @@ def _next(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Toke
         return [Token("newline", character, place + 1, space)], place + 1
     if based := _OTHER_BASE.match(text, place):
         raise refusal(f"{based[0]} occurs", place + 1, "write the number with decimal digits")
+    if grouped := _GROUPED.match(text, place):
+        digits = re.sub(r"\D", "", grouped[0])
+        span = (place + 1, grouped.end() + 1)
+        raise refusal(f"the digits of {digits} are in groups", place + 1, f"write {digits}", (digits,), span)
     number = NUMBER.match(text, place)
     if number:
         return [number_token(number.group(), place + 1, space, limits)], number.end()
@@ -207,7 +212,7 @@ def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     if sign := _ELEMENTWISE.get(text[place : place + 2]):
         return [Token("operator", sign, column, space)], place + 2
     if text.startswith("//", place):
-        raise refusal("// occurs", column, "write / for a quotient")
+        raise refusal("// occurs", column, "write / for a quotient, # before a remark")
     if text.startswith("**", place):
         return [Token("operator", "^", column, space)], place + 2
     character = OPERATORS.get(character, character)

@@ -116,8 +116,12 @@ class TokenStream:
 
     def source(self, start: int, end: int) -> str:
         """The tokens from one position up to another as they may be written."""
-        found = (f"{' ' * token.space_before}{token.text}" for token in self._tokens[start:end])
-        return "".join(found).strip()
+        found = ""
+        for token in self._tokens[start:end]:
+            glued = found[-1:].isalnum() and token.kind in ("name", "number") and not found[-1:].isdigit()
+            spaced = (token.space_before and token.text != ")") or glued
+            found += f"{' ' * spaced}{token.text}"
+        return found.strip()
 
     def take(self) -> Token:
         token = self.ahead

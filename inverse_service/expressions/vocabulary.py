@@ -52,7 +52,7 @@ _COMMAND = ("is a command of another program", "write the equations alone")
 _VECTORS = ("belongs to vectors", "write an equation for each component")
 _WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", "given", "equation", "equations",
           "model", "system", "when", "const", "constant", "begin", "end", "is", "the", "and", "or", "not", "xor",
-          "None", "True", "False", "true", "false", "null", "Null", "nil")  # fmt: skip
+          "double", "float", "Real", "None", "True", "False", "true", "false", "null", "Null", "nil")  # fmt: skip
 _OTHER_TONGUES = (("sen", "sin"), ("seno", "sin"), ("sinus", "sin"), ("sine", "sin"), ("cosinus", "cos"),
                   ("cosine", "cos"), ("tangent", "tan"), ("senh", "sinh"))  # fmt: skip
 _DECLARE = 'declare a function of your own in "functions" and use its derivatives'

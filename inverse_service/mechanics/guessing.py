@@ -65,7 +65,7 @@ def _refuse_products(tokens: Sequence[Token], declared: Names) -> None:
     """InputError for mx'', which is m*x'' to its writer; not where mx stands alone elsewhere and so is a name."""
     places = [place for place, token in enumerate(tokens) if token.kind == "name"]
     accelerated = {place for place in places if _primes(tokens[place + 1 :])[0] == 2}
-    alone = {tokens[place].text for place in places if place not in accelerated}
+    alone = {tokens[place].text for place in places if not _is_primed(tokens, place)}
     for place in sorted(accelerated):
         name, column = tokens[place].text, tokens[place].column
         if name in alone | GREEK_NAMES or declared.role(declared.spelling(name)):
@@ -75,8 +75,8 @@ def _refuse_products(tokens: Sequence[Token], declared: Names) -> None:
             named = looks_like_a_coordinate(moving) or moving in GREEK_NAMES
             if named and (_FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES):
                 factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
-                meant = "*".join((*factors, f"{moving}''"))
-                instead = f'did you mean {meant}? a coordinate of this name? add it to "coordinates"'
+                meant = "*".join((*factors, moving))
+                instead = f"did you mean {meant}''? a coordinate of this name? add it to \"coordinates\""
                 raise refusal(f"{name}'' occurs", column, instead, (meant,))
 
 
@@ -215,6 +215,7 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
     coordinates = declared.coordinates
     found_functions: dict[str, tuple[str, ...]] = {}
     found_parameters: dict[str, tuple[str, Token]] = {}
+    called: dict[str, tuple[str, Token]] = {}  # U_x(x, y) may be a derivative
     known = {*coordinates, *declared.declared(), *NEVER_GUESSED}
     for pointer, line in lines.items():
         for place, token in enumerate(line):
@@ -226,17 +227,33 @@ def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
                 raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(line, place + 1, timed)
-            if arguments and _is_apart(line, place):
-                called = f"({', '.join(arguments)})"
-                instead = f"write {token.text}*{called} for a product, {token.text}{called} for a function"
-                raise refusal(f"{token.text} ( could be a product or a function", token.column, instead).at(pointer)
+            if len(arguments) == 1 and _is_apart(line, place):
+                raise _product_or_function(line, place, arguments[0], texts[pointer]).at(pointer)
+            if arguments and "_" in token.text:
+                called.setdefault(token.text, (pointer, token))
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
             elif not arguments and not _is_primed(line, place) and not _may_be_called(line, place):
                 found_parameters.setdefault(token.text, (pointer, token))
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
+    _ask_back(called, Names(coordinates, (), {**declared.functions, **found_functions}))
     _ask_back(guessed, Names(coordinates, declared.parameters, {**declared.functions, **found_functions}))
     return Guess(tuple(guessed), found_functions)
+
+
+def _product_or_function(line: Sequence[Token], place: int, argument: str, text: str) -> InputError:
+    """The refusal of k (x) and k [x], with both ways to write it."""
+    name, depth, end = line[place], 0, line[place].column
+    for other in line[place + 1 :]:
+        depth += other.is_operator("(") - other.is_operator(")")
+        if depth == 0:
+            end = other.column
+            break
+    plain = text[end - 1 : end] in (")", "]")  # and no \\right)
+    both = (f"{name.text}*({argument})", f"{name.text}({argument})")
+    instead, what = f"write {both[0]} for a product, {both[1]} for a function", f"{name.text} ( could be"
+    span = (name.column, end + 1) if plain else None
+    return refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
 
 
 def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
@@ -342,7 +359,7 @@ def _tokens(text: str, declared: Names) -> list[Token]:
 def _looks_like_a_function(name: str) -> bool:
     """Whether the name may be a known function, such as sqrt mistyped, acot or gamma; then it is not guessed."""
     is_word = re.match("[A-Za-z]{3}", name) is not None and name not in GREEK_NAMES
-    return is_word or name in _SPECIAL or name in REFUSED_UNLESS_DECLARED
+    return is_word or name.replace("_", "") in _SPECIAL or name in REFUSED_UNLESS_DECLARED
 
 
 def _may_depend_on_time(name: str) -> bool:

@@ -7,10 +7,22 @@ from typing import Any
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    negate,
+    substitute,
+    subtract,
+    walk,
+)
 from inverse_service.mechanics.euler_lagrange import hessian
 
-ENERGY = "and the energy does not drift; where a single trajectory is to be exact, adaptive costs less."
+EXACT = "; where a single trajectory is to be exact, adaptive costs less."
+ENERGY = f"and the energy does not drift{EXACT}"
 NOTHING_KEPT = "nothing is known to be conserved that a geometric method would keep."
 LEAVES = " It ends where {} changes its sign: a motion that passes there needs adaptive."
 
@@ -25,9 +37,20 @@ def for_lagrangian(lagrangian: Expression, coordinates: Sequence[str], walls: Se
     return advice("variational", 8, f"L is not separable; the steps are implicit and symplectic{why}{ends}", "1/2")
 
 
-def for_constraints() -> dict[str, Any]:
-    """The advice for a Lagrangian with nonholonomic constraints."""
-    return advice("nonholonomic", 8, f"it keeps the discrete constraints to round-off, {ENERGY}", "1/2")
+def for_constraints(
+    lagrangian: Expression, constraints: Sequence[Expression], coordinates: Sequence[str]
+) -> dict[str, Any]:
+    """The advice for a Lagrangian with nonholonomic constraints. The method keeps the energy for long where motions
+    turned round are motions: L is even in the velocities and the constraints are odd."""
+    turned: dict[Expression, Expression] = {Velocity(name): negate(Velocity(name)) for name in coordinates}
+    why = f"and the energy for long, because motions can be turned round{EXACT}"
+    if collect(subtract(lagrangian, substitute(lagrangian, turned))) != ZERO:
+        why = f"but the energy may drift, as terms of odd degree in the velocities let no motion be turned round{EXACT}"
+    if any(collect(add(one, substitute(one, turned))) != ZERO for one in constraints):
+        why = "but the energy is no constant to be kept, because constraints with parts free of velocities do work."
+    if any(node == TIME for tree in (lagrangian, *constraints) for node in walk(tree)):
+        why = "but L contains t, so the energy is no constant to be kept."
+    return advice("nonholonomic", 8, f"it keeps the discrete constraints to round-off, {why}", "1/2")
 
 
 def advice(method: str, order: int | None, reason: str, alpha: str | None = None) -> dict[str, Any]:

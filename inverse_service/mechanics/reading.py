@@ -198,7 +198,7 @@ def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_
 
 
 _DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
-_ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*)")  # xdd, ddx, d2x
+_ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
 _DEFINES = re.compile(r"(?:^|[;,\n]|\\\\)\s*\\?[A-Za-z]\w*\s*=")
 
 
@@ -238,7 +238,8 @@ def _moves(text: str) -> bool:
 
 def _are_pairs(texts: Mapping[str, str], declared: Declared) -> bool:
     """Whether no name has two derivatives, and at least two have one."""
-    names = Names((), tuple(declared.named_parameters()), dict.fromkeys(declared.functions, ()))
+    named = (*declared.named_parameters(), *declared.where)
+    names = Names((), named, dict.fromkeys(declared.functions, ()))
     return not inferred_coordinates(texts, names, 2) and len(inferred_coordinates(texts, names, 1)) > 1
 
 
@@ -308,7 +309,11 @@ def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> Expr
     try:
         text = _text(value)
         if not _EQUAL.search(text):
-            return read_formula(text, names)
+            tree = read_formula(text, names)
+            if Acceleration(coordinate) in set(walk(tree)):
+                detail = f"{coordinate}'' occurs in what {coordinate}'' is: write whole equations with = in a list."
+                raise InputError(detail, column=1)
+            return tree
         groups = split_equations(text, names)
         if len(groups) != 1:
             raise InputError("several equations occur here: write only the acceleration.", column=1)

@@ -39,14 +39,15 @@ def advice(
     `free` is a Lagrangian that was found for a system given by its equations. None where L is degenerate.
     """
     lagrangian = free if scene.lagrangian is None else scene.lagrangian
-    if accelerations is not None and scene.lagrangian is None and is_stiff(scene, accelerations):
+    decays = scene.lagrangian is None or scene.forces
+    if accelerations is not None and decays and is_stiff(scene, accelerations):
         return method_advice.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
     if lagrangian is None or scene.forces:
         return method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT)
     if scene.lagrangian is not None and is_degenerate(scene):
         return None
     if scene.constraints:
-        return method_advice.for_constraints()
+        return method_advice.for_constraints(lagrangian, scene.constraints, scene.coordinates)
     moving: set[Expression] = set(map(Symbol, scene.coordinates))
     ends = [to_text(wall) for wall in dict.fromkeys(walls(lagrangian, moving))] if free is not None else []
     return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)

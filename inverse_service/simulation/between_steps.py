@@ -19,7 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Symbol, walk
+from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.derivation import Derived, derived_for_truth, with_accelerations
 from inverse_service.simulation.execution import HIDDEN_QUANTITY
@@ -53,6 +53,7 @@ LOOKED = (
     f"{HIDDEN:g} of itself unseen. What lies beside these ways was not looked at."
 )
 POLYNOMIAL = "Nothing was looked for between the points: the forces are polynomials of the state."
+VELOCITIES = "Nothing was looked for between the points; a force that is narrow in the velocities may lie there."
 TOO_MANY = f"What lies between the points was not looked at: there are more than {MOST_STEPS:,} steps."
 UNDECIDED = (
     "The forces were bounded on the straight way between every two points; on {} of {} ways that decided nothing."
@@ -62,13 +63,19 @@ MEMBERS = "Of {} of {} members: {}"
 NO_GUARD = "What lies between the points was not looked at: the guard was off."
 
 
-def forces(scene: Scene) -> tuple[Expression, ...]:
-    """The forces that may hide something; none where all are polynomials of the state."""
+def forces(scene: Scene, velocities: bool = False) -> tuple[Expression, ...]:
+    """The forces that may hide something, as they are no polynomials of place and time, or of `velocities` too."""
     trees = scene.accelerations or ()
     if scene.lagrangian is not None:
         trees = tuple(differentiate(scene.lagrangian, Symbol(name)) for name in scene.coordinates) + scene.forces
     places: set[Expression] = {TIME, *map(Symbol, scene.coordinates)}
+    places |= set(map(Velocity, scene.coordinates)) if velocities else set()
     return tuple(tree for tree in trees if any(_is_narrow(node, places) for node in walk(tree)))
+
+
+def nothing_sought(scene: Scene) -> str:
+    """Why nothing was looked for, where no force hides anything from place to place."""
+    return VELOCITIES if forces(scene, velocities=True) else POLYNOMIAL
 
 
 def _is_narrow(node: Expression, places: set[Expression]) -> bool:
@@ -110,7 +117,7 @@ def hidden_in(run: Observed, derived: Derived, stop: Stop | None) -> tuple[Outco
     if choice is None or len(at.times) < 2:
         return None, ""
     if not trees or not choice.guard or scene.grid.steps > len(at.times) - 1:
-        return None, POLYNOMIAL if not trees else TOO_MANY if choice.guard else NO_GUARD
+        return None, nothing_sought(scene) if not trees else TOO_MANY if choice.guard else NO_GUARD
     ways = Ways(at.positions[:-1], np.diff(at.positions, axis=0), at.times[:-1], scene.grid.step, run.values)
     own = choice.method in OWN_STEPS | set(SCIPY)
     pieces = OWN_PIECES if own else PIECES
@@ -134,7 +141,7 @@ def hidden_in_members(
     """{member: (step, impulse)} of an ensemble of `count`, and a sentence: some are looked at, and all where something
     is found. `paths` gives the positions (N, m, n) of some members with all points, and their ways."""
     if not forces(scene) or not choice.guard:
-        return {}, NO_GUARD if forces(scene) else POLYNOMIAL
+        return {}, NO_GUARD if forces(scene) else nothing_sought(scene)
     if choice.method in OWN_STEPS | set(SCIPY) or scene.grid.steps > MOST_OF_MEMBERS:
         return {}, OWN if choice.method in OWN_STEPS | set(SCIPY) else TOO_MANY
     at_once = max(1, MOST_OF_MEMBERS // max(scene.grid.steps, 1))

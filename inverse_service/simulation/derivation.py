@@ -85,6 +85,8 @@ USES_ACCELERATIONS = POINT_METHODS | {"heyoka", *SCIPY}
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
 
+_DEGENERATE = DEGENERATE[:1].upper() + DEGENERATE[1:]
+
 Find = Callable[[Scene, str | None, ExactMotion | NoExactMotion], FreeLagrangian | Unavailable]
 
 
@@ -142,6 +144,8 @@ def with_energy(scene: Scene, derived: Derived) -> Scene:
 def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem | Unavailable:
     """The problem as one method needs it, with nothing that it does not use; or the reason why it cannot run."""
     method = requested.method
+    if scene.lagrangian is not None and is_degenerate(scene):
+        return Unavailable(_DEGENERATE)
     if method in USES_ACCELERATIONS:
         return with_accelerations(scene, derived)
     if scene.lagrangian is None and method in ("nonholonomic", "modified"):
@@ -150,8 +154,6 @@ def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem 
         return Unavailable("The modified method is for motions without further forces: use nonholonomic.")
     if method == "modified" and not scene.constraints:
         return Unavailable("The modified method needs constraints; this scene has none.")
-    if method == "nonholonomic" and is_degenerate(scene):
-        return Unavailable(DEGENERATE[:1].upper() + DEGENERATE[1:])
     if method == "nonholonomic":
         names, values = scene.coordinates, tuple(scene.values)
         return Problem(names, values, lagrangian=scene.lagrangian, constraints=scene.constraints, forces=scene.forces)
@@ -186,6 +188,8 @@ def _exact(scene: Scene) -> ExactMotion | NoExactMotion:
         return NoExactMotion("The system is given by its equations.")
     if scene.forces:
         return NoExactMotion("Further forces act.")
+    if is_degenerate(scene):
+        return NoExactMotion(_DEGENERATE)
     return motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 
 

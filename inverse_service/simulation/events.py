@@ -34,13 +34,20 @@ from inverse_service.simulation.scene import (
 State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)
 CONTINUED = MethodChoice("adaptive", tolerance=1e-14)
 ITERATIONS = 60
+JUST = 1e-9  # of the way to a zero
 ROUND_OFF = 4e-16
 PIECES, LEAST_PIECES, MOST_PLACES = 16, 2, 2**18  # of a step, and of a run
 AT_ONCE = 2**17
 NEAR = 4.0  # differences between places: beyond them the formula does not reach 0 before the next
 GOLDEN, TURNS = (np.sqrt(5) - 1) / 2, 40
 TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the ends of the run
-TOUCHED = "At t = {:.12g} the formula is 0 within round-off and its sign stays: that is no event."
+LOOKED_AGAIN, OFF_GRID = 512, (0.1, 0.23, 0.382)  # places between those looked at, in parts of their distance
+NOT_SHOWN, OFTEN = 0.25, 0.01  # of the change nearby, and of the places
+UNSEEN = (
+    "The formula changes faster than the places that were looked at show, at most 16 in a step: events may be missing; "
+    "take a smaller step."
+)
+TOUCHED = "At t = {:.7g} the formula is 0 within round-off and its sign stays: that is no event."
 ENDED = "The run was ended by an event at t = {:.12g}."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
 
@@ -147,9 +154,9 @@ def _located(
             return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES if _turns(along) else "")
         way = Way(ran.times, along, follow, value)
         with np.errstate(invalid="ignore"):
-            brackets, touched = _brackets(way)
+            brackets, touched, unseen = _brackets(way)
         brackets = brackets.part(np.isin(brackets.sense, {1: (1,), -1: (-1,), 0: (1, -1)}[event.direction]))
-        note = TOUCHED.format(touched[0]) if len(touched) else ""
+        note = UNSEEN if unseen else TOUCHED.format(touched[0]) if len(touched) else ""
         if not len(brackets.places):
             return Found(event, nothing[:, 0], nothing, nothing, note)
         state = _zeros(brackets, way)
@@ -158,7 +165,7 @@ def _located(
     except InputError as error:
         return Found(event, nothing[:, 0], nothing, nothing, error.detail)
     # At a pole the sign changes too, and the value is beyond those on both sides.
-    zero = np.abs(value(state)) <= np.maximum(np.abs(brackets.below), np.abs(brackets.above))
+    zero = np.abs(_value_about(way, brackets, state)) <= np.maximum(np.abs(brackets.below), np.abs(brackets.above))
     order = np.argsort(state[0][zero], kind="stable")
     times, positions, speeds = (part[zero][order] for part in state)
     return Found(event, times, positions, speeds, note)
@@ -207,8 +214,34 @@ class Brackets:
         return Brackets(self.places[rows], self.low[rows], self.high[rows], self.below[rows], self.above[rows])
 
 
-def _brackets(way: Way) -> tuple[Brackets, Array]:
-    """The changes of sign along a run, and the times at which the formula is 0 and does not change it.
+def _value_about(way: Way, brackets: Brackets, state: State) -> Array:
+    """The formula at the zeros; just before them where it has no value there, as sign(x) at x = 0."""
+    found = way.value(state)
+    lost = np.isnan(found)
+    if lost.any():
+        begin = way.times[brackets.places]
+        share = (state[0] - begin) / (way.times[brackets.places + 1] - begin)
+        before = way.value(way.at(brackets.places, share - JUST * (share - brackets.low)))
+        found = np.where(lost, before, found)
+    return found
+
+
+def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
+    """Whether the formula between the places has values that the cubic through four of them does not show."""
+    if len(fine) < 4:
+        return False
+    places = np.unique(np.linspace(1, len(fine) - 3, LOOKED_AGAIN).astype(np.int64))
+    part = np.resize(OFF_GRID, len(places))
+    a, b, c, d = fine[places - 1], fine[places], fine[places + 1], fine[places + 2]
+    cubic = b + part * ((c - a) / 2 + part * (a - 2.5 * b + 2 * c - d / 2 + part * (1.5 * (b - c) + (d - a) / 2)))
+    apart = np.abs(way.values((places + part) / pieces) - cubic)
+    change = np.ptp(np.stack([a, b, c, d]), axis=0)
+    return bool((apart > NOT_SHOWN * change + TOUCH * np.nanmax(np.abs(fine))).mean() > OFTEN)
+
+
+def _brackets(way: Way) -> tuple[Brackets, Array, bool]:
+    """The changes of sign along a run, the times at which the formula is 0 and does not change it, and whether it has
+    more of them than the places show.
 
     Each step is looked at in PIECES places, and where the formula turns towards 0 between them, at its turning point.
     """
@@ -231,7 +264,7 @@ def _brackets(way: Way) -> tuple[Brackets, Array]:
     k = np.minimum(((shares[:-1] + shares[1:]) / 2).astype(np.int64), steps - 1)
     found = Brackets(k, shares[:-1] - k, shares[1:] - k, values[:-1], _signed(values)[1:])
     moments = np.interp(turned[touching], np.arange(steps + 1), way.times)
-    return found.part(found.sense != 0), moments
+    return found.part(found.sense != 0), moments, _is_unseen(way, fine, pieces)
 
 
 def _signed(values: Array) -> Array:

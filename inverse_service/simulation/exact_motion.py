@@ -43,7 +43,10 @@ MOST_PIECES = 4096
 MOST_NODES = 2_000_000
 INTERVALS_AT_ONCE = 5_000
 TOLERANCE = 4e-16
-RANK_LOST = "the constraints lose rank on the way, so the exact motion is not determined"
+RANK_LOST = (
+    "on the way the constraints lose rank, or the kinetic energy along them is not positive, so the exact motion is "
+    "not determined: change a parameter or the start"
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.codegen.compiled import Card, Compiled
-from inverse_service.codegen.kernel import CONTROL
+from inverse_service.codegen.kernel import CONTROL, MOST_TRIES
 from inverse_service.codegen.program import (
     GUARDED,
     HIDDEN,
@@ -22,6 +22,7 @@ from inverse_service.codegen.program import (
     STATUS,
     STOPPED_AT,
     STOPPED_VALUE,
+    TOO_MANY,
     TOO_SHORT,
     TRIAL,
     UNOBSERVABLE,
@@ -36,7 +37,11 @@ _FIRST_OWN = 8  # of a method that takes any number of steps between two points
 _SECONDS_PER_PIECE = 0.1
 _REMEDY = "take a smaller step"
 _UNDEFINED = "a formula of the scene ends there: begin elsewhere, stop before, or leave the quantity out of observe"
-_ENDS = "the motion has a singular point there: stop before it; or take a larger tolerance, or the method stiff"
+_NO_VALUE = (
+    "take a smaller step; where a formula or its derivative has no value none helps: begin elsewhere or stop before"
+)
+_ENDS = "the equations of motion, or their derivatives, have a pole or no value there: stop before, or begin elsewhere"
+_FASTER = "take a smaller step or a larger tolerance; where something decays fast, the method stiff"
 _BENT = "the third difference of the path compared with its steps, squared: fewer than five steps in a turn"
 HIDDEN_QUANTITY = "the impulse of a force between two points, which neither shows: more than 0.1 of the momentum"
 _KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain", "domain": "off_domain"}
@@ -141,6 +146,7 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
         return Stopped("off_domain", step, quantity, value, _UNDEFINED)
     if code >= WATCHED:
         kind, quantity, remedy = card.watches[code - WATCHED]
+        remedy = _NO_VALUE if kind == "resolution" and math.isnan(value) else remedy
         return Stopped(_KINDS.get(kind, "singular"), step, quantity, value, remedy)
     if code >= GUARDED:
         quantity = f"1 - det/det(h -> 0): {_determinant(card, code - GUARDED, unknown_names)}"
@@ -155,13 +161,16 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
             first, last = (float(memory[layout.place(f"{which}_{place}")]) for which in ("first", "last"))
             if abs(last) < NEARLY_SINGULAR * abs(first):
                 return Stopped("singular", step, quantity, last, _REMEDY, place)
-        return Stopped("no_convergence", step, quantity, value, _REMEDY)
+        return Stopped("no_convergence", step, quantity, value, _NO_VALUE if math.isnan(value) else _REMEDY)
     if code == NO_START:
         return Stopped("off_domain", 0, "the state at the start, which has no finite value", value, _UNDEFINED)
     if code == HIDDEN:
         return Stopped("unresolved", step, HIDDEN_QUANTITY, value, f"{_REMEDY}, or go on with guard = false, unchecked")
     if code == UNRESOLVED:
         return Stopped("unresolved", step, _BENT, value, f"{_REMEDY}, or go on with guard = false, unchecked")
+    if code == TOO_MANY:
+        quantity = f"a step of its own: {MOST_TRIES} such steps do not reach the next point"
+        return Stopped("unresolved", step, quantity, value, _FASTER)
     if code == TOO_SHORT:
         return Stopped("singular", step, "the step that the tolerance asks for", value, _ENDS)
     assert code == NOT_FINITE

@@ -173,7 +173,7 @@ def _first_steps(
             return None
         passed = _wall_passed(formulas, found.positions, parameters)
         if passed is not None:
-            return passed
+            return Outcome("singular", 0, grid.begin, *passed, SMALLER_STEP)
         ends.append(found.positions[-1] - found.positions[0])
     apart, moved = (float(np.linalg.norm(difference)) for difference in (ends[0] - ends[1], ends[1]))
     if not apart > HALF * moved:
@@ -183,8 +183,8 @@ def _first_steps(
     )
 
 
-def _wall_passed(formulas: Formulas, positions: Array, parameters: Mapping[str, float]) -> Outcome | None:
-    """The outcome where a wall of the positions has another sign at the start and at the first points after it."""
+def _wall_passed(formulas: Formulas, positions: Array, parameters: Mapping[str, float]) -> tuple[str, float] | None:
+    """(text, value at the start) of a wall of the positions that has another sign at the first points after it."""
     known = {*(f"q{k}" for k in range(formulas.size)), *parameters}
     problem = formulas.problem
     for wall in formulas.walls_of([problem.free_hamiltonian, problem.lagrangian, *(problem.accelerations or ())]):
@@ -192,7 +192,7 @@ def _wall_passed(formulas: Formulas, positions: Array, parameters: Mapping[str, 
             tables = ({**parameters, **{f"q{k}": float(x) for k, x in enumerate(row)}} for row in positions)
             values = [real_value(wall.formula, table) for table in tables]
             if any(value * values[0] < 0 for value in values):
-                return Outcome("singular", 0, 0.0, wall.text, values[0], SMALLER_STEP)
+                return wall.text, values[0]
     return None
 
 

@@ -37,7 +37,7 @@ from inverse_service.simulation.formulas import Denominator, Formulas
 from inverse_service.simulation.scene import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.schemes import parts_of, program_of
 from inverse_service.simulation.starting import Initial
-from inverse_service.simulation.watches import OTHER_LAGRANGIAN
+from inverse_service.simulation.watches import where_it_ends
 
 _LONGEST = 160
 _FUNCTIONS = {"sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh", "asin", "acos", "atan"}
@@ -261,7 +261,7 @@ def _outcome(ended: Ended) -> Outcome:
     if halt.kind in ("no_convergence", "not_finite", "singular") and (cause := _vanished(ended)):
         return Outcome("singular", halt.step, when, *cause, _remedy(f, choice))
     if cause := _pole(ended):
-        return Outcome("singular", halt.step, when, *cause, OTHER_LAGRANGIAN)
+        return Outcome("singular", halt.step, when, *cause, where_it_ends(f))
     remedy = halt.remedy
     if halt.kind == "guard" and halt.value:
         # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are proportional to h.
@@ -330,4 +330,4 @@ def _remedy(f: Formulas, choice: MethodChoice) -> str:
         names = ", ".join(f.problem.free_constants)
         constants = f"free constants {names}" if names else "free constants of L~"
         return f"choose smaller {constants}, another alpha, or the variational method in Hamiltonian form"
-    return OTHER_LAGRANGIAN
+    return where_it_ends(f)

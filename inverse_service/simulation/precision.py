@@ -36,7 +36,8 @@ MOST_STEPS = 4_000_000
 # Errors below this share of the motion are round-off, whose noise is about this factor.
 ROUND_OFF = 1e-12
 NOISE = 4.0
-SLOW = 1.0  # seconds; a peer that takes longer is not made finer
+SLOW = 1.0  # seconds; a peer that takes longer is not made finer: its very first call also loads what it needs
+COARSE = 1e-2  # of the motion
 # Shares of the time limit: for first calls, and for all repetitions.
 SHARE_OF_FIRST = 0.5
 SHARE_OF_REPEATS = 0.35
@@ -96,8 +97,10 @@ def measure(
     repeats: int,
     time_limit: float,
     progress: Progress | None = None,
+    coarser: bool = False,
 ) -> Precision | Unavailable:
-    """Measure every method of the scene but the exact one at every step; Unavailable where nothing is true."""
+    """Measure every method of the scene but the exact one at every step, and at `coarser` ones where it is good at all
+    of these; Unavailable where nothing is true."""
     begun = time.monotonic()
     length = scene.grid.step * scene.grid.steps
     plain = replace(scene, observe=())
@@ -105,31 +108,41 @@ def measure(
     truth = _truth(plain, derived, length, max(counts))
     if isinstance(truth, Unavailable):
         return truth
-    methods = [requested for requested in scene.methods if requested.method != EXACT]
-    settings: list[Setting] = []
-    for requested in methods:
-        for count, tolerance in _fineness(requested, counts):
-            if requested.method in SCIPY and _is_slow(settings, requested):
-                blank = _blank(requested, length, count, tolerance)
-                settings.append(replace(blank, reason=f"not measured: the coarser one took more than {SLOW:g} s"))
-                continue
-            if progress is not None:
-                progress(f"{requested.label}, {f'{count} steps' if tolerance is None else f'tolerance {tolerance:g}'}")
-            late = time.monotonic() - begun > SHARE_OF_FIRST * time_limit
-            blank = _blank(requested, length, count, tolerance)
-            if late:
-                settings.append(replace(blank, reason="not measured: the time limit was near"))
-            else:
-                settings.append(_first(plain, blank, derived, truth, length))
-    settings = _repeated(plain, derived, settings, length, repeats, SHARE_OF_REPEATS * time_limit)
+    if not np.isfinite(truth.positions).all():
+        return Unavailable(truth.reason)
     scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0
-    return Precision(scene, truth, scale, tuple(_with_floor(settings, scale)))
+    late = begun + SHARE_OF_FIRST * time_limit
+
+    def first(blank: Setting) -> Setting:
+        if progress is not None:
+            at = f"{blank.steps} steps" if blank.tolerance is None else f"tolerance {blank.tolerance:g}"
+            progress(f"{blank.requested.label}, {at}")
+        if time.monotonic() > late:
+            return replace(blank, reason="not measured: the time limit was near")
+        return _first(plain, blank, derived, truth, length)
+
+    settings: list[Setting] = []
+    for requested in scene.methods:
+        if requested.method == EXACT:
+            continue
+        own: list[Setting] = []
+        for count, tolerance in _fineness(requested, counts):
+            blank = _blank(requested, length, count, tolerance)
+            slow = requested.method in SCIPY and any(one.first > SLOW for one in own[1:])
+            reason = f"not measured: the coarser one took more than {SLOW:g} s"
+            own.append(replace(blank, reason=reason) if slow else first(blank))
+        while coarser and _is_good(own[0], scale):
+            count = CHECKS * (own[0].steps // CHECKS // 2)
+            own.insert(0, first(_blank(requested, length, count, None)))
+        settings += own
+    settings = _repeated(plain, derived, settings, length, repeats, SHARE_OF_REPEATS * time_limit)
+    return Precision(scene, truth, scale, tuple(_with_floor(settings, scale, truth.uncertainty)))
 
 
-def _is_slow(settings: Sequence[Setting], requested: Requested) -> bool:
-    """Whether the coarser settings of a peer took too long already; its very first call also loads what it needs."""
-    own = [one.first for one in settings if one.requested.label == requested.label]
-    return any(seconds > SLOW for seconds in own[1:])
+def _is_good(setting: Setting, scale: float) -> bool:
+    """Whether a method with a given step is so good there that longer ones say more."""
+    plain = setting.tolerance is None and setting.steps >= 2 * CHECKS
+    return plain and setting.error is not None and setting.error <= COARSE * scale
 
 
 def _counts(length: float, steps: Sequence[float]) -> list[int]:
@@ -237,18 +250,22 @@ def _steady(scene: Scene, derived: Derived, setting: Setting, length: float) -> 
     return None if found is None or not run.outcome.completed else found.run_seconds
 
 
-def _with_floor(settings: Sequence[Setting], scale: float) -> list[Setting]:
-    """Mark what lies beyond the least error of its method, or beyond the first error that is round-off only."""
+def _with_floor(settings: Sequence[Setting], scale: float, unknown: float = 0.0) -> list[Setting]:
+    """Mark what lies beyond the least error of its method, or beyond the first error that is round-off only or less
+    than what is `unknown` of the true motion."""
     found = []
     for setting in settings:
         own = [s for s in settings if s.requested.label == setting.requested.label and s.error is not None]
-        beyond = bool(own) and setting.error is not None and setting.fineness > _last_useful(own, scale).fineness
+        beyond = (
+            bool(own) and setting.error is not None and setting.fineness > _last_useful(own, scale, unknown).fineness
+        )
         found.append(replace(setting, at_floor=beyond))
     return found
 
 
-def _last_useful(own: Sequence[Setting], scale: float) -> Setting:
+def _last_useful(own: Sequence[Setting], scale: float, unknown: float) -> Setting:
     least = min(own, key=lambda s: s.error or 0.0)
-    if (least.error or 0.0) > ROUND_OFF * scale:
+    if (least.error or 0.0) > max(ROUND_OFF * scale, unknown):
         return least
-    return next(s for s in own if (s.error or 0.0) <= NOISE * (least.error or 0.0) + 1e-16 * scale)
+    round_off = NOISE * (least.error or 0.0) + 1e-16 * scale if (least.error or 0.0) <= ROUND_OFF * scale else 0.0
+    return next(s for s in own if (s.error or 0.0) <= max(round_off, unknown))

@@ -35,7 +35,7 @@ Matrix = tuple[tuple[Expression, ...], ...]
 MOST_FULL_ROWS = 5
 DEGENERATE = (
     "the matrix of the velocities is singular (d2L/dv_i dv_j, or constraints that depend on one another), so no "
-    "accelerations follow: give every coordinate its kinetic energy, with the effects that the scene names."
+    "accelerations follow: give every coordinate its kinetic energy, with other parameters or effects of the scene."
 )
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.between_steps import greatest_near
+from inverse_service.simulation.between_steps import forces, greatest_near
+from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
 from inverse_service.simulation.observing import (
     end_of_energy,
@@ -23,7 +24,7 @@ from inverse_service.simulation.observing import (
     why_energy_varies,
 )
 from inverse_service.simulation.quantities import Observed, velocities_at_points
-from inverse_service.simulation.scene import OWN_STEPS, SCIPY
+from inverse_service.simulation.scene import OWN_STEPS, SCIPY, Grid, MethodChoice, Problem, Unavailable
 from inverse_service.simulation.truth import Truth, places_of
 from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE
 
@@ -38,6 +39,9 @@ UNSEEN = "the error at the end: the force changes with t within each step, which
 # over the size of the motion, is too large.
 LOST, TOO_LARGE = 0.2, 0.1
 LOOKED_AT, INSIDE = 256, 33
+BY_STEPS, APART = MethodChoice("adaptive", tolerance=1e-13), 1e-4  # of the velocity
+WENT_BY = "the Taylor series over a step compared with DOP853 from the same point"
+OTHER_STEPS = f"take the method adaptive, or {RESOLVE}"
 
 
 def jump_of_energy(run: Observed) -> Outcome | None:
@@ -68,6 +72,32 @@ def jump_of_energy(run: Observed) -> Outcome | None:
     step = int(places[0])
     change = float(changes[np.abs(changes[:, step]).argmax(), step])
     return Outcome("unresolved", step + 1, float(at.times[step + 1]), _JUMPS.format(f"{share:.1g}"), change, RESOLVE)
+
+
+def other_way(run: Observed, motion: Problem | Unavailable) -> Outcome | None:
+    """The outcome where a Taylor series, begun far from what a force does in a narrow place, went by it: DOP853, begun
+    at each point with short steps, arrives elsewhere at the next one."""
+    at, scene, choice = run.trajectory, run.scene, run.requested.choice
+    if choice is None or choice.method != "heyoka" or not choice.guard or at.velocities is None:
+        return None
+    if (
+        isinstance(motion, Unavailable)
+        or not forces(scene, velocities=True)
+        or not 0 < scene.grid.steps < len(at.times)
+    ):
+        return None
+    q, v, once = at.positions, at.velocities, Grid(scene.grid.step, 1)
+    again = run_ensemble(motion, BY_STEPS, q[:-1], v[:-1], once, scene.values, begins=at.times[:-1])
+    speed = np.linalg.norm(v, axis=1)
+    allowed = APART * (np.maximum(speed[:-1], speed[1:]) + speed.max() / 10)
+    far = np.linalg.norm(again.rates[:, -1] - v[1:], axis=1) > allowed
+    far |= np.linalg.norm(again.positions[:, -1] - q[1:], axis=1) > allowed * abs(scene.grid.step)
+    places = np.flatnonzero(far)
+    if not len(places):
+        return None
+    step = int(places[0])
+    error = float(np.abs(again.positions[step, -1] - q[step + 1]).max())
+    return Outcome("unresolved", step, float(at.times[step]), WENT_BY, error, OTHER_STEPS)
 
 
 def other_motion(run: Observed) -> Outcome | None:

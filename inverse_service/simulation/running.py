@@ -24,7 +24,7 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, 
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.advice import COST, Means, part_costs
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.between_steps import MOST_STEPS, POLYNOMIAL, forces, hidden_in, without_hidden
+from inverse_service.simulation.between_steps import MOST_STEPS, forces, hidden_in, nothing_sought, without_hidden
 from inverse_service.simulation.derivation import (
     COMPARED,
     USES_EXACT,
@@ -42,7 +42,14 @@ from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.quantities import Observed, observed_quantities
-from inverse_service.simulation.resolution import UNSEEN, changes_unseen, jump_of_energy, lost_to_time, other_motion
+from inverse_service.simulation.resolution import (
+    UNSEEN,
+    changes_unseen,
+    jump_of_energy,
+    lost_to_time,
+    other_motion,
+    other_way,
+)
 from inverse_service.simulation.scene import (
     EXACT,
     FreeLagrangian,
@@ -180,17 +187,17 @@ def run_method(
     if isinstance(found, Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
-    values, hidden, looked = values_of(scene, requested, known), None, POLYNOMIAL
+    values, hidden, looked = values_of(scene, requested, known), None, ""
+    motion = with_accelerations(scene, derived)
     if found.outcome.completed:
         with timed(seconds, "between steps"):
             whole = Observed(scene, requested, found, problem, values, truth)
-            hidden, looked = hidden_in(whole, derived, stop) if forces(scene) else (None, POLYNOMIAL)
-            hidden = other_motion(whole) or jump_of_energy(whole) or hidden
+            hidden, looked = hidden_in(whole, derived, stop) if forces(scene) else (None, nothing_sought(scene))
+            hidden = other_motion(whole) or jump_of_energy(whole) or hidden or other_way(whole, motion)
     if requested.method != EXACT and whole_grid(scene) != scene.grid:
         found = thinned(scene, found)
     events: tuple[Found, ...] = ()
     if scene.events and len(found.times) > 1:
-        motion = with_accelerations(scene, derived)
         with timed(seconds, "events"):
             found, events = with_events(scene, requested, problem, found, motion, values)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
@@ -226,7 +233,7 @@ def _integrated(
 
 def whole_grid(scene: Scene) -> Grid:
     """With every point recorded, where something may lie between them."""
-    looked = scene.grid.steps <= MOST_STEPS and bool(forces(scene))
+    looked = scene.grid.steps <= MOST_STEPS and bool(forces(scene, velocities=True))
     return replace(scene.grid, record_every=1) if looked else scene.grid
 
 

@@ -37,7 +37,7 @@ class Problem:
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether t occurs in any of the formulas; the motion begins at t = 0."""
+        """Whether t occurs in any of the formulas."""
         trees = (
             self.lagrangian,
             self.free_lagrangian,

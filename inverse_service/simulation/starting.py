@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +21,7 @@ _SAMPLES, _NEAR = 256, 20.0
 
 Numbers = dict[str, float]
 OFF_CONSTRAINTS = 1e-9
+BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time where the force depends on t"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ class Initial:
 
 
 def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]) -> Initial:
-    """State of the kernel at t = 0."""
+    """State of the kernel at its first time, which stands among the parameters (0 where it does not)."""
     parameters = {str(MOMENT): 0.0, **parameters}
     _require(start, f.size)
     q = _named("q", start.positions)
@@ -44,7 +45,7 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parame
         if start.velocities is None:
             raise InputError("Runge-Kutta methods start from velocities: give velocities instead of momenta.")
         table = {**parameters, **q, **_named("v", start.velocities)}
-        return Initial({**q, **_named("v", start.velocities)}, missing=_undefined(f, lambda: f.accelerations, table))
+        return Initial({**q, **_named("v", start.velocities)}, missing=undefined_force(f, f.accelerations, table))
     discrete = start.convention == "discrete_constraint"
     if start.momenta is not None and choice.method != "modified" and not discrete:
         guess = _named("d", start.velocities) if start.velocities is not None else None
@@ -122,25 +123,25 @@ def _checked(
 ) -> Initial:  # fmt: skip
     kept = [k for k in range(f.size) if choice.method != "modified" or k not in f.dependent]
     whole = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
-    undefined = _undefined(f, lambda: [whole.diff(place) for place in f.symbols("q")], table)
+    undefined = undefined_force(f, f.forces, table)
+    if undefined is None and f.depends_on_time:  # elsewhere L~ may be 0/0 at the start
+        undefined = undefined_force(f, [whole.diff(place) for place in f.symbols("q")], table)
     state = {**q, **{f"p{k}": momenta[k] for k in kept}}
     rates = {f"d{k}": velocity for k, velocity in enumerate(velocities)}
     if all(math.isfinite(momenta[k]) for k in kept):
         return Initial(state, rates, undefined)
     quantity, value = vanishing(f, table)
     remedy = "start where it is not 0, from momenta, or with another associated system or method"
-    return Initial(state, rates, Outcome("off_domain", 0, 0.0, quantity, value, remedy))
+    return Initial(state, rates, Outcome("off_domain", 0, table[str(MOMENT)], quantity, value, remedy))
 
 
-def _undefined(f: Formulas, make: Callable[[], list[Formula]], table: Mapping[str, float]) -> Outcome | None:
-    """The outcome where a force of a system with t has no value at t = 0, through which no step would notice it."""
-    if not f.depends_on_time:
-        return None
-    for name, formula in zip(f.problem.coordinates, make(), strict=True):
-        value = real_value(formula, table)
-        if not math.isfinite(value):
-            remedy = "begin later: write t + 1 in the place of t to start at t = 1"
-            return Outcome("off_domain", 0, 0.0, f"the force on {name} at t = 0, which has no value", None, remedy)
+def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, float]) -> Outcome | None:
+    """The outcome where a force has no value at the start, through which no step would notice it, or none passes."""
+    for name, formula in zip(f.problem.coordinates, forces, strict=False):
+        if not math.isfinite(real_value(formula, table)):
+            begin = table[str(MOMENT)]
+            quantity = f"the force on {name} at the start, t = {begin:.12g}, which has no value"
+            return Outcome("off_domain", 0, begin, quantity, None, BEGIN_ELSEWHERE)
     return None
 
 
@@ -224,4 +225,4 @@ def refusal(
     if abs(grid.step) * worst < LIMIT:
         return None
     remedy = f"{GUARD_REMEDY}; |step| must be well below {1.0 / worst:.3g}"
-    return Outcome("guard", 0, 0.0, f"h*max|d2H/d{name} dp_{name}|", abs(grid.step) * worst, remedy)
+    return Outcome("guard", 0, grid.begin, f"h*max|d2H/d{name} dp_{name}|", abs(grid.step) * worst, remedy)

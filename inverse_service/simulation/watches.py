@@ -31,11 +31,19 @@ RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
 RANK_REMEDY = "divide the constraints by what vanishes there, begin elsewhere, or take a smaller step"
 MAP_LIMIT = 1e-12
 RESOLVE = f"{SMALLER_STEP}, or go on with guard = false, unchecked"
-REGULAR_MOTION = "the equations of motion end there: use coordinates in which they are regular, or stop before"
+REGULAR_MOTION = (
+    "the equations of motion have a pole, an end or a kink there: stop before, use coordinates in which they are "
+    "regular, or the method adaptive, which passes kinks"
+)
 RESOLUTION = "the error of a step compared with its change of the velocity, squared"
 # The ratio squared; that of a force which acts in the last stage alone is a tenth.
 RESOLVED = 0.05
 ROUND_OFF, SMALLEST = 1e-18, 1e-300
+
+
+def where_it_ends(f: Formulas) -> str:
+    """What to do where L~ ends: the motion ends too where L~ is the Lagrangian of the scene itself."""
+    return REGULAR_MOTION if f.problem.free_lagrangian == f.problem.lagrangian else OTHER_LAGRANGIAN
 
 
 def moment_at(part: Formula) -> Formula:
@@ -63,7 +71,7 @@ def velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: For
     """Velocities that L~ divides by must not pass 0; where L~ divides by positions only, H~ is smooth."""
     table = discrete_point(f, q, d, alpha)
     return [
-        Watch("sign", denominator.formula.subs(table), denominator.text, OTHER_LAGRANGIAN)
+        Watch("sign", denominator.formula.subs(table), denominator.text, where_it_ends(f))
         for denominator in f.denominators
         if denominator.moves
     ]
@@ -72,7 +80,7 @@ def velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: For
 def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
     """H~ must stay where it is the Hamiltonian of L~: poles and ends of its own, and p = dL~/dv(q, H_p)."""
     trees = [f.problem.free_hamiltonian]
-    watches = [Watch("sign", wall.formula.subs(point), wall.text, OTHER_LAGRANGIAN) for wall in f.walls_of(trees)]
+    watches = [Watch("sign", wall.formula.subs(point), wall.text, where_it_ends(f)) for wall in f.walls_of(trees)]
     if f.momenta_may_fail:
         size = sum((p**2 for p in f.symbols("p")), ONE)
         defect = sum((one**2 for one in f.momenta_may_fail), number(0)) / size

@@ -43,20 +43,51 @@ def solve(
     `questions` are `ansatz`, `special_cases`, `time_dependent_lagrangian`, `series_order`. Raises InputError.
     """
     from inverse_service import solve as solve_document
-    from inverse_service.sympy.reading import read
 
-    if isinstance(system, str) or (isinstance(system, Mapping) and all(isinstance(key, str) for key in system)):
-        return solve_document(system, time_limit=time_limit, seed=seed)
-    found = read(system, coordinates, velocities, time, questions)
-    return result_of(solve_document(found.document, time_limit=time_limit, seed=seed), found.names)
+    keys = {"coordinates": coordinates, "velocities": velocities, "time": time, **questions}
+    return solve_document(system, time_limit=time_limit, seed=seed, **keys)
 
 
 def document(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> dict[str, Any]:
     """What `solve` would ask, as a document for a file, a batch or the service."""
+    return asked(system, coordinates, **keys)[0]
+
+
+_KEYS = frozenset(("equations", "lagrangian", "constraints", "motion", "format", "options", "parameters"))
+
+
+def asked(
+    system: Any, coordinates: Any = None, *, velocities: Any = None, time: Any = None, **questions: Any
+) -> tuple[dict[str, Any], Any]:
+    """The document that is meant, and the SymPy objects of its names; None for a text, which has none."""
+    keys = {"coordinates": coordinates, "velocities": velocities, "time": time, **questions}
+    given = {key: value for key, value in keys.items() if value is not None}
+    if isinstance(system, str):
+        return _of_text(system) | given, None
+    if isinstance(system, Mapping) and all(isinstance(key, str) for key in system):
+        texts = all(isinstance(value, str | int) and not isinstance(value, bool) for value in system.values())
+        return ({"equations": system} if texts and system and not _KEYS & system.keys() else dict(system)) | given, None
+    if isinstance(system, list | tuple) and system and all(isinstance(entry, str) for entry in system):
+        return {"equations": list(system)} | given, None
     from inverse_service.sympy.reading import read
 
-    velocities, time = keys.pop("velocities", None), keys.pop("time", None)
-    return dict(read(system, coordinates, velocities, time, keys).document)
+    found = read(system, coordinates, velocities, time, questions)
+    return found.document, found.names
+
+
+def _of_text(text: str) -> dict[str, Any]:
+    """The document of a text: a name of the catalogue, JSON, or equations."""
+    from inverse_service import catalogue
+    from inverse_service.errors import InputError
+    from inverse_service.service.documents.reading import read_json
+
+    if text.strip().startswith("{") and '"' in text:
+        try:
+            found = read_json(text)
+        except InputError:
+            found = None
+        return found if isinstance(found, dict) else {"equations": text}
+    return dict(catalogue.document(text)) if text in catalogue.names() else {"equations": text}
 
 
 def nonholonomic(

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
+from inverse_service.errors import InputError
 from inverse_service.mechanics.conditions import conditions
-from inverse_service.mechanics.reading import read_system
-from inverse_service.sympy.names import Table
-from inverse_service.sympy.reading import read
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents.preparing import Prepared, prepared
+from inverse_service.service.documents.translate import to_schema, to_system
+from inverse_service.sympy import asked
+from inverse_service.sympy.names import Table, table_of_result
 from inverse_service.sympy.trees import expression, to_sympy
 
 if TYPE_CHECKING:
@@ -34,23 +37,33 @@ class Conditions:
 
 
 def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[str, Any]) -> Conditions:
-    """The tensors of a system of SymPy objects."""
-    keys = dict(keys)
-    found = read(system, coordinates, keys.pop("velocities", None), keys.pop("time", None), keys)
-    parts = found.document
-    motion = read_system(
-        parts["coordinates"], parts["equations"], parts.get("parameters", ()), parts.get("functions", {})
-    )
-    tensors = conditions(motion)
+    """The tensors of a system, whatever `solve` takes."""
+    document, names = asked(system, coordinates, **keys)
+    ready = prepared(document)
+    try:
+        motion = to_system(to_schema(ready.document))
+    except InputError as error:
+        raise ready.error(error) from None
+    table, tensors = _inside(names, ready, motion), conditions(motion)
 
     def plain(part: Any) -> Any:
-        return [plain(each) for each in part] if isinstance(part, tuple) else to_sympy(part, found.names)
+        return [plain(each) for each in part] if isinstance(part, tuple) else to_sympy(part, table)
 
     def matrix(rows: Any) -> Any:
         return None if rows is None else sympy.ImmutableMatrix(plain(rows))
 
     blocks = None if tensors.R is None else sympy.ImmutableDenseNDimArray(plain(tensors.R))
     return Conditions(matrix(tensors.Phi), matrix(tensors.nabla_Phi), blocks, matrix(tensors.N), tensors.reason)
+
+
+def _inside(names: Table | None, ready: Prepared, motion: SecondOrderSystem) -> Table:
+    """The objects by the names that the system has inside, where its time is t; new ones for those of a text."""
+    functions = {function.name: function.arguments for function in motion.functions}
+    parts = {"coordinates": motion.coordinates, "parameters": motion.parameters, "functions": functions}
+    table = names or table_of_result(ready.outward({"system": parts}))
+    own = [dict(zip(parts[key], getattr(table, key).values(), strict=True)) for key in parts]
+    velocities = dict(zip(motion.coordinates, table.velocities.values(), strict=False))
+    return Table(table.time, "t", own[0], velocities, own[1], own[2], functions)
 
 
 def conditions_of_texts(parts: Mapping[str, Any], table: Table) -> Conditions:

@@ -119,6 +119,12 @@ def _of_kane(method: Any, questions: Mapping[str, Any]) -> Reading:
 
 
 def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[Any, Any], time: Any) -> _Given:
+    coordinates = [coordinates] if isinstance(coordinates, sympy.Basic) else coordinates
+    for each in coordinates or ():
+        if not isinstance(each, AppliedUndef | sympy.Symbol):
+            raise InputError("a coordinate is no SymPy object: give those of the equations, as x(t).", "/coordinates")
+        if isinstance(system, Mapping) and each not in system:
+            raise InputError(f"{each} has no acceleration: give one for each of the coordinates.", "/coordinates")
     if isinstance(system, Mapping):
         moving = tuple(coordinates or system)
         _refuse_without_velocities(moving, velocities)
@@ -161,7 +167,7 @@ def _expression(value: Any) -> Any:
     except sympy.SympifyError:
         found = None
     if not isinstance(found, sympy.Expr | sympy.MatrixBase):
-        detail = "this is no SymPy expression: give expressions, or the whole system as text."
+        detail = "this is no SymPy expression: give expressions, or the whole system as text, or what its file holds."
         raise InputError(detail, "/equations")
     for derivative in found.atoms(sympy.Derivative):
         if not all(count.is_Integer for _, count in derivative.variable_count):

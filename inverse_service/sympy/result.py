@@ -318,38 +318,46 @@ def answers_to_many(
     systems: Iterable[Any], workers: int, output: Path | None, time_limit: float
 ) -> Iterator[Result | dict[str, Any]]:
     """The answers in the order of the systems."""
-    readings = [_document(system) for system in systems]
+    from inverse_service.service.documents.answers import of_input_error
+
+    readings = [_asked(system) for system in systems]
+    lines = [
+        json.dumps({**reading[0], "id": place}, default=str)
+        for place, reading in enumerate(readings)
+        if not isinstance(reading, InputError)
+    ]
+    answers = {each["id"]: each for each in _answered(lines, workers, output, time_limit)}
+    for place, reading in enumerate(readings):
+        if isinstance(reading, InputError):
+            problem = of_input_error(reading)
+            yield {"id": place, **problem, "error": problem}
+        elif str(answers[place].get("format", "")).startswith("inverse-service/"):
+            yield result_of(answers[place], reading[1])
+        else:
+            yield answers[place]
+
+
+def _asked(system: Any) -> tuple[dict[str, Any], Any] | InputError:
+    from inverse_service.sympy import asked
+
+    try:
+        return asked(system)
+    except InputError as error:
+        return error
+
+
+def _answered(lines: list[str], workers: int, output: Path | None, time_limit: float) -> list[dict[str, Any]]:
+    """The answers to the lines, from a batch of its own, so that a script needs no guard against being imported."""
     with tempfile.TemporaryDirectory() as folder:
-        source = Path(folder) / "systems.ndjson"
-        lines = (json.dumps({**document, "id": place}) for place, (document, _) in enumerate(readings))
-        source.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        target = output or Path(folder) / "results.ndjson"
-        _run(source, target, workers, time_limit)
-        found = [json.loads(line) for line in target.read_text(encoding="utf-8").splitlines()]
-    answers = {each["id"]: each for each in found}
-    for place, (_, names) in enumerate(readings):
-        answer = answers[place]
-        yield result_of(answer, names) if str(answer.get("format", "")).startswith("inverse-service/") else answer
-
-
-def _run(source: Path, target: Path, workers: int, time_limit: float) -> None:
-    """The batch as a program of its own, so that a script needs no guard against being imported again."""
-    command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(target)]
-    command += ["--workers", str(workers), "--time-limit", str(time_limit)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if not target.exists():
+        source, target = Path(folder) / "systems.ndjson", output or Path(folder) / "results.ndjson"
+        source.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+        command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(target)]
+        command += ["--workers", str(workers), "--time-limit", str(time_limit)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False) if lines else None
+        found = [json.loads(line) for line in target.read_text("utf-8").splitlines()] if target.exists() else []
+    if done is not None and len(found) < len(lines):
         raise InputError(done.stderr.strip()[-500:] or "The systems could not be answered.")
-
-
-def _document(system: Any) -> tuple[dict[str, Any], Any]:
-    if isinstance(system, str):
-        return {"equations": system}, None
-    if isinstance(system, Mapping) and all(isinstance(key, str) for key in system):
-        return dict(system), None
-    from inverse_service.sympy.reading import read
-
-    found = read(system, None, None, None, {})
-    return found.document, found.names
+    return found
 
 
 def table_of(results: Iterable[Mapping[str, Any]]) -> Any:

@@ -245,7 +245,8 @@ def test_a_batch_is_checked_and_tabulated_line_by_line(tmp_path: Path, ending: s
 def test_the_check_of_a_batch_finds_a_forged_line_and_counts_error_lines(files: tuple[Path, Path]) -> None:
     source, output = files
     unknown = {"coordinates": ["x"], "equations": {"x": "-k*x"}}
-    source.write_text(written({"id": "true", **SYSTEM}, {"id": "forged", **SYSTEM}, {"id": "error", **unknown}))
+    lines = written({"id": "true", **SYSTEM}, {"id": "forged", **SYSTEM}, {"id": "error", **unknown})
+    source.write_text(lines + "[1]\n")  # its answer has the id null
     assert batch(source, output).returncode == 1
     forged = [
         {**answer, "verdict": "not_variational"} if answer["id"] == "forged" else answer for answer in answers(output)
@@ -254,9 +255,9 @@ def test_the_check_of_a_batch_finds_a_forged_line_and_counts_error_lines(files: 
     checked = command("check", str(output))
     assert checked.returncode == 1
     assert 'id "forged": invalid' in checked.stdout
-    assert checked.stdout.splitlines()[-1] == "1 invalid, 1 valid, 1 error line."
+    assert checked.stdout.splitlines()[-1] == "1 invalid, 1 valid, 2 error lines."
     rows = list(csv.DictReader(io.StringIO(command("table", str(output)).stdout)))
-    assert ["k" in row["reason"] for row in rows if row["verdict"] == "error"] == [True]
+    assert ["k" in row["reason"] for row in rows if row["verdict"] == "error" and row["id"]] == [True]
 
 
 @pytest.mark.parametrize("content", ["{}\n", "[1]\n", "not JSON\n", json.dumps(SYSTEM) + "\n"])

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from inverse_service import __version__
 from inverse_service.cli.application import run
@@ -106,6 +107,13 @@ def test_a_result_is_compared_with_the_document_in_a_file(call: Any, tmp_path: P
     assert call("check", result, "--document", same).code == 0
     found = call("check", result, "--document", other)
     assert (found.code, found.out.split("\n")[0]) == (1, "invalid")
+
+
+def test_a_result_in_yaml_is_checked(call: Any, tmp_path: Path) -> None:
+    result = json.loads(call("solve", "x'' = -x").out)
+    assert call("check", written(tmp_path, yaml.safe_dump(result), "r.yaml")).code == 0
+    forged = yaml.safe_dump(result | {"verdict": "not_variational"})
+    assert call("check", written(tmp_path, forged, "f.yaml")).code == 1
 
 
 @pytest.mark.parametrize("content", ["", "{", "[1]", "NaN", '{"a": 1, "a": 1}'])

@@ -100,3 +100,36 @@ def test_no_method_is_advised_for_a_degenerate_lagrangian() -> None:
     found = simulate({"system": system, "initial": initial, "step": 0.1, "steps": 5, "methods": ["stormer-verlet"]})
     assert found["methods"][0]["outcome"] == "unavailable"
     assert found["advice"] is None
+
+
+CONTACT = {"coordinates": ["x", "y", "z"], "constraints": ["x' + y*z'"]}
+QUADRATIC = "(x'^2+y'^2+z'^2)/2 - (x^2+y^2+z^2)/2"
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        (CONTACT | {"lagrangian": QUADRATIC}, "and the energy for long"),
+        (CONTACT | {"lagrangian": f"{QUADRATIC} + 3*z*y'/10"}, "but the energy may drift"),
+        (CONTACT | {"lagrangian": f"{QUADRATIC} + x*cos(2*t)/2"}, "contains t, so the energy is no constant"),
+        (CONTACT | {"lagrangian": QUADRATIC, "constraints": ["x' + y*z' - 1"]}, "energy is no constant"),
+    ],
+)
+def test_the_energy_of_a_constrained_motion_is_promised_only_where_it_is_kept(
+    system: dict[str, Any], words: str
+) -> None:
+    found = simulate(scene(system, ["nonholonomic"], initial={
+        "positions": {"x": 0.5, "y": 0.3, "z": 0.2}, "velocities": {"y": 0.4, "z": 0.3}}))  # fmt: skip
+    assert words in found["advice"]["reason"]
+
+
+@pytest.mark.slow
+def test_work_and_precision_give_the_same_advice() -> None:
+    found = work_precision(scene(VAN_DER_POL, ["stiff"], repeats=1, time=2), None, 20.0)
+    assert found["advice"]["method"] == "stiff"
+
+
+def test_a_strong_damper_beside_a_lagrangian_asks_for_the_stiff_method() -> None:
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
+    assert simulate(scene(system, ["stiff"], rayleigh="5000*x'^2/2"))["advice"]["method"] == "stiff"
+    assert simulate(scene(system, ["stiff"], rayleigh="x'^2/2"))["advice"]["method"] == "adaptive"

@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.documents.documents import parse_document
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.checking import check_plain
+from inverse_service.service.documents.documents import parse_document, solve_document
 
 
 def refused(document: Any) -> InputError:
@@ -182,7 +184,13 @@ def test_dots_over_two_letters_are_not_one_name() -> None:
         (guess(r"\ddot x = -x^{T} x"), "a raised T"),
         (guess(r"\ddot x = -\Delta x"), "write Delta*x"),
         ({"equations": "x'' = -x//2"}, "write /"),
-        ({"equations": "x'' = -1_000*x"}, "a number has no _"),
+        ({"equations": "x'' = -1_000*x"}, "write 1000"),
+        ({"equations": "x'' = -diff(V, x)", "parameters": ["V"]}, "a derivative of the constant V"),
+        ({"equations": r"\ddot x = -\frac{dV}{dx}", "parameters": ["V"]}, "a derivative of the constant V"),
+        ({"equations": "x'' = diff(1/r, r)", "where": {"r": "1 + x^2"}}, "a derivative by r occurs"),
+        ({"equations": "x'' = -w'", "where": {"w": "x^2"}}, "write diff(w, t)"),
+        ({"equations": "x'' = F", "where": {"F": "G", "G": "U", "U": "G"}}, "G leads back to G"),
+        ({"equations": {"x": "m*x'' + k*x"}, "parameters": "guess"}, "write whole equations"),
     ],
 )
 def test_a_habit_of_another_notation_gets_the_right_advice(document: dict[str, Any], fragment: str) -> None:
@@ -252,3 +260,81 @@ def test_names_that_are_declared_are_not_asked_back() -> None:
 def test_what_is_declared_is_no_word_no_label_and_no_remark(equations: str, parameters: list[str], f: str) -> None:
     found = parse_document({"equations": equations, "parameters": parameters})
     assert found["equations"]["x"]["text"] == f
+
+
+@pytest.mark.parametrize(
+    ("equations", "where", "f"),
+    [
+        ("x'' = -diff(V, x)", {"V": "x^4/4"}, "-x^3"),
+        ("x'' = -dV/dx", {"V": "x^4/4"}, "-x^3"),
+        ("x'' = -\u2202V/\u2202x", {"V": "x^4/4"}, "-x^3"),
+        (r"\ddot x = -\frac{\partial V}{\partial x}", {"V": "x^4/4"}, "-x^3"),
+        ("x'' = -diff(w, t)", {"w": "x^2"}, "-2*x*x'"),
+        ("x'' = -dw/dt", {"w": "x^2"}, "-2*x*x'"),
+        (r"\ddot x = -\frac{dw}{dt}", {"w": "x^2"}, "-2*x*x'"),
+        ("d/dt(m*x') = 0", {"m": "exp(2*x)"}, "-2*x'^2"),
+        ("x'' = F", {"F": "-diff(V, x)", "V": "a^2", "a": "x^2/2"}, "-x^3"),
+        ("x' = p; p' = -diff(V, x)", {"V": "x^4/4"}, "-x^3"),
+    ],
+)
+def test_the_derivative_of_a_name_is_that_of_its_formula(equations: str, where: dict[str, str], f: str) -> None:
+    """A name of "where" is no constant, in whatever order the formulas stand."""
+    assert parse_document({"equations": equations, "where": where})["equations"]["x"]["text"] == f
+
+
+def test_the_rate_of_a_name_stands_in_lagrangian_and_constraint() -> None:
+    given = {"coordinates": ["x", "y"], "where": {"V": "x^4", "w": "y - x^2"}}
+    forward = solve_document({"lagrangian": "x'^2/2 + y'^2/2 - V + diff(V, t)", **given}, SolveOptions())
+    assert forward["equations"]["x"]["text"] == "-4*x^3"
+    speed = {"coordinates": ["x"], "where": {"v": "x'", "V": "x^4"}}
+    rate = solve_document({"lagrangian": "v^2/2 - V", **speed}, SolveOptions())
+    assert rate["equations"]["x"]["text"] == "-4*x^3"
+    second = {"lagrangian": "x'^2/2 + a", "coordinates": ["x"], "where": {"a": "x''"}}
+    assert "the acceleration x''" in refused(second).detail
+    rolling = {"lagrangian": "x'^2/2 + y'^2/2", "constraints": ["dw/dt = 0"], "associated": "first", **given}
+    assert "y' - 2*x*x'" in str(parse_document(rolling))
+
+
+@pytest.mark.parametrize(
+    ("equations", "time", "name", "meant"),
+    [
+        ("x'' = -x_t", None, "x_t", "x'"),
+        (r"\ddot x = -k x_{t}", None, "x_t", "x'"),
+        ("x'' = -x_tt", None, "x_tt", "x''"),
+        ("y'' = -kx", "x", "kx", "k*x"),
+        ("y''(x) = -wxy(x)", None, "wxy", "w*x*y"),
+        ({"y": "-omegax"}, "x", "omegax", "omega*x"),
+        ("y'' = -y_x", "x", "y_x", "y'"),
+        (r"\ddot y = -k y_x", "x", "y_x", "y'"),
+        (r"\ddot\theta = -\theta_\tau", "tau", "theta_tau", "theta'"),
+    ],
+)
+def test_a_name_with_the_time_in_it_is_asked_back(equations: Any, time: str | None, name: str, meant: str) -> None:
+    document = {"equations": equations, "parameters": "guess"} | ({"time": time} if time else {})
+    error = refused(document)
+    assert f"'{name}' is not declared" in error.detail
+    assert error.instead == (meant,)
+    assert error.pointer.startswith("/equations")
+
+
+def test_declared_names_with_the_time_in_them_come_back_as_they_were() -> None:
+    document = {"equations": "y'' = -k_x*y - k_t*kx", "parameters": ["k_x", "k_t", "kx"], "time": "x"}
+    result = solve_document(document, SolveOptions())
+    assert result["system"]["equations"] == {"y": "-k_x*y - k_t*kx"}
+    assert result["lagrangian"]["text"] == "y'^2/2 - k_x*y^2/2 - k_t*kx*y"
+    assert check_plain(result)["verdict"] == "valid"
+
+
+@pytest.mark.parametrize("asked", ["k [x]", "k[x]", "k (x)", "k (x(t))"])
+def test_a_bracket_that_may_hold_an_argument_is_asked_back_with_both_readings(asked: str) -> None:
+    error = refused(guess(f"x'' = -{asked} - x^3"))
+    assert error.instead == ("k*(x)", "k(x)")
+    assert error.span == (8, 8 + len(asked))
+
+
+@pytest.mark.parametrize("bullet", ["- ", "\u2013 "])
+def test_a_list_of_equations_with_dashes_before_them_is_asked_back(bullet: str) -> None:
+    """-x'' = -x would be x'' = x."""
+    assert "may be a bullet" in refused(guess(f"{bullet}x'' = -x\n{bullet}y'' = -y")).detail
+    meant = parse_document(guess(f"{bullet}x'' = -x;\ny'' = -y"))["equations"]
+    assert {name: formula["text"] for name, formula in meant.items()} == {"x": "x", "y": "-y"}

@@ -192,3 +192,23 @@ def test_a_formula_is_evaluated_as_it_is_written(far: int) -> None:
         assert method["outcome"] == "completed", method["label"]
         assert method["final"]["positions"]["x"] - far == pytest.approx(np.cos(10), abs=1e-8 + far * 1e-13)
         assert method["max_error"] < 1e-8 + far * 1e-13
+
+
+@pytest.mark.parametrize(
+    ("force", "start"),
+    [("-5000*x'*exp(-(100*x')^2)", 0.1), ("-tanh(1000*x')/3", 0.0), ("tanh(1000*(t - 3.333))", 0.0)],
+    ids=["a brake for small velocities", "dry friction", "a switch"],
+)
+def test_a_series_that_goes_by_a_narrow_force_is_unresolved(force: str, start: float) -> None:
+    """Far from it the force and all its derivatives are 0 or 1 to round-off, and so is every term of the series."""
+    pytest.importorskip("heyoka")
+    document = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "forces": {"x": force},
+        "initial": {"positions": {"x": 3}, "velocities": {"x": start}}, "step": 0.05, "time": 10,
+        "methods": ["heyoka", "adaptive"], "observe": ["error"],
+    }  # fmt: skip
+    series, steps = simulate(document)["methods"]
+    assert series["outcome"] == "unresolved"
+    assert "adaptive" in series["stopped"]["remedy"]
+    assert (steps["outcome"], steps["max_error"]) == ("completed", pytest.approx(0, abs=1e-10))
+    assert "polynomials" not in steps["between_points"]

@@ -67,3 +67,15 @@ def test_a_hop_that_is_shorter_than_the_step_ends_on_the_ground(method: str, hei
 def test_a_zero_at_the_start_is_no_event() -> None:
     assert events("x")["columns"]["t"] == pytest.approx([np.pi, 2 * np.pi, 3 * np.pi])
     assert "note" not in events("x")["events"][0]
+
+
+def test_a_formula_that_jumps_has_an_event_at_every_jump() -> None:
+    """sign(x) = x/sqrt(x^2) has no value at x = 0, which the search may hit exactly."""
+    assert events("sign(x)")["columns"]["t"] == pytest.approx([np.pi, 2 * np.pi, 3 * np.pi])
+    assert events("1/x")["count"] == events("tan(x)")["count"] - 3 == 0
+
+
+@pytest.mark.parametrize("rate", [1000, 2 * np.pi * 16 / 0.3, 350])
+def test_a_formula_that_is_too_fast_for_the_places_says_so(rate: float) -> None:
+    assert "events may be missing" in events(f"sin({rate!r}*t + 1/2)")["note"]
+    assert "note" not in events("sin(100*t + 1/2)")["events"][0]

@@ -67,3 +67,22 @@ def test_http_answers_and_refuses_a_name_that_the_system_does_not_have(service: 
     refused = httpx.post(f"{service}/v1/check", json={**body, "lagrangian": "m*x'^2/2"}, timeout=60)
     assert refused.status_code == 422
     assert "'m' is not declared" in refused.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("equations", "lagrangian", "wanted"),
+    [
+        ("theta'' = -g/l*sin(theta)", "m*l^2*theta'^2/2 + m*g*l*cos(theta)", "valid"),
+        ("x'' = -x", "m*(x'^2 - x^2)/2", "valid"),
+        ("x'' = -x", "(x'^2 - x^2)/(2*m) + F(x)*x'", "valid"),
+        ("x'' = -x", "x'^2/2 - k*x^2", "invalid"),
+        ("x'' = -x", "x'^2/2 - F(x)", "invalid"),
+    ],
+)
+def test_constants_that_the_equations_do_not_contain_are_of_any_value(
+    equations: str, lagrangian: str, wanted: str
+) -> None:
+    """The mass of a pendulum is in its L and not in its equation."""
+    found = verdict({"equations": equations, "parameters": "guess"}, lagrangian)
+    assert found["verdict"] == wanted
+    assert all("token" not in reason for reason in found["reasons"])

@@ -205,7 +205,7 @@ def test_a_series_whose_steps_shrink_without_end_is_stopped(method: str, monkeyp
 
     monkeypatch.setattr(peers, "MOST_STEPS", 50)
     found = methods(OSCILLATOR | {"time": 1000, "methods": [method, "variational"]})
-    assert found[method]["outcome"] == "not_finite"
+    assert found[method]["outcome"] == "unresolved"
     assert "50 steps" in found[method]["stopped"]["quantity"]
     assert found["variational-0.5"]["outcome"] == "completed"
 
@@ -331,3 +331,32 @@ def test_a_restart_from_no_point_is_refused(final: dict[str, Any]) -> None:
     scene = {key: value for key, value in OSCILLATOR.items() if key != "initial"}
     with pytest.raises(InputError):
         simulate(scene | {"steps": 5, "methods": ["adaptive"], "restart": {"methods": [{"final": final}]}})
+
+
+def test_a_force_without_a_value_at_the_start_is_named_with_its_time() -> None:
+    """Not that a smaller step would help, and not t = 0 where the scene begins later."""
+    free = {"coordinates": ["x"], "lagrangian": "x'^2/2"}
+    start = {"positions": {"x": 1}, "velocities": {"x": 0}}
+    every = [name for name in EVERY if name not in ("stormer-verlet", "heyoka")]
+    for force in ("1/(t - 2)", "log(x - 1)", "-sign(x')/3"):
+        scene = {"system": free, "initial": start, "step": 0.1, "steps": 9, "start_time": 2, "forces": {"x": force}}
+        for method in methods(scene | {"methods": every}).values():
+            assert method["outcome"] == "off_domain"
+            assert method["stopped"]["time"] == 2
+            assert "t = 2, which has no value" in method["stopped"]["quantity"]
+            assert "smaller step" not in method["stopped"]["remedy"]
+
+
+@pytest.mark.slow
+def test_a_motion_far_faster_than_its_grid_is_not_called_singular() -> None:
+    scene = OSCILLATOR | {"system": {"coordinates": ["x"], "equations": ["x'' = -10^16*x"]}, "step": 1.0, "steps": 3}
+    for method in methods(scene | {"methods": ["adaptive", "heyoka"]}).values():
+        assert method["outcome"] == "unresolved"
+        assert "steps" in method["stopped"]["quantity"]
+
+
+def test_a_lagrangian_of_the_scene_that_ends_is_not_said_to_be_another_one() -> None:
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - log(x)"}
+    found = methods(OSCILLATOR | {"system": system, "time": 2, "step": 0.02, "methods": ["stormer-verlet"]})
+    assert found["stormer-verlet"]["outcome"] == "singular"
+    assert "free Lagrangian" not in found["stormer-verlet"]["stopped"]["remedy"]

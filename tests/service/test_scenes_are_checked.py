@@ -49,6 +49,20 @@ def test_a_degenerate_lagrangian_is_refused_by_every_method() -> None:
         assert "singular" in method["reason"]
 
 
+@pytest.mark.parametrize("turning", [0, 1])
+def test_parameters_that_leave_no_motion_are_said_as_such(turning: float) -> None:
+    """I + M R^2 = 0: no method may complete, wherever it starts, and each says that parameters are to be changed."""
+    start = {"positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": turning, "theta": 1}}
+    document = {
+        "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": -1, "I": 1, "J": 1, "R": 1},
+        "initial": start, "step": 0.05, "steps": 5,
+        "methods": ["variational", "nonholonomic", "modified", "exact", "runge-kutta", "reference"],
+    }  # fmt: skip
+    for method in simulate(document)["methods"]:
+        assert method["outcome"] == "unavailable"
+        assert "other parameters" in method["reason"]
+
+
 def test_a_ball_on_a_turntable_is_run_geometrically() -> None:
     """Constraints with a part without velocities: the ball moves on a circle at 2/7 of the table's rate (Routh)."""
     rate = 0.5

@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
+from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import read_json
 from inverse_service.service.figures.series import precision_figure
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.service.scenes.work_precision import measured_order, seconds_to, work_precision
-from inverse_service.simulation.precision import Setting, _with_floor
+from inverse_service.service.scenes.work_precision import conclusion, measured_order, seconds_to, work_precision
+from inverse_service.simulation.precision import Precision, Setting, _with_floor
 from inverse_service.simulation.scene import MethodChoice, Requested
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
@@ -132,3 +133,35 @@ def test_every_substep_of_a_composition_evaluates_its_forces(order: int, stages:
     methods = [{"method": "stormer-verlet", "order": order}]
     found = simulate({"system": system, "initial": start, "step": 0.1, "steps": 100, "methods": methods})
     assert found["methods"][0]["force_evaluations"] == 100 * stages
+
+
+@pytest.mark.parametrize(
+    ("coarsest", "first", "loses"),
+    [(1e-3, False, False), (1e-1, True, True), (None, True, True)],
+    ids=["better at its coarsest", "worse", "its longer step failed"],
+)
+def test_no_order_is_told_where_a_method_might_be_faster_than_its_coarsest_setting(
+    coarsest: float | None, first: bool, loses: bool
+) -> None:
+    """The variational method reaches 1e-2 in at most 5 s, the other in 3 s: with longer steps it may need less."""
+    other = Requested("other", "runge_kutta", None, MethodChoice("runge_kutta"))
+    own = [setting(0.5, coarsest, 5.0), setting(0.25, 1e-3, 5.0)]
+    settings = [*own, *(replace(setting(2.0**-k, 10.0 ** (1 - 3 * k), 3.0), requested=other) for k in range(2))]
+    text = conclusion(Precision(None, None, 1.0, tuple(settings)))  # type: ignore[arg-type]
+    assert ("other is first at a relative error of 0.01" in text) == first
+    assert ("variational method loses" in text) == loses
+    assert ("no method is first for certain" in text) != first
+
+
+def test_what_is_less_than_is_known_of_the_true_motion_is_no_error() -> None:
+    marked = _with_floor([setting(2.0**-k, 10.0**-k) for k in range(8)], 1.0, 2e-5)
+    assert [one.at_floor for one in marked] == [False] * 6 + [True] * 2
+
+
+@pytest.mark.slow
+def test_a_motion_that_is_known_for_a_while_only_is_refused_with_the_reason() -> None:
+    """It was said of every method that its result is not finite."""
+    duffing = {"coordinates": ["x"], "equations": ["x'' = x - x^3 - 0.3*x' + 0.5*cos(1.2*t)"]}
+    scene = {"system": duffing, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.05, "time": 400}
+    with pytest.raises(InputError, match=r"known until t = .* only"):
+        work_precision(scene | {"methods": ["reference"], "repeats": 1}, None, 20.0)

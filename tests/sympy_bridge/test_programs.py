@@ -293,3 +293,39 @@ def test_the_second_derivative_of_a_function_is_no_acceleration() -> None:
 def test_helmholtz_is_a_function_after_its_first_call() -> None:
     first, second = (inverse_service.sympy.helmholtz(sp.Eq(x.diff(t, 2), -x)) for _ in range(2))
     assert first == second
+
+
+def test_keys_beside_a_text_are_asked() -> None:
+    assert solve("y'' = -x*y", time="x").lagrangian == inverse_service.solve("y'' = -x*y", time="x").lagrangian
+    assert document(["x'' = -x"], special_cases=True) == {"equations": ["x'' = -x"], "special_cases": True}
+    assert solve(["x'' = -k*x"], parameters=["k"]).is_variational is True
+    with pytest.raises(InputError, match="key 'foo' is not known"):
+        solve("x'' = -x", foo=1)
+    position, speed = sp.symbols("x v_x")
+    assert inverse_service.solve({position: -position}, velocities={position: speed}).lagrangian.has(speed)
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "reason"), [(["x"], "is no SymPy object"), ([y], "has no acceleration"), (y, "has no acceleration")]
+)
+def test_coordinates_that_are_none_are_refused(coordinates: list[object], reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        solve({x: -x}, coordinates)
+
+
+def test_helmholtz_takes_what_solve_takes() -> None:
+    tau = sp.Symbol("tau")
+    clock = sp.Function("t")(tau)
+    assert helmholtz({clock: clock**2 - tau * clock.diff(tau)}).Phi[0] == -(tau**2) / 2 - 4 * clock - 1
+    assert helmholtz("y'' = -x*y", time="x").Phi[0] == 2 * sp.Symbol("x")
+    assert helmholtz({"equations": "t'' = t^2", "time": "tau"}).Phi[0] == -4 * clock
+
+
+@pytest.mark.slow
+def test_many_systems_hold_what_is_refused_in_its_place() -> None:
+    first, second, third = solve_many(
+        ["sho", {x: -sp.Float(0.5) * x}, {"equations": "x'' = -k*x", "parameters": ["k"]}]
+    )
+    assert first["verdict"] == third["verdict"] == "variational"
+    assert second["detail"] == second["error"]["detail"]
+    assert "a Float occurs" in second["detail"]

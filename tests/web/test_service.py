@@ -12,6 +12,8 @@ import httpx
 import pytest
 from markupsafe import escape
 
+from inverse_service.web.pages.reading_back import without_keys
+
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
 JSON = {"Content-Type": "application/json"}
 PROBLEM_KEYS = {"type", "title", "status", "detail", "errors"}
@@ -278,7 +280,21 @@ def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
         ("x'' = -1,000 x", "8+5", "1000", "x'' = -1000 x"),
         ("x'' = -k(x-1)", "9+1", "*(", "x'' = -k*(x-1)"),
         ('x" = -x', "2+1", "''", "x'' = -x"),
-        ("xdd = -x", "1+4", "x''", "x''= -x"),
+        ("xdd = -x", "1+3", "x''", "x'' = -x"),
+        ("x(t)'' = -x(t)", "1+6", "x''(t)", "x''(t) = -x(t)"),
+        ("x_tt = -x", "1+4", "x''(t)", "x''(t) = -x"),
+        ("x'' = 1 - kx'", "11", "k*x", "x'' = 1 - k*x'"),
+        ("mx'' = -x", "1", "m*x", "m*x'' = -x"),
+        ("x'' = -sin x/2 + t", "12+3", "(x)/2", "x'' = -sin (x)/2 + t"),
+        ("x'' = -sin 2 x", "12+3", "(2*x)", "x'' = -sin (2*x)"),
+        ("x'' = -2sin^-1 x", "9+8", " asin(x)", "x'' = -2 asin(x)"),
+        (r"\ddot x = \cos\omega t", "15+8", r"(\omega*t)", r"\ddot x = \cos(\omega*t)"),
+        (
+            r"\ddot x = \sin x\left(1 - x\right) \label{a}",
+            "16+19",
+            "(x)*(1 - x)",
+            r"\ddot x = \sin (x)*(1 - x) \label{a}",
+        ),
         ("x'' = -Sin(x)", "8+3", "sin", "x'' = -sin(x)"),
         ("x'' = -X", "8", "x", "x'' = -x"),
     ],
@@ -294,7 +310,48 @@ def test_each_reading_is_a_button_that_leaves_the_rest(
     assert "data-problem" not in chosen.text
 
 
+def test_a_constant_is_offered_only_where_it_can_be_one(client: httpx.Client) -> None:
+    """kx' is a velocity: no constant; each reading is shown as the line that it makes."""
+    page = client.post("/understood", data={"kind": "equations", "equations": "x'' = 1 - kx'"}).text
+    assert escape("x'' = 1 - k*x'") in page
+    assert "a constant" not in page
+
+
 def test_primes_after_the_time_are_told_their_place(client: httpx.Client) -> None:
     refused = client.post("/understood", data={"kind": "equations", "equations": "x(t)'' = -x(t)"})
     assert "the primes come after (t)" in refused.text.lower()
     assert "x&#39;&#39;(t)" in refused.text
+
+
+@pytest.mark.parametrize(
+    ("kind", "shown"),
+    [
+        ("first", "z&#39;&#39; = -x&#39;*y&#39;/(x^2 + 1)"),
+        ("second", "z&#39;&#39; = x&#39;*z&#39;/(x*(x^2 + 1))"),
+        ("third", "y&#39;&#39; = x&#39;*z&#39;/(x^2 + 1)"),
+    ],
+)
+def test_the_associated_system_that_is_decided_is_shown(client: httpx.Client, kind: str, shown: str) -> None:
+    fields = {"kind": "nonholonomic", "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": "z' + x*y'"}
+    page = client.post("/understood", data={**fields, "associated": kind}).text
+    after = page.partition(f"The {kind} associated system, which is decided")[2]
+    assert shown in after
+    assert "which is decided" not in client.post("/understood", data={**fields, "associated": "any"}).text
+
+
+def test_an_associated_system_that_is_not_defined_says_why(client: httpx.Client) -> None:
+    fields = {"kind": "nonholonomic", "lagrangian": "(x'^2 + y'^2 + z'^2 + w'^2)/2", "constraints": "z' - y*x'"}
+    page = client.post("/understood", data={**fields, "associated": "third"}).text
+    assert "the constraints leave 3 free velocities" in page
+
+
+def test_a_refusal_names_the_fields_that_the_form_has(client: httpx.Client) -> None:
+    page = client.post("/understood", data={"kind": "equations", "equations": "x'' = -kx"}).text
+    assert "\u201cParameters\u201d under \u201cNames and questions\u201d" in page
+
+
+def test_a_refusal_of_a_form_that_declares_nothing_asks_for_no_declaration() -> None:
+    refused = "the name 'w' is not declared: declare it in \"functions\" with its arguments, use a known function."
+    assert without_keys(refused) == "the name 'w' is not declared: use a known function."
+    asked = "the name 'kx' is not declared: did you mean k*x? a constant of this name? add it to \"parameters\"."
+    assert without_keys(asked) == "the name 'kx' is not declared: did you mean k*x?"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from inverse_service.algebra.real_point import are_positive, table_at
@@ -11,14 +12,14 @@ from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT, RESULT_FORM
 from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused, InputError, LimitError
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, subtract, walk
+from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Symbol, subtract, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
+from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem, branches_of
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.hamiltonians import compared_hamiltonians
@@ -299,7 +300,7 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     """
     schema = translate.to_schema(document)
     system = translate.to_solvable(schema)
-    lagrangian = _read(schema, system, text)
+    lagrangian, system = _read(schema, system, text)
     own, is_singular = _equations_of(lagrangian, system)
     analysis = analyse(system)
     with_time = system.depends_on_time or TIME in walk(lagrangian)
@@ -317,13 +318,22 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     }
 
 
-def _read(schema: Any, system: SecondOrderSystem, text: str) -> Expression:
-    """L with the names of the system and no others."""
+def _read(schema: Any, system: SecondOrderSystem, text: str) -> tuple[Expression, SecondOrderSystem]:
+    """L, and the system with the constants and functions that occur in L alone, where the document asks to guess."""
     from inverse_service.mechanics.nonholonomic.reading import read_lagrangian
 
     declared = Declared(system.coordinates, schema.parameters, system.names.functions, schema.where)
     known = known_names(declared, {POINTER: text}, order=1)
-    return known.put_in(read_lagrangian(text, known.names))
+    found = known.put_in(read_lagrangian(text, known.names))
+    used = {node.name for node in walk(found) if isinstance(node, Symbol | Arbitrary)}
+    more = [name for name in known.names.parameters if name in used and name not in system.parameters]
+    functions = [
+        FunctionDeclaration(name, arguments)
+        for name, arguments in known.names.functions.items()
+        if name in used and name not in system.names.functions
+    ]
+    wider = replace(system, parameters=(*system.parameters, *more), functions=(*system.functions, *functions))
+    return found, wider if more or functions else system
 
 
 def _residual(lagrangian: Expression, system: SecondOrderSystem, is_valid: bool) -> tuple[Expression, ...]:

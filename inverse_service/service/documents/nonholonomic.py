@@ -22,7 +22,7 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.method_advice import for_constraints
-from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
+from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import solving, translate
@@ -42,6 +42,8 @@ from inverse_service.service.documents.translate_nonholonomic import (
 SHARE_OF_MOTION = 0.3
 # And what the question about any associated system may take, after the others.
 SHARE_OF_ANY = 1 / 3
+# What looking at a document again may take for an associated system that is only shown, s.
+SHOWN_AT_ONCE = 0.3
 # And what is left for checking all answers at the end.
 SHARE_LEFT = 0.1
 
@@ -83,7 +85,7 @@ def solve_nonholonomic(
     if schema.special_cases:
         assert main.associated.system is not None
         result = solving.with_special_cases(result, main.associated.system, asked, (end, progress))
-    fields = _constrained(result)
+    fields = _constrained(result, report.motion.system)
     whole = NonholonomicResult(
         **fields,
         nonholonomic=to_nonholonomic_part(found),
@@ -95,9 +97,10 @@ def solve_nonholonomic(
     return solving.ordered(solving.checked(whole, end - now()))
 
 
-def _constrained(result: ResultDocument) -> dict[str, Any]:
+def _constrained(result: ResultDocument, system: NonholonomicSystem) -> dict[str, Any]:
     """The fields of the result of an associated system; what is simulated is the motion with its constraints."""
-    return dict(result) | {"advice": AdvicePart(**for_constraints())}
+    taken = for_constraints(system.lagrangian, system.constraints, system.coordinates)
+    return dict(result) | {"advice": AdvicePart(**taken)}
 
 
 def _about_the_motion(
@@ -117,7 +120,7 @@ def _about_the_motion(
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     answer = answer_about(found, asked, end, progress)
     result = translate.to_result(solution, schema)
-    fields = _constrained(result)
+    fields = _constrained(result, report.motion.system)
     whole = NonholonomicResult(
         **fields,
         nonholonomic=to_nonholonomic_part(found),
@@ -161,6 +164,20 @@ def parse(schema: NonholonomicDocument) -> NonholonomicParseAnswer:
     system = to_nonholonomic(schema)
     to_families(schema, system)
     return to_nonholonomic_parse_answer(system, equations_of_motion(system), schema)
+
+
+def parse_associated(schema: NonholonomicDocument) -> dict[str, Any] | None:
+    """The equations of the one associated system that is asked for, or why it is not defined; None for another
+    question."""
+    if schema.associated not in ("first", "second", "third"):
+        return None
+    system = to_nonholonomic(schema)
+    report = motion_report(system, SHOWN_AT_ONCE)
+    one = associated_systems(report, schema.associated, to_families(schema, system))[0]
+    found = one.system
+    pairs = zip(found.coordinates, found.accelerations, strict=True) if found else ()
+    equations = {name: translate.parsed(f).model_dump() for name, f in pairs}
+    return {"kind": one.kind, "explanation": "" if found else one.explanation, "equations": equations}
 
 
 def system_of(schema: NonholonomicDocument) -> SecondOrderSystem:

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import declared_name
+from inverse_service.expressions.names import Names, declared_name, readings
 from inverse_service.expressions.printing_latex import name_latex
-from inverse_service.expressions.tokens import greek_letter
+from inverse_service.expressions.tokens import greek_letter, refusal
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
+from inverse_service.mechanics.document_names import AND_GUESS, GUESS
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
@@ -36,6 +37,7 @@ _NAMED = (
     re.compile(rf"d(?:\^2|\u00b2|2)\s*{_NAME}\s*/\s*d\s*([A-Za-z]+?)(?:\^2|\u00b2|2)"),
     re.compile(r"\\d?frac\{d\^\{?2\}?\s*\\?([A-Za-z]*)\}\{d\s*\\?([A-Za-z]+)\^\{?2\}?\}"),
 )
+_MOVING = re.compile(rf"{_NAME}(?:\s*['\u2032\u2033]|_?d?dot\b)")
 _BARE = re.compile(rf"{_NAME}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_NAME}_?ddot\b")
 
 
@@ -96,6 +98,7 @@ def prepared(document: Any) -> Prepared:
     time = _time_name(plain)
     if time == "t":
         return Prepared(plain, extra=extra)
+    _refuse_hidden_time(plain, time)
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
     inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
     return Prepared({**plain, **inside}, time, other, extra)
@@ -156,6 +159,33 @@ def _time_name(plain: dict[str, Any]) -> str:
     return name
 
 
+def _refuse_hidden_time(plain: Mapping[str, Any], time: str) -> None:
+    """InputError for kx, which is k*x to its writer, where names are guessed and x is the time."""
+    named = plain.get("parameters")
+    if named != GUESS and not (isinstance(named, list | dict) and AND_GUESS in named):
+        return
+    texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
+    moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
+    known = Names((), tuple({time, *_declared(plain, (*NAMES, "equations", "where")), *moving}))
+    for pointer, text in texts.items():
+        for word in _PLAIN_WORD.finditer("" if "\\" in text else text):
+            name, column = word[0], word.start() + 1
+            plain_name = name not in FUNCTIONS and not known.role(name) and name[0] != "d" and time in name
+            if plain_name and (meant := readings(name, known)):
+                instead = f'did you mean {" or ".join(meant)}? a constant of this name? add it to "parameters"'
+                raise refusal(f"the name '{name}' is not declared; it occurs", column, instead, meant).at(pointer)
+
+
+def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
+    """Every text in a value with its pointer."""
+    if isinstance(value, str):
+        yield pointer, value
+    elif isinstance(value, Mapping | list):
+        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for key, part in parts:
+            yield from _placed(part, f"{pointer}/{key}")
+
+
 def _found_time(plain: Mapping[str, Any]) -> str:
     """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same name."""
     found, moving = set(), set()
@@ -208,7 +238,7 @@ _STRUCTURE = frozenset(("text", "latex"))
 
 def _in_plain_text(text: str, table: Mapping[str, str], pad: bool) -> str:
     names = "|".join(re.escape(name) for name in table if name)
-    forms = re.compile(rf"(d[2-9]?|p_)?({names})([2-9]|(?:_?dot){{1,2}}|_?ddot)?")
+    forms = re.compile(rf"(d[2-9]?|[A-Za-z]\w*_)?({names})([2-9]|(?:_?dot){{1,2}}|_?ddot)?")
 
     def replaced(match: re.Match[str]) -> str:
         form = forms.fullmatch(match.group())
@@ -223,7 +253,7 @@ def _in_plain_text(text: str, table: Mapping[str, str], pad: bool) -> str:
 def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
     def replaced(match: re.Match[str]) -> str:
         below, word = match[1] or "", match[2]
-        if below and not (text[: match.start()].endswith("p") and word.lstrip("\\") in table):
+        if below and word.lstrip("\\") not in table:
             return match.group()
         if word.startswith("\\"):
             new = table.get(word[1:])

@@ -222,7 +222,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
             *(_requested(run.requested) | ensemble_document(scene, run) for run in found.members),
         ],
         "truth": _truth(found.truth),
-        "advice": _advice(scene, found.derived),
+        "advice": advice_of(scene, found.derived),
         **({} if found.lyapunov is None else {"lyapunov": dict(found.lyapunov)}),
         "circle_coordinates": None if scene.circle is None else [scene.coordinates[k] for k in scene.circle],
         "derived": sorted(found.derived.seconds),
@@ -234,7 +234,8 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
     return plain
 
 
-def _advice(scene: Scene, derived: Derived) -> dict[str, Any] | None:
+def advice_of(scene: Scene, derived: Derived) -> dict[str, Any] | None:
+    """The method that fits the scene, as far as what was derived tells."""
     free = derived.free.get(None)
     known = free.lagrangian if isinstance(free, FreeLagrangian) and scene.accelerations is not None else None
     return advice(scene, derived.accelerations if isinstance(derived.accelerations, tuple) else None, known)

@@ -23,8 +23,8 @@ from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
-from inverse_service.service.scenes.simulating import as_plain, catalogue_name
-from inverse_service.simulation.advice import advice, sentence_of
+from inverse_service.service.scenes.simulating import advice_of, as_plain, catalogue_name
+from inverse_service.simulation.advice import sentence_of
 from inverse_service.simulation.derivation import derive
 from inverse_service.simulation.precision import Precision, Setting, default_steps, measure
 from inverse_service.simulation.scene import SCIPY, MethodChoice, Progress, Requested, Scene, Unavailable
@@ -49,10 +49,12 @@ def _work_precision(document: Any, progress: Progress | None, time_limit: float)
     compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *_peers(scene)))
     derived = derive(compared, finder(schema, system, catalogue_name(schema)))
     left = time_limit - (time.monotonic() - begun)
-    measured = measure(compared, derived, steps or default_steps(scene.grid.step), schema.repeats, left, progress)
+    measured = measure(
+        compared, derived, steps or default_steps(scene.grid.step), schema.repeats, left, progress, not steps
+    )
     if isinstance(measured, Unavailable):
         raise InputError(f"the errors of this scene cannot be measured: {measured.reason}", "/system")
-    plain: dict[str, Any] = as_plain(_document(measured))
+    plain: dict[str, Any] = as_plain(_document(measured, advice_of(scene, derived)))
     return plain
 
 
@@ -76,10 +78,9 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
     return found
 
 
-def _document(measured: Precision) -> dict[str, Any]:
+def _document(measured: Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
     drawn = curves(measured)
     labels = list(drawn)
-    taken = advice(measured.scene, None)
     return {
         "format": FORMAT,
         "name": measured.scene.name,
@@ -163,6 +164,7 @@ def _version(name: str) -> str | None:
 
 TARGETS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
 MISSED = " The variational method does not reach {} with these steps."
+UNDECIDED = " At {} no method is first for certain: some are better than that at their coarsest setting already."
 GEOMETRIC = frozenset({"variational", "nonholonomic", "modified"})
 
 
@@ -203,9 +205,12 @@ def seconds_to(curve: Sequence[Setting], error: float) -> float | None:
 def reached_at_once(measured: Precision) -> dict[str, list[str]]:
     """For each error the methods whose coarsest setting is better already: their time is at most what is reported."""
     drawn = curves(measured)
+    coarsest = {label: _first(measured, label) for label in drawn}  # where it failed a longer step is not faster
     return {
         f"{target:g}": [
-            label for label, curve in drawn.items() if curve and (curve[0].error or np.inf) <= target * measured.scale
+            label
+            for label, curve in drawn.items()
+            if curve and curve[0] is coarsest[label] and (curve[0].error or np.inf) <= target * measured.scale
         ]
         for target in TARGETS
     }
@@ -221,10 +226,14 @@ def times_to_errors(measured: Precision) -> dict[str, dict[str, float | None]]:
 
 
 def conclusion(measured: Precision) -> str:
-    """Who reaches which error first, and where the variational method loses."""
+    """Who reaches which error first, and where the variational method loses.
+
+    A method that is better at its coarsest setting is as fast as that at least: where one might be faster than the
+    first, no order is told.
+    """
     methods = {setting.requested.label: setting.requested.method for setting in measured.settings}
     firsts: dict[str, list[str]] = {}
-    lost, won, missed = [], [], []
+    lost, won, missed, undecided = [], [], [], []
     at_most = reached_at_once(measured)
     for key, times in times_to_errors(measured).items():
         target = key.replace("e-0", "e-")
@@ -232,20 +241,25 @@ def conclusion(measured: Precision) -> str:
         if not known:
             continue
         first = min(known, key=known.__getitem__)
-        sign = "at most " if first in at_most[key] else ""
-        firsts.setdefault(first, []).append(f"{target} in {sign}{_time(known[first])}")
+        unsure = set(at_most[key]) - {first}
+        if unsure:
+            undecided.append(target)
+        else:
+            sign = "at most " if first in at_most[key] else ""
+            firsts.setdefault(first, []).append(f"{target} in {sign}{_time(known[first])}")
         own = {label: seconds for label, seconds in known.items() if methods[label] == "variational"}
-        if own and methods[first] != "variational":
-            nearest = min(own, key=own.__getitem__)
-            sign = "at most " if nearest in at_most[key] else "at least " if first in at_most[key] else ""
-            lost.append(f"{sign}{own[nearest] / known[first]:.2g} times that at {target}")
-        elif own and len(known) > len(own):
+        if own and methods[first] != "variational" and not unsure & set(own):
+            sign = "at least " if first in at_most[key] else ""
+            lost.append(f"{sign}{min(own.values()) / known[first]:.2g} times that at {target}")
+        elif own and methods[first] == "variational" and unsure <= set(own) and len(known) > len(own):
             won.append(target)
         elif not own and "variational" in methods.values():
             missed.append(target)
-    if not firsts:
+    if not firsts and not undecided:
         return "No method reached a relative error of 1e-2 with these steps: take smaller ones."
-    text = " ".join(f"{label} is first at a relative error of {', '.join(cases)}." for label, cases in firsts.items())
+    text = "".join(f" {label} is first at a relative error of {', '.join(cases)}." for label, cases in firsts.items())
+    if undecided:
+        text += UNDECIDED.format(", ".join(undecided))
     if lost:
         text += f" At equal trajectory error the variational method loses: its time is {', '.join(lost)}."
     if missed:
@@ -256,7 +270,7 @@ def conclusion(measured: Precision) -> str:
         text += f" The variational method wins at {', '.join(won)}."
     if methods and set(methods.values()) & GEOMETRIC:
         text += " What a long run does to energy, constraints and the shape of the orbit this comparison does not show."
-    return text
+    return text.strip()
 
 
 def _time(seconds: float) -> str:

@@ -9,8 +9,10 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from inverse_service.certificate.formulas import FORMAT
+from inverse_service.errors import InputError
 from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
+from inverse_service.mechanics.document_names import GUESS, Declared, known_names
 from inverse_service.service.documents.text_page import QUESTIONS as QUESTION
 from inverse_service.service.documents.text_page import answers_of, regular_where
 from inverse_service.web.pages import typesetting
@@ -211,13 +213,19 @@ OWN = {
     "valid": "Yes: the Euler-Lagrange equations of this L are these equations.",
     "invalid": "No: this L has other equations.",
     "incomplete": "This could not be settled.",
+    "unread": "This L cannot be read.",
 }
 
 
 def own_of(check: Mapping[str, Any], names: Names) -> OwnLagrangian:
     """The verdict on a visitor's L, with what is left of the Euler-Lagrange equations and what L gives instead."""
     lines: list[Markup] = []
+    reasons = list(check["reasons"])
     if check["verdict"] != "valid":
+        names, alone = _with_those_of(check["lagrangian"], names)
+        reasons += (
+            [f"{', '.join(alone)}: not in the equations, so of any value."] if alone and check["residual"] else []
+        )
         left = {name: f["text"] for name, f in (check["residual"] or {}).items() if f["text"] != "0"}
         own = {name: f["text"] for name, f in (check["equations"] or {}).items()}
         lines += [
@@ -225,7 +233,17 @@ def own_of(check: Mapping[str, Any], names: Names) -> OwnLagrangian:
             for name, text in left.items()
         ]
         lines += [Markup("it gives ") + typesetting.formula(f"{name}'' = {text}", names) for name, text in own.items()]
-    return OwnLagrangian(check["lagrangian"], OWN[check["verdict"]], lines, list(check["reasons"]))
+    return OwnLagrangian(check["lagrangian"], OWN[check["verdict"]], lines, reasons)
+
+
+def _with_those_of(lagrangian: str, names: Names) -> tuple[Names, list[str]]:
+    """The names with the constants and functions that occur in a visitor's L alone, and these."""
+    try:
+        found = known_names(Declared(names.coordinates, GUESS, names.functions), {"": lagrangian}, order=1).names
+    except InputError:
+        return names, []
+    alone = [name for name in (*found.parameters, *found.functions) if name not in names.declared()]
+    return replace(names, parameters=(*names.parameters, *found.parameters), functions=found.functions), alone
 
 
 def equations_of(system: Mapping[str, Any]) -> list[Markup]:

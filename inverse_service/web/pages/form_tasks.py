@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service import catalogue
+from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.jobs.identity import split_options, write_json
@@ -21,6 +22,8 @@ from inverse_service.web.pages.typesetting import names_of
 Fields = dict[str, str]
 # How long a person waits for an answer next to a form that they are still filling in, s.
 GLANCE = 1.5
+# What is read faster than this is shown with its associated system, s.
+QUICKLY = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +75,9 @@ def _own(body: bytes, content_type: str) -> tuple[Fields, OwnLagrangian]:
         found = use_cases().check_document(write_json({"system": document, "lagrangian": text}))
         names = names_of(use_cases().understand_document(document))
     except InputError as error:
-        return fields, OwnLagrangian(text, OWN["incomplete"], [], [fault.detail for fault in faults_of(error)])
+        return fields, OwnLagrangian(
+            text, OWN["unread"], [], [reading_back.without_keys(one.detail) for one in faults_of(error)]
+        )
     return fields, own_of({**found, "lagrangian": text}, names)
 
 
@@ -122,8 +127,18 @@ def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
     typed = any(fields[name] for name in ("equations", "lagrangian", "constraints"))
     if not (typed or document):
         return {}
+    began = now()
     try:
         answer = use_cases().parse_document(split_options(document)[0])
     except InputError as error:
         return {"problem": reading_back.problem_of_error(error, fields)} if typed else {}
-    return {"understood": reading_back.understood(answer)}
+    return {"understood": reading_back.understood(answer, _associated(document) if now() - began < QUICKLY else None)}
+
+
+def _associated(document: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The associated system of the form, which decides the verdict; None where there is none to be shown."""
+    try:
+        found: dict[str, Any] | None = use_cases().parse_associated(split_options(document)[0])
+    except InputError:
+        return None
+    return found

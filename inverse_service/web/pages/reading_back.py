@@ -13,6 +13,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions.tokens import LETTER_COMMANDS, PRIMES
 from inverse_service.expressions.tree import Acceleration, Symbol
 from inverse_service.service.jobs.outcome import faults_of
 from inverse_service.web.pages import typesetting
@@ -27,7 +28,17 @@ NAMED = ("parameters", "initial")
 MOTION = "Motion, the same for every associated system"
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40
+LONGEST_LABEL = 60
+FORM_NAMES = {"coordinates": "Coordinates", "parameters": "Parameters", "functions": "Arbitrary functions"}
+_KEY = re.compile(f'"({"|".join(FORM_NAMES)})"')
+_DECLARING = re.compile(
+    r"(?:a (?:constant|coordinate)(?: of this name)?\? |else |, or |or )?(?:add it to|declare it in) "
+    r'"(?:coordinates|parameters|functions)"(?: with its arguments)?(?:[,;] )?'
+)
 _COLUMN = re.compile(r"(; it occurs)? at column \d+")
+# What may stand between a formula and the sign after it and belongs to neither.
+_AFTER_FORMULA = re.compile(r"(?:[\s&~$]|\\[,;:! \]]|\\(?:end|tag|label)\{[^}]*\}|\\(?:nonumber|notag)(?![a-z]))*$")
+_LETTER = re.compile(rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(LETTER_COMMANDS, reverse=True))})(?![A-Za-z])")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,14 +82,19 @@ class Problem:
     places: list[ShownPlace]
 
 
-def understood(answer: Mapping[str, Any]) -> Understood:
-    """The answer of /v1/parse, typeset; what was guessed is said."""
+def understood(answer: Mapping[str, Any], associated: Mapping[str, Any] | None = None) -> Understood:
+    """The answer of /v1/parse, typeset, with the associated system that is asked about; what was guessed is said."""
     groups = [("", _equations(answer))] if answer.get("equations") else []
     for key, heading in (("lagrangian", "Lagrangian"), ("constraints", "Constraints")):
         lines = _formulas(answer.get(key), heading)
         if lines:
             groups.insert(len(groups) - 1 if key == "lagrangian" else len(groups), (heading, lines))
-    return Understood(_ordered(groups), _names(answer))
+    shown, names = _ordered(groups), _names(answer)
+    if associated and associated["equations"]:
+        shown.append((f"The {associated['kind']} associated system, which is decided", _equations(associated)))
+    elif associated:
+        names.append((f"The {associated['kind']} associated system", Markup(), associated["explanation"]))
+    return Understood(shown, names)
 
 
 def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]]]:
@@ -165,6 +181,7 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     name = ", ".join([FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())])
     text = _text_at(steps, fields)
     detail = re.sub("^time_limit", "It", detail)  # the box before the sentence names it
+    detail = _KEY.sub(_field_of_the_form, detail) if fields else without_keys(detail)
     if detail.startswith(("the ", "a ", "an ", "this ", "what ", "where ")):
         detail = detail[:1].upper() + detail[1:]
     if column is None or text is None or column > len(text) + 1:
@@ -182,26 +199,49 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     number = text.count("\n", 0, start) + 1 + _lines_before(steps)
     # The column in the sentence counts from the start of the whole text; the place is shown by its line.
     detail = _COLUMN.sub("", detail, count=1)
-    first, after_last = (one - 1 - start for one in error.span) if error.span else (place, place)
-    length = after_last - first
-    at = f"{field}:{number}:{first + 1}" + (f"+{length}" if length else "")
-    choices = _choices(error.instead, at, line[first:], length)
+    choices = _choices(error, text, start, line, f"{field}:{number}")
     return ShownPlace(detail, name, number, place + 1, before, marked, after, choices)
 
 
-def _choices(instead: tuple[str, ...], at: str, rest: str, length: int) -> tuple[tuple[str, str], ...]:
-    """The readings of the text of this length that stands there, or of a name; then the last declares it constant.
+def _field_of_the_form(key: re.Match[str]) -> str:
+    return f"\u201c{FORM_NAMES[key[1]]}\u201d under \u201cNames and questions\u201d"
 
-    LaTeX has none: they are written as plain text.
+
+def without_keys(detail: str) -> str:
+    """The sentence for a form that declares nothing."""
+    found = re.sub(r"[\s;:,]+\.$", ".", _DECLARING.sub("", detail))
+    return found.replace("?.", "?")
+
+
+def _choices(error: InputError, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:
+    """The readings of what stands at the place of an error, each as the line that it makes and what a button sends.
+
+    Those of a name end with one that declares it a constant. In LaTeX a reading is written as LaTeX.
     """
-    if length:
-        fits = length <= len(rest) and "\\" not in rest[:length]
-        return tuple((text, f"{at}:{text}") for text in dict.fromkeys(instead) if fits)
-    word = re.match(r"\w+", rest)
-    if not instead or word is None:
+    first, last = (one - 1 for one in error.span) if error.span else ((error.column or 1) - 1,) * 2
+    piece = _AFTER_FORMULA.sub("", text[first:last]) if error.span else _word_at(text, first)
+    readings = dict.fromkeys(_as_latex(one) if "\\" in text else one for one in error.instead)
+    if text[:first][-1:].isalnum():
+        readings = {f"{' ' * one[:1].isalnum()}{one}": None for one in readings}
+    if not piece or "\n" in piece or piece.count("{") != piece.count("}"):
         return ()
-    constant = (f"a constant {word.group()}", f"parameters:0:0:{word.group()}")
-    return (*((text, f"{at}:{text}") for text in dict.fromkeys(instead)), constant)
+    place = first - start
+    until = f"+{len(piece)}" if error.span else ""
+    whole = {one: f"{line[:place]}{one}{line[place + len(piece) :]}" for one in readings}
+    found = [
+        (made if len(made) <= LONGEST_LABEL else one, f"{at}:{place + 1}{until}:{one}") for one, made in whole.items()
+    ]
+    is_name = found and not error.span and text[first + len(piece) :][:1] not in PRIMES and "\\" not in piece
+    return (*found, *([(f"a constant {piece}", f"parameters:0:0:{piece}")] if is_name else []))
+
+
+def _word_at(text: str, place: int) -> str:
+    word = re.compile(r"\\?\w+").match(text, place)
+    return word.group() if word else ""
+
+
+def _as_latex(reading: str) -> str:
+    return _LETTER.sub(r"\\\g<0>", reading)
 
 
 def _text_at(steps: list[str], fields: Mapping[str, str]) -> str | None:

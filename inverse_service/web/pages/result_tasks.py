@@ -23,14 +23,14 @@ from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.tasks import guard, use_cases
-from inverse_service.web.pages import answers, constrained, figures, simulations, typesetting
+from inverse_service.web.pages import answers, constrained, figures, reading_back, simulations, typesetting
 from inverse_service.web.pages.documents import lean_fields, question_address
 from inverse_service.web.pages.glossary import TERMS
 from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
 
 OFFER_TERMS = (
     "Offer terms that L may contain: \u201cChange the system\u201d, then \u201cTerms to try first in L\u201d under "
-    "\u201cNames and questions\u201d, for example y'^2/x'."
+    "\u201cNames and questions\u201d, for example {}."
 )
 ONE_QUESTION = "Ask one question instead of two: under \u201cNames and questions\u201d, L(q, q\u2032) alone."
 # Of a time limit; what comes after the search takes the rest.
@@ -52,8 +52,14 @@ def advice_for(result: Mapping[str, Any], largest: float) -> list[Advice]:
     if result["verdict"] == "undetermined":
         return [*_about_time(result, largest), *_about_size(result)]
     if result["verdict"] == "variational" and result["lagrangian"] is None:
-        return [*_about_time(result, largest), Advice(OFFER_TERMS)]
+        return [*_about_time(result, largest), Advice(OFFER_TERMS.format(_terms_of(result["system"])))]
     return []
+
+
+def _terms_of(system: Mapping[str, Any] | None) -> str:
+    """Terms in the velocities of this system."""
+    first, *others = (system or {}).get("coordinates") or ("x",)
+    return f"{others[0]}'^2/{first}'" if others else f"{first}*{first}'^2, {first}'*log({first}')"
 
 
 def _about_time(result: Mapping[str, Any], largest: float) -> list[Advice]:
@@ -203,7 +209,8 @@ def _own_lagrangian(store: str, id: str, text: str) -> dict[str, Any]:
     try:
         found = use_cases().check_document(write_json({"system": given, "lagrangian": text}))
     except InputError as error:
-        found = {"verdict": "incomplete", "reasons": [error.detail], "residual": None, "equations": None}
+        reason = reading_back.without_keys(error.detail)
+        found = {"verdict": "unread", "reasons": [reason], "residual": None, "equations": None}
     return {**found, "lagrangian": text}
 
 

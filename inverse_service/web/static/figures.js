@@ -1,12 +1,21 @@
 // Draws the figures of a simulation: each has views to choose from; the one in space can be turned.
 
-import { colour, trace } from "./motion.js";
+import { breadth, colour, trace } from "./motion.js";
 import { chart } from "./play.js";
 
 // On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
 const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
 const inked = (name) => (name in LIFTED ? colour(LIFTED[name]) : name);
 const DASHES = { solid: [], dash: [7, 4], dot: [2, 4], dashdot: [9, 3, 2, 3], longdash: [13, 5], longdashdot: [13, 4, 2, 4] };
+
+// From below: the true motion as a broad pale band, then the methods.
+function layers(lines) {
+  const count = lines.filter((line) => line.colour !== "ink").length;
+  let k = 0;
+  const dressed = lines.map((line, place) => ({ ...line, place, colour: inked(line.colour), dash: DASHES[line.dash],
+    ...(line.colour === "ink" && count ? { width: breadth(0, count) + 5, alpha: 0.3 } : { width: breadth(line.colour === "ink" ? 0 : k++, count || 1) }) }));
+  return dressed.sort((a, b) => b.width - a.width);
+}
 
 class Figure {
   constructor(node, data) {
@@ -28,11 +37,9 @@ class Figure {
   draw() {
     const view = this.views[Number(this.choice.value) || 0];
     if (!view) return;
-    // From below: the true motion as a broad pale band, then the methods, each thinner than the one before, so that none hides another.
-    let left = view.lines.filter((line) => line.colour !== "ink").length;
-    const lines = view.lines.map((line) => ({ ...line, colour: inked(line.colour), dash: DASHES[line.dash], ...(line.colour === "ink" ? { width: 7, alpha: 0.35 } : { width: 1.5 + 1.2 * Math.min(4, (left -= 1)) }) }));
-    chart(this.canvas, { ...view, lines: [...lines].sort((a, b) => b.width - a.width), start: false });
-    this.legend.replaceChildren(...lines.map((line) => {
+    const lines = layers(view.lines);
+    chart(this.canvas, { ...view, lines, start: false });
+    this.legend.replaceChildren(...[...lines].sort((a, b) => a.place - b.place).map((line) => {
       const name = Object.assign(document.createElement("span"), { textContent: line.label });
       name.style.borderBottom = `3px ${line.dash.length ? (line.dash[0] < 3 ? "dotted" : "dashed") : "solid"} ${line.colour}`;
       return name;
@@ -89,12 +96,14 @@ class Space {
     const scale = Math.min(width, height) * 0.3;
     const place = (point) => { const [u, v] = this.project(point); return [width / 2 + u * scale, height / 2 - v * scale]; };
     this.frame(pen, place);
-    for (const line of this.data.lines) {
-      pen.strokeStyle = inked(line.colour);
-      pen.lineWidth = line.colour === "ink" ? 1.2 : 1.8;
-      pen.setLineDash(DASHES[line.dash]);
+    for (const line of layers(this.data.lines)) {
+      pen.strokeStyle = line.colour;
+      pen.globalAlpha = line.alpha ?? 1;
+      pen.lineWidth = line.width;
+      pen.setLineDash(line.dash);
       trace(pen, line.x.map((_, k) => place([line.x[k], line.y[k], line.z[k]])), this.data.dots);
     }
+    pen.globalAlpha = 1;
     pen.setLineDash([]);
   }
 

@@ -5,6 +5,9 @@ export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 export const LOOKS = [["--accent", []], ["--no", [7, 4]], ["--yes", [2, 4]], ["--open", [9, 3, 2, 3]]];
 
+// Lines that coincide are all seen: each is broader than the next above it, and one through the dashes of another.
+export const breadth = (k, count) => 1.6 + 2.4 * Math.min(3, count - 1 - k);
+
 const plane = (c) => [c.indexOf("x"), c.indexOf("y")];
 const rod = (angle, from = [0, 0], length = 1) => [from[0] + length * Math.sin(angle), from[1] - length * Math.cos(angle)];
 
@@ -111,7 +114,7 @@ export class Stage {
       const [name, dash] = LOOKS[k % LOOKS.length];
       if (!this.picture.apart) {
         if (!k) this.trail(pen, track.path, track.path.length - 1, colour("--line"), [], 1.5);
-        this.trail(pen, track.path, last, colour(name), dash, k ? 1.6 : 2.4);
+        this.trail(pen, track.path, last, colour(name), dash, breadth(k, this.tracks.length));
       }
       pen.globalAlpha = k ? 0.65 : 1;
       this.body(pen, track, last, body, colour(name));

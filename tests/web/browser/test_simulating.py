@@ -45,6 +45,19 @@ def test_special_cases_are_shown_as_a_tree(visit: Visit) -> None:
     expect(tree).to_contain_text("decided")
 
 
+# How many pixels of a canvas have this colour, within the edges that are blended.
+PIXELS = """(node, [red, green, blue]) => {
+    const pen = new OffscreenCanvas(node.width, node.height).getContext("2d", { willReadFrequently: true });
+    pen.drawImage(node, 0, 0);
+    const { data } = pen.getImageData(0, 0, node.width, node.height);
+    let found = 0;
+    for (let k = 0; k < data.length; k += 4)
+        found += Math.abs(data[k] - red) + Math.abs(data[k + 1] - green) + Math.abs(data[k + 2] - blue) < 90;
+    return found;
+}"""
+BLUE, ORANGE = [0, 114, 178], [213, 94, 0]
+
+
 def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
     visit.go("/simulate")
     visit.page.get_by_label("Steps").fill("200")
@@ -53,6 +66,10 @@ def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
     assert visit.page.locator("tbody tr").filter(has_text="completed").count() == 3
     for name in ("path", "coordinates", "energy", "constraints"):
         expect(visit.page.locator(f"[data-plot={name}] canvas").first).to_be_visible()
+    # Curves that coincide are both seen.
+    for place in ("[data-plot=coordinates] canvas", "[data-space] canvas"):
+        for ink in (BLUE, ORANGE):
+            assert visit.page.locator(place).evaluate(PIXELS, ink) > 100
     assert visit.page.locator("[data-plot=error]").count() == 0
     space = visit.page.locator("[data-space] canvas")
     before = space.evaluate("node => node.toDataURL()")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.documents import solve_document
 from inverse_service.web.pages.documents import document_of, fields_from, lean_fields
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.result_tasks import advice_for
@@ -41,6 +44,15 @@ def test_letters_and_functions_are_named_where_there_are_some() -> None:
 def test_terms_are_asked_for_where_a_lagrangian_exists_and_was_not_found() -> None:
     found = advice_for(OPEN | {"verdict": "variational", "reason": ""}, 60.0)
     assert "Terms to try first" in found[0].text
+
+
+@pytest.mark.parametrize("coordinates", [["u"], ["u", "v"], ["u", "v", "w"]])
+def test_terms_that_are_advised_are_of_the_system(coordinates: list[str]) -> None:
+    existence = OPEN | {"verdict": "variational", "reason": "", "system": {"coordinates": coordinates}}
+    terms = advice_for(existence, 60.0)[-1].text.rpartition("for example ")[2].rstrip(".")
+    document = {"coordinates": coordinates, "equations": dict.fromkeys(coordinates, "0"), "ansatz": terms.split(", ")}
+    assert set(re.findall(r"[a-z]", terms.replace("log", ""))) <= set(coordinates)
+    assert solve_document(document, SolveOptions())["verdict"] == "variational"
 
 
 def test_a_search_that_ran_out_of_time_says_so() -> None:
