@@ -60,10 +60,12 @@ class HamiltonianPart(Formula):
     """H(q, p), or H(q, q') with the momenta where p = dL/dq' has no closed inverse (`implicit`).
 
     `domain`: on which branch of that inverse it is H, as strict inequalities for coordinates, velocities and momenta.
+    `reason`: why it is implicit, a proof that there is no closed inverse or that none was found.
     """
 
     momenta: dict[str, str]
     implicit: bool
+    reason: str = ""
     constraints: list[str] = Field(default_factory=list)
     domain: list[str] = Field(default_factory=list)
 

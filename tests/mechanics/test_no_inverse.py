@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import pytest
 
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.documents import solve_document
+from inverse_service.service.documents.text_page import text_page
 from tests.mechanics.test_legendre import assert_right, transform
 
 TO_VELOCITIES = "H is given in the velocities"
@@ -72,3 +75,12 @@ def test_an_equation_of_degree_four_is_named() -> None:
     assert found.implicit
     assert "an equation of degree 4, whose roots are not written out" in found.note
     assert_right(found, ["x"])
+
+
+def test_the_result_and_its_text_say_why_h_is_in_the_velocities() -> None:
+    result = solve_document({"equations": {"x": "-x/(1 + x'^4)"}}, SolveOptions())
+    assert result["hamiltonian"]["implicit"]
+    assert "equation of degree 5" in result["hamiltonian"]["reason"]
+    assert result["hamiltonian"]["reason"] in text_page(result, False)
+    closed = solve_document({"equations": {"x": "-x"}}, SolveOptions())
+    assert closed["hamiltonian"]["reason"] == ""

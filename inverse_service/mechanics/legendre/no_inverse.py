@@ -59,7 +59,7 @@ class _NotAlgebraic(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Equation:
-    """What p = dL/dv leads to: its degree N, and whether N > 4 and its group is seen to hold A_N."""
+    """What p = dL/dv leads to: its degree N, and whether N > 4 and its group is seen to contain A_N."""
 
     degree: int
     unsolvable: bool
@@ -69,8 +69,8 @@ class Equation:
         if self.unsolvable:
             return (
                 f"p = dL/dv has no inverse in closed form: it leads to an equation of degree {self.degree} whose "
-                f"Galois group holds the alternating group A_{self.degree}, and no formula of radicals, exponentials, "
-                "logarithms and integrals solves it."
+                f"Galois group contains the alternating group A_{self.degree}, and no formula in radicals, "
+                "exponentials, logarithms and integrals solves it."
             )
         return f"p = dL/dv leads to an equation of degree {self.degree}, whose roots are not written out."
 
@@ -127,7 +127,7 @@ def _equation(slope: Expression, rate: Velocity) -> Equation:
         degree = max(map(sum, patterns), default=0)
         if seed > _FEW and not 4 < degree <= _LARGEST_DEGREE:
             break
-        if degree > 4 and _hold_alternating([one for one in patterns if sum(one) == degree], degree):
+        if degree > 4 and _contain_alternating([one for one in patterns if sum(one) == degree], degree):
             return Equation(degree, True)
     return Equation(degree, False)
 
@@ -239,7 +239,7 @@ class _Curve:
         return a // common, b // common, c // common
 
 
-def _hold_alternating(patterns: Sequence[tuple[int, ...]], degree: int) -> bool:
+def _contain_alternating(patterns: Sequence[tuple[int, ...]], degree: int) -> bool:
     """An N-cycle, an (N - 1)-cycle, and an element with a power that is a cycle of two or three."""
     return (degree,) in patterns and (1, degree - 1) in patterns and any(map(_has_short_power, patterns))
 

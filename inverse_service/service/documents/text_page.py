@@ -235,10 +235,12 @@ def _integrals(integrals: dict[str, Any]) -> Iterator[str]:
 
 def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[str]:
     if hamiltonian["implicit"] and len(hamiltonian["text"]) > LONGEST_IMPLICIT:
-        yield "  H = p v - L; no closed form of the velocities in the momenta was found"
+        yield "  H = p v - L in the velocities"
     else:
         yield f"  H = {hamiltonian['text']}"
         yield from (f"      where {condition}" for condition in hamiltonian.get("domain", ()))
+    if hamiltonian.get("reason"):
+        yield f"      {hamiltonian['reason']}"
     yield from (f"      {momentum} = {text}" for momentum, text in hamiltonian["momenta"].items())
     yield from (f"      constraint {text} = 0" for text in hamiltonian["constraints"])
 

@@ -326,6 +326,7 @@ def hamiltonian_part(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> Ha
         **formula_fields(hamiltonian.expression),
         momenta={name: to_text(p) for name, p in zip(names, hamiltonian.momenta, strict=True)},
         implicit=hamiltonian.implicit,
+        reason=hamiltonian.note if hamiltonian.implicit else "",
         constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
         domain=_inequalities(hamiltonian.positive),
     )
@@ -345,6 +346,7 @@ def transform_part(found: LegendreTransform, constraints: Iterable[Expression] =
         **formula_fields(found.hamiltonian),
         momenta={symbol.name: to_text(p) for symbol, p in zip(found.symbols, found.momenta, strict=True)},
         implicit=found.implicit,
+        reason=found.note if found.implicit else "",
         constraints=[to_text(tree) for tree in constraints],
     )
 

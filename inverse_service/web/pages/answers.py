@@ -62,7 +62,7 @@ class ShownFormula:
     domain: list[Markup] = field(default_factory=list)
     momenta: list[Markup] = field(default_factory=list)
     constraints: list[Markup] = field(default_factory=list)
-    implicit: bool = False
+    reason: str = ""
     family: str = ""
     regular: Sequence[str] = ()
     integrals: Sequence[Markup] = ()
@@ -303,7 +303,13 @@ def _hamiltonian(part: Mapping[str, Any] | None, names: Names) -> ShownFormula |
     constraints = [typesetting.formula(f"{text} = 0", names) for text in part["constraints"]]
     shown = typesetting.equation("H", part["text"], names)
     domain = typesetting.conditions(part.get("domain", ()), names)
-    return ShownFormula(shown, f"H = {part['text']}", domain, momenta, constraints, part["implicit"])
+    return ShownFormula(shown, f"H = {part['text']}", domain, momenta, constraints, _reason(part))
+
+
+def _reason(part: Mapping[str, Any]) -> str:
+    """Why H is written in the velocities; that of a result from before it had one is short."""
+    plain = "Written in coordinates and velocities: no closed form of the velocities in the momenta was found."
+    return part.get("reason") or plain if part["implicit"] else ""
 
 
 def matrices_of(conditions: Mapping[str, Any] | None, names: Names) -> list[Matrix]:
