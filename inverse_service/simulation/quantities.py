@@ -121,8 +121,10 @@ def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, A
     if name == "momenta" and problem is not None:
         columns = {} if trajectory.momenta is None else _columns("p_", scene, trajectory.momenta)
         return momentum_numbers(trajectory, conserved_momenta(scene, problem)), columns
+    if name == "velocities" and (points := velocities_at_points(run)) is not None:
+        return {}, _columns("v_", scene, points)
     if name == "velocities" and trajectory.velocities is not None:
-        return {}, _columns("v_", scene, trajectory.velocities)
+        return {}, _columns("discrete_v_", scene, trajectory.velocities)
     if name == "matching_circle":
         if scene.circle is None:
             return {"circle": None}, {}

@@ -317,8 +317,11 @@ def largest_exponent(
     """{largest, half, time}: the exponent over the whole run and over its first half, which tells how settled it is."""
     problem = with_tangent(scene, accelerations)
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
-    tangent = np.ones(2 * n) / np.sqrt(2 * n)
     positions, velocities = scene.positions, scene.velocities
+    names: list[Expression] = [*map(Symbol, scene.coordinates), *map(Velocity, scene.coordinates)]
+    slopes = [[differentiate(one, name) for name in names] for one in scene.constraints]
+    tangent = _on_constraints(np.ones(2 * n), scene, slopes, positions, velocities)
+    tangent /= np.linalg.norm(tangent)
     total, halves = 0.0, []
     for part in range(PARTS):
         begin = scene.grid.begin + part * length / PARTS
@@ -328,10 +331,23 @@ def largest_exponent(
             return {"largest": None, "note": ENDED.format(begin)}
         positions, velocities = found.positions[-1, :n], found.velocities[-1, :n]
         tangent = np.concatenate([found.positions[-1, n:], found.velocities[-1, n:]])
+        tangent = _on_constraints(tangent, scene, slopes, positions, velocities)
         size = float(np.linalg.norm(tangent))
         total, tangent = total + float(np.log(size)), tangent / size
         halves.append(total)
     return {"largest": total / length, "half": halves[PARTS // 2 - 1] / (length / 2), "time": length}
+
+
+def _on_constraints(
+    tangent: Array, scene: Scene, slopes: list[list[Expression]], positions: Array, velocities: Array
+) -> Array:
+    """The tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""
+    if not slopes:
+        return tangent
+    table = table_of(scene.coordinates, positions[None], velocities[None], scene.values)
+    rows = np.array([[float(array_value(one, table).ravel()[0]) for one in row] for row in slopes])
+    found: Array = tangent - np.linalg.pinv(rows) @ (rows @ tangent)
+    return found
 
 
 def with_tangent(scene: Scene, accelerations: tuple[Expression, ...]) -> Problem:

@@ -300,3 +300,31 @@ def test_the_potential_of_a_high_power_is_not_multiplied_out() -> None:
     ]
     assert method["outcome"] == "completed"
     assert method["max_energy_error"] < 1e-4
+
+
+@pytest.mark.parametrize("method", [
+    "variational", {"method": "variational", "form": "raw"}, {"method": "variational", "alpha": 0},
+    {"method": "stormer-verlet", "order": 8}, "nonholonomic", "reference", "adaptive",
+], ids=str)  # fmt: skip
+def test_the_velocities_of_a_row_are_those_of_its_time(method: Any) -> None:
+    """They were those of the step that ends there, which of order 8 are wrong by half a step."""
+    found = simulate({
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": 0.01, "time": 3,
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": [method],
+        "observe": ["trajectory", "velocities"],
+    })["methods"][0]  # fmt: skip
+    columns = found["points"]["columns"]
+    assert columns["v_x"][-1] == found["final"]["velocities"]["x"]
+    assert np.array(columns["v_x"]) == pytest.approx(
+        -np.sin(columns["t"]), abs=1e-4 if method != {"method": "variational", "alpha": 0} else 6e-3
+    )
+
+
+def test_motions_that_break_the_constraints_have_no_exponent() -> None:
+    """x stays and y runs with 1: nothing parts. Where exp(-y) x' is another constant, x' grows as exp(t)."""
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2", "constraints": ["exp(-y)*x'"]}
+    found = simulate({
+        "system": system, "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 1}}, "step": 0.1,
+        "time": 20, "methods": ["adaptive"], "observe": ["lyapunov"],
+    })  # fmt: skip
+    assert found["lyapunov"]["largest"] == pytest.approx(0, abs=0.2)
