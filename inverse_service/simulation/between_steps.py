@@ -73,6 +73,14 @@ def forces(scene: Scene, velocities: bool = False) -> tuple[Expression, ...]:
     return tuple(tree for tree in trees if any(_is_narrow(node, places) for node in walk(tree)))
 
 
+def forces_of_velocities(scene: Scene) -> tuple[Expression, ...]:
+    """Those that may be narrow in the velocities."""
+    speeds: set[Expression] = set(map(Velocity, scene.coordinates))
+    return tuple(
+        tree for tree in forces(scene, velocities=True) if any(_is_narrow(node, speeds) for node in walk(tree))
+    )
+
+
 def nothing_sought(scene: Scene) -> str:
     """Why nothing was looked for, where no force hides anything from place to place."""
     return VELOCITIES if forces(scene, velocities=True) else POLYNOMIAL

@@ -40,7 +40,7 @@ _UNDEFINED = "a formula of the scene ends there: begin elsewhere, stop before, o
 _NO_VALUE = (
     "take a smaller step; where a formula or its derivative has no value none helps: begin elsewhere or stop before"
 )
-_ENDS = "the equations of motion, or their derivatives, have a pole or no value there: stop before, or begin elsewhere"
+_ENDS = "the motion, or a formula of it or its derivative, has a singular point there: stop before, or begin elsewhere"
 _FASTER = "take a smaller step or a larger tolerance; where something decays fast, the method stiff"
 _BENT = "the third difference of the path compared with its steps, squared: fewer than five steps in a turn"
 HIDDEN_QUANTITY = "the impulse of a force between two points, which neither shows: more than 0.1 of the momentum"

@@ -13,7 +13,7 @@ import numpy as np
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.between_steps import forces, greatest_near
+from inverse_service.simulation.between_steps import forces, forces_of_velocities, greatest_near
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
 from inverse_service.simulation.observing import (
@@ -39,8 +39,8 @@ UNSEEN = "the error at the end: the force changes with t within each step, which
 # over the size of the motion, is too large.
 LOST, TOO_LARGE = 0.2, 0.1
 LOOKED_AT, INSIDE = 256, 33
-BY_STEPS, APART = MethodChoice("adaptive", tolerance=1e-13), 1e-4  # of the velocity
-WENT_BY = "the Taylor series over a step compared with DOP853 from the same point"
+BY_STEPS, APART, HALF = MethodChoice("adaptive", tolerance=1e-13), 1e-4, 0.5  # of the velocity, of its change
+WENT_BY = "a step compared with DOP853 from the same point"
 OTHER_STEPS = f"take the method adaptive, or {RESOLVE}"
 
 
@@ -75,21 +75,25 @@ def jump_of_energy(run: Observed) -> Outcome | None:
 
 
 def other_way(run: Observed, motion: Problem | Unavailable) -> Outcome | None:
-    """The outcome where a Taylor series, begun far from what a force does in a narrow place, went by it: DOP853, begun
-    at each point with short steps, arrives elsewhere at the next one."""
+    """The outcome where a step went by what a force does in a narrow place: DOP853, begun at each point with short
+    steps, arrives elsewhere at the next one.
+
+    A Taylor series, begun far from such a place, shows nothing of it. Steps that are given go by what is narrow in the
+    velocities; there the change of the velocity counts, of which half may be an error of the method.
+    """
     at, scene, choice = run.trajectory, run.scene, run.requested.choice
-    if choice is None or choice.method != "heyoka" or not choice.guard or at.velocities is None:
+    if choice is None or not choice.guard or (choice.method in OWN_STEPS | set(SCIPY) and choice.method != "heyoka"):
         return None
-    if (
-        isinstance(motion, Unavailable)
-        or not forces(scene, velocities=True)
-        or not 0 < scene.grid.steps < len(at.times)
-    ):
+    looked = forces(scene, velocities=True) if choice.method == "heyoka" else forces_of_velocities(scene)
+    v = velocities_at_points(run) if looked and 0 < scene.grid.steps < len(at.times) else None
+    if v is None or isinstance(motion, Unavailable):
         return None
-    q, v, once = at.positions, at.velocities, Grid(scene.grid.step, 1)
+    q, once = at.positions, Grid(scene.grid.step, 1)
     again = run_ensemble(motion, BY_STEPS, q[:-1], v[:-1], once, scene.values, begins=at.times[:-1])
-    speed = np.linalg.norm(v, axis=1)
+    speed, change = np.linalg.norm(v, axis=1), np.linalg.norm(np.diff(v, axis=0), axis=1)
     allowed = APART * (np.maximum(speed[:-1], speed[1:]) + speed.max() / 10)
+    if choice.method != "heyoka":
+        allowed = 10 * allowed + HALF * greatest_near(change)
     far = np.linalg.norm(again.rates[:, -1] - v[1:], axis=1) > allowed
     far |= np.linalg.norm(again.positions[:, -1] - q[1:], axis=1) > allowed * abs(scene.grid.step)
     places = np.flatnonzero(far)

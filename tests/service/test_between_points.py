@@ -212,3 +212,18 @@ def test_a_series_that_goes_by_a_narrow_force_is_unresolved(force: str, start: f
     assert "adaptive" in series["stopped"]["remedy"]
     assert (steps["outcome"], steps["max_error"]) == ("completed", pytest.approx(0, abs=1e-10))
     assert "polynomials" not in steps["between_points"]
+
+
+def test_a_force_that_holds_one_velocity_is_not_leapt_over() -> None:
+    """It lets no body become faster than 1: a step of 0.05 in the velocity goes by a width of 0.001."""
+    document = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + x"}, "step": 0.05, "time": 5,
+        "forces": {"x": "-10^6*(x' - 1)*exp(-(1000*(x' - 1))^2)"},
+        "methods": ["variational", "runge-kutta", "adaptive"],
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 0}},
+    }  # fmt: skip
+    *given, own = simulate(document)["methods"]
+    assert [method["outcome"] for method in given] == ["unresolved"] * 2
+    assert own["final"]["velocities"]["x"] == pytest.approx(1, abs=1e-5)
+    drag = document | {"forces": {"x": "-2*x'*sqrt(x'^2 + 1)"}, "step": 0.3, "time": 6}
+    assert {method["outcome"] for method in simulate(drag)["methods"]} == {"completed"}
