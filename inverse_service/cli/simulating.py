@@ -41,7 +41,7 @@ def simulate_file(name: str, output: Path | None, time_limit: float | None, figu
         write_files(folder, document, found, summary, figures)
         write(page(summary))
         print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
-    completed = any(method["outcome"] == "completed" for method in summary["methods"])
+    completed = any(method["outcome"] in ("completed", "partly") for method in summary["methods"])
     return ExitCode.DONE if completed else ExitCode.OPEN
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -276,8 +277,15 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
-    kind = "cancelled" if many.cancelled else "completed" if many.completed.all() else "partly"
+    kind = "cancelled" if many.cancelled else _kind(many)
     return EnsembleRun(requested, Outcome(kind, scene.grid.steps), many, velocities, series, numbers, seconds, between)
+
+
+def _kind(many: Many) -> str:
+    """How the members ended: all completed, some, or, where none did, as most of them."""
+    if many.completed.any():
+        return "completed" if many.completed.all() else "partly"
+    return Counter(many.outcome(member).kind for member in range(len(many.positions))).most_common(1)[0][0]
 
 
 def _mark_hidden(

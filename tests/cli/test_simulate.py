@@ -118,6 +118,17 @@ def test_no_method_that_gets_through_is_exit_one(call: Any) -> None:
     assert json.loads(out)["methods"][0]["outcome"] == "unavailable"
 
 
+def test_an_ensemble_of_which_some_get_through_is_exit_zero(call: Any) -> None:
+    scene = json.dumps({
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + log(m + x)"}, "parameters": {"m": 1}, "step": 0.1,
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "steps": 5, "methods": ["adaptive"],
+        "ensemble": {"parameters": {"m": [0, 1]}},
+    }).encode()  # fmt: skip
+    code, out, _ = call("simulate", "-", given=scene)
+    assert json.loads(out)["methods"][0]["outcome"] == "partly"
+    assert code == 0
+
+
 @pytest.mark.slow
 def test_work_precision_writes_table_json_and_figure(call: Any, tmp_path: Path) -> None:
     scene = short("particle-work-precision", time=2, repeats=1, methods=["variational", "nonholonomic", "exact"])

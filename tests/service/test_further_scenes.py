@@ -202,6 +202,9 @@ def test_members_of_an_ensemble_end_by_themselves() -> None:
     assert found["outcome"] == "partly"
     assert found["outcomes"] == {"completed": 2, "singular": 1}
     assert found["ended"][0]["member"] == 2
+    none = {"initial": {"velocities": {"y": [0, 0]}}}
+    (found,) = labelled(scene(kepler, ["adaptive"], initial=start, ensemble=none, time=5)).values()
+    assert found["outcome"] == "singular"
 
 
 def test_members_are_put_on_the_constraints() -> None:
