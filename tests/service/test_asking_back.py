@@ -10,6 +10,7 @@ from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
+from inverse_service.service.scenes.simulating import run_document
 
 
 def refused(document: Any) -> InputError:
@@ -315,6 +316,13 @@ def test_a_name_with_the_time_in_it_is_asked_back(equations: Any, time: str | No
     assert f"'{name}' is not declared" in error.detail
     assert error.instead == (meant,)
     assert error.pointer.startswith("/equations")
+
+
+def test_a_scene_asks_back_in_the_words_of_its_system() -> None:
+    scene = {"system": {"equations": "x''(s) = -x - x_s"}, "step": 0.1, "steps": 9, "methods": [{"method": "adaptive"}]}
+    with pytest.raises(InputError) as caught:
+        run_document({**scene, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}}, None, 60)
+    assert "'x_s' is not declared" in caught.value.detail
 
 
 def test_declared_names_with_the_time_in_them_come_back_as_they_were() -> None:

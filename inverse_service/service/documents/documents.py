@@ -20,7 +20,6 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.answers import undetermined
 from inverse_service.service.documents.preparing import Prepared, is_forward, is_motion, is_nonholonomic, prepared
-from inverse_service.service.documents.refusals import DocumentRefused
 
 # What ends the mathematics of a document that is well written, and what is said of it then.
 REASONS = {
@@ -140,8 +139,6 @@ def _in_own_words(ready: Prepared, work: Callable[[UseCases], dict[str, Any]]) -
     """The answer, or the refusal, in the names that the writer of the document uses."""
     try:
         return ready.outward(work(use_cases(ready.document)))
-    except DocumentRefused:
-        raise
     except InputError as error:
         raise ready.error(error) from None
 

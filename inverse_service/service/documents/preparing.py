@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from inverse_service.errors import InputError
+from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.names import Names, declared_name, readings
 from inverse_service.expressions.printing_latex import name_latex
 from inverse_service.expressions.tokens import greek_letter, refusal
@@ -78,10 +78,10 @@ class Prepared:
 
     def error(self, error: InputError) -> InputError:
         """The refusal in the words of the writer."""
-        if self.time == "t":
-            return error
+        if self.time == "t" or type(error) not in (InputError, LimitError):
+            return error  # the shape of a document is refused in its own words
         detail = _in_plain_text(error.detail, {"t": self.time, self.other: "t"}, pad=False)
-        return InputError(detail, error.pointer, error.column, error.instead, error.span)
+        return type(error)(detail, error.pointer, error.column, error.instead, error.span)
 
 
 def prepared(document: Any) -> Prepared:

@@ -201,10 +201,13 @@ def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanica
     document = ready.document
     if "lagrangian" in document and "equations" in document:
         raise InputError("The system has both 'lagrangian' and 'equations': keep the one that is meant.")
-    if "lagrangian" in document:
-        return _of_lagrangian(document, extra)
-    if "equations" in document:
-        return _of_equations(document, extra)
+    try:
+        if "lagrangian" in document:
+            return _of_lagrangian(document, extra)
+        if "equations" in document:
+            return _of_equations(document, extra)
+    except InputError as error:
+        raise ready.error(error) from None
     raise InputError(f"The system has neither 'lagrangian' nor 'equations'; it must be {SYSTEM}.")
 
 
