@@ -40,10 +40,13 @@ def for_lagrangian(lagrangian: Expression, coordinates: Sequence[str], walls: Se
 def for_constraints(
     lagrangian: Expression, constraints: Sequence[Expression], coordinates: Sequence[str]
 ) -> dict[str, Any]:
-    """The advice for a Lagrangian with nonholonomic constraints. The method keeps the energy for long where motions
-    turned round are motions: L is even in the velocities and the constraints are odd."""
+    """The advice for a Lagrangian with nonholonomic constraints.
+
+    The method keeps the energy of regular motions for long, and nearly that of others, where motions turned round are
+    motions: L is even in the velocities and the constraints are odd.
+    """
     turned: dict[Expression, Expression] = {Velocity(name): negate(Velocity(name)) for name in coordinates}
-    why = f"and the energy for long, because motions can be turned round{EXACT}"
+    why = f"and the energy drifts little, because motions can be turned round{EXACT}"
     if collect(subtract(lagrangian, substitute(lagrangian, turned))) != ZERO:
         why = f"but the energy may drift, as terms of odd degree in the velocities let no motion be turned round{EXACT}"
     if any(collect(add(one, substitute(one, turned))) != ZERO for one in constraints):

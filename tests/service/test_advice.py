@@ -110,7 +110,7 @@ QUADRATIC = "(x'^2+y'^2+z'^2)/2 - (x^2+y^2+z^2)/2"
 @pytest.mark.parametrize(
     ("system", "words"),
     [
-        (CONTACT | {"lagrangian": QUADRATIC}, "and the energy for long"),
+        (CONTACT | {"lagrangian": QUADRATIC}, "and the energy drifts little"),
         (CONTACT | {"lagrangian": f"{QUADRATIC} + 3*z*y'/10"}, "but the energy may drift"),
         (CONTACT | {"lagrangian": f"{QUADRATIC} + x*cos(2*t)/2"}, "contains t, so the energy is no constant"),
         (CONTACT | {"lagrangian": QUADRATIC, "constraints": ["x' + y*z' - 1"]}, "energy is no constant"),
