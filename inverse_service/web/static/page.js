@@ -356,11 +356,16 @@ function following(place) {
       done();
       return;
     }
+    if (said.status === "running") place.querySelector("h1").textContent = "Working on it";
     const shown = progressText(said.progress ?? (said.status ? null : said));
     if (shown) text.textContent = shown;
   };
   for (const kind of ["message", "progress", "status"]) source.addEventListener(kind, look);
-  source.addEventListener("open", () => place.removeAttribute("data-away"));
+  const before = text.textContent;
+  source.addEventListener("open", () => {
+    if (place.hasAttribute("data-away")) text.textContent = before;
+    place.removeAttribute("data-away");
+  });
   source.addEventListener("error", () => {
     if (!place.hasAttribute("data-away")) text.textContent = "The service does not answer at the moment. The question is stored; this page goes on when it is back.";
     place.setAttribute("data-away", "");

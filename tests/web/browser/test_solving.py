@@ -349,3 +349,28 @@ def test_formulas_are_set_in_the_font_that_is_sent_with_the_page(visit: Visit) -
     visit.page.wait_for_function("document.fonts.ready.then(() => document.fonts.check('16px Formulas'))")
     faces = visit.page.evaluate("[...document.fonts].map(face => [face.family, face.status])")
     assert ["Formulas", "loaded"] in [[family.strip('"'), status] for family, status in faces]
+
+
+STREAM = """window.EventSource = class extends EventTarget {
+    constructor() { super(); window.stream = this; }
+    close() {}
+}"""
+
+
+def test_a_page_that_waits_says_that_the_service_is_away_and_that_it_is_back(browser: Browser, service: str) -> None:
+    page = new_page(browser, Look())
+    page.add_init_script(STREAM)
+    page.goto(service + "/")
+    page.get_by_label("Equations", exact=True).fill(HARD.replace("sin(", "sin(3*"))
+    page.get_by_role("button", name="Find out").click()
+    told = page.locator("[data-progress]")
+    page.wait_for_function("window.stream")
+    before = told.inner_text()
+    page.evaluate("stream.dispatchEvent(new Event('error'))")
+    expect(told).to_contain_text("does not answer at the moment")
+    page.evaluate("stream.dispatchEvent(new Event('open'))")
+    expect(told).to_have_text(before)
+    page.evaluate("data => stream.dispatchEvent(new MessageEvent('status', { data }))", '{"status": "running"}')
+    expect(page.locator("h1")).to_have_text("Working on it")
+    page.get_by_role("button", name="Cancel").click()
+    page.context.close()
