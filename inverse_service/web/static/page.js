@@ -141,7 +141,10 @@ function drafts(form, ask) {
   const asks = location.search && !location.search.startsWith("?kind=");
   const kept = asks || document.querySelector(".desk.refused") ? null : JSON.parse(sessionStorage.getItem(name) ?? "null");
   if (kept) {
-    for (const field of fields) if (field.name in kept) field.value = kept[field.name];
+    for (const field of fields) {
+      if (field.name in kept) field.value = kept[field.name];
+      if (field.value && field.closest("details")) field.closest("details").open = true; // what is sent is seen
+    }
     ask();
   }
   const keep = () => sessionStorage.setItem(name, JSON.stringify(Object.fromEntries(fields.map((field) => [field.name, field.value]))));

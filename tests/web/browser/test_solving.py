@@ -245,6 +245,17 @@ def test_what_was_typed_survives_back_reload_and_the_other_tab(visit: Visit) -> 
     expect(box).to_have_value("x'' = -x - x'/7")
 
 
+def test_a_field_that_is_sent_again_is_not_hidden(visit: Visit) -> None:
+    """A draft with a time limit opens the fold that it stands in."""
+    visit.go("/")
+    visit.page.get_by_text("Names and questions").click()
+    visit.page.get_by_label("Time limit in s").fill("9")
+    visit.go("/learn")
+    visit.go("/")
+    expect(visit.page.get_by_label("Time limit in s")).to_be_visible()
+    expect(visit.page.get_by_label("Time limit in s")).to_have_value("9")
+
+
 @pytest.mark.parametrize("scripts", [True, False])
 def test_a_link_carries_a_question_and_does_not_ask_it(visit: Visit, plain: Visit, scripts: bool) -> None:
     at = visit if scripts else plain
