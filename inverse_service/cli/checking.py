@@ -28,6 +28,8 @@ def check_file(name: str, document: str | None = None) -> ExitCode:
     `document` names the file of the system that was given; left out, it is the one that the result carries.
     """
     text = decode(read_bytes(name, MAX_RESULT_BYTES))
+    if name.lower().endswith((".yaml", ".yml", ".toml")):
+        text = write_json(read_document(text, name))
     result = read_json(text)
     if not isinstance(result, dict):
         raise InputError("The file is not a result: a JSON object with verdict, system and certificate is needed.")
@@ -110,7 +112,7 @@ def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
     ids = {}
     with open_source(Path(name)) as source, target.open("w", encoding="utf-8") as stream:
         for line in read_lines(source):
-            result = line.document
+            result = read_json(line.raw) if line.fault and line.raw[:1] == b"{" else line.document  # the id may be null
             if not isinstance(result, dict) or not {"format", "error"} & result.keys():
                 raise InputError(f"Line {line.number} is not an answer of a batch.")
             if "error" in result:
