@@ -56,7 +56,7 @@ def test_what_is_no_lagrangian_is_told_in_an_exercise(plain: Visit) -> None:
     plain.go(EXERCISE)
     plain.page.get_by_label("Your L", exact=True).fill("x'' + @")
     plain.page.get_by_role("button", name="Does it give these equations?").click()
-    expect(plain.page.locator("#exercise")).to_contain_text("could not be settled")
+    expect(plain.page.locator("#exercise")).to_contain_text("This L cannot be read")
     expect(plain.page.locator("#exercise .hint").last).to_contain_text("not accepted")
 
 
