@@ -68,7 +68,7 @@ LEAVES = (
         scalar_multiplier.is_of_one_coordinate,
         last_multiplier.propose_function_of_velocity,
         "With `P' = 1/F` and `Q' = v/F`, `f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where "
-        "`phi_t = A phi` and `phi_x = B phi`; then `L = phi (v P - Q) + int phi G dx`.",
+        "`phi_t = A phi` and `phi_x = B phi`; then `L = phi (v P - Q) + int phi G d x`.",
         exact=True,
     ),
     Leaf(
