@@ -29,7 +29,7 @@ SCENE: dict[str, Any] = {
     "methods": ["variational", "nonholonomic"],
     "observe": ["trajectory", "energy", "constraints"],
 }
-COPIES, LINES = 24, 12
+COPIES, LINES = 24, 24
 MOST = 300.0
 
 
