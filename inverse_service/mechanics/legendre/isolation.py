@@ -154,8 +154,10 @@ def polynomial_roots(tree: Expression, leaf: Velocity, target: Expression) -> It
     table = {exponent: value for exponent, value in table.items() if value != ZERO}
     lowest = min(table)
     step = _common_step([exponent - lowest for exponent in table])
+    if not step or max(table) - lowest > 3 * step:
+        return
     unknown = power(laurent.generator, step)
-    c = [table.get(lowest + k * step, ZERO) for k in range(int((max(table) - lowest) / step) + 1 if step else 0)]
+    c = [table.get(lowest + k * step, ZERO) for k in range(int((max(table) - lowest) / step) + 1)]
     if len(c) == 2:
         yield from _unwound(unknown, leaf, Root(divide(negate(c[0]), c[1])))
     elif len(c) == 3:

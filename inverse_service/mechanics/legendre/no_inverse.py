@@ -50,7 +50,7 @@ from inverse_service.mechanics.legendre.routh import routh_branches
 
 _DRAWS, _FEW = 80, 4
 _DEPTH = 4
-_LARGEST_DEGREE = 40
+_LARGEST_DEGREE, _LARGEST_BOUND = 40, 200
 
 
 class _NotAlgebraic(Exception):
@@ -117,6 +117,8 @@ def _equation(slope: Expression, rate: Velocity) -> Equation:
     """That for a root of the velocity, from F = slope."""
     tree = to_kernels(slope)
     k = math.lcm(*(e.denominator for e in _exponents(tree, rate)))
+    if k * _bound(tree, rate) > _LARGEST_BOUND:
+        raise _NotAlgebraic
     fixed = list(_fixed(tree, rate))
     names = tuple(dict.fromkeys(name for part in fixed for name in variables_in(part)))
     tower = reduce_atoms(fixed, names, find_real_point(fixed, names, 1))
@@ -146,6 +148,17 @@ def _exponents(tree: Expression, rate: Velocity) -> Iterator[Fraction]:
             yield Fraction(1)
         case _:
             raise _NotAlgebraic
+
+
+def _bound(tree: Expression, rate: Velocity) -> Fraction:
+    """At least the degree of the numerator and denominator."""
+    match tree:
+        case Power(base, Number(exponent)):
+            return abs(exponent) * _bound(base, rate)
+        case Sum() | Product():
+            return sum((_bound(child, rate) for child in children(tree)), Fraction(0))
+        case _:
+            return Fraction(int(tree == rate))
 
 
 def _fixed(tree: Expression, rate: Velocity) -> Iterator[Expression]:
