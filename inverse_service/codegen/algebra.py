@@ -38,6 +38,7 @@ def number(value: int | float) -> Formula:
 
 ZERO, ONE = number(0), number(1)
 HALF = symengine.Rational(1, 2)
+_FAR_BELOW = number(1e-300)
 _INFINITE = (symengine.zoo, symengine.oo, -symengine.oo, symengine.nan)
 STEP, ALPHA = symbol("h"), symbol("a")
 WHOLE_STEP = symbol("whole")  # from one point of the grid to the next, in kernels that choose their steps
@@ -131,3 +132,13 @@ class Evaluator:
         if self._function is None:
             return []
         return [float(value) for value in self._function([table[name] for name in self._names]).ravel()]
+
+
+def slope(formula: Formula, variable: Formula) -> Formula:
+    """The derivative for an iteration, with a value where a root in the formula is 0, as for v |v| at v = 0.
+
+    There u/sqrt(u^2) is 0/0, while each number from -1 to 1 would serve: it gets 0. Elsewhere nothing changes.
+    """
+    found = formula.diff(variable)
+    roots = [power.args[0] for power in formula.atoms(symengine.Pow) if power.args[1] == HALF]
+    return found.subs({base**-HALF: (base + _FAR_BELOW) ** -HALF for base in roots}) if roots else found

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import symengine
 
-from inverse_service.codegen.algebra import STEP, ZERO, Formula, contains, free_names, symbol
+from inverse_service.codegen.algebra import STEP, ZERO, Formula, contains, free_names, slope, symbol
 from inverse_service.codegen.program import Assign, Solve, Statement
 from inverse_service.codegen.triangular_form import components, matching
 from inverse_service.errors import InputError
@@ -48,9 +48,9 @@ def _eliminate(
         row, name = pivot
         variable = symbol(name)
         equation = equations.pop(row)
-        slope = equation.diff(variable)
-        value = -equation.subs({variable: ZERO}) / slope
-        if not _is_number(slope):
+        factor = equation.diff(variable)
+        value = -equation.subs({variable: ZERO}) / factor
+        if not _is_number(factor):
             value = value.expand()
         equations[:] = [e.subs({variable: value}) if contains(e, variable) else e for e in equations]
         unknowns.remove(name)
@@ -67,8 +67,8 @@ def _best_pivot(equations: Sequence[Formula], unknowns: Sequence[str], poles: bo
         for place, name in enumerate(unknowns):
             if name not in present[row]:
                 continue
-            slope = equation.diff(symbol(name))
-            if not (_is_number(slope) or (poles and _is_reciprocal(slope, name))):
+            factor = equation.diff(symbol(name))
+            if not (_is_number(factor) or (poles and _is_reciprocal(factor, name))):
                 continue
             touched = sum(name in other for k, other in enumerate(present) if k != row)
             others = len(present[row]) - 1
@@ -78,16 +78,16 @@ def _best_pivot(equations: Sequence[Formula], unknowns: Sequence[str], poles: bo
     return best[1] if best else None
 
 
-def _is_number(slope: Formula) -> bool:
+def _is_number(factor: Formula) -> bool:
     """A number other than zero: it vanishes nowhere, and no power of h makes a difference of increments large."""
-    return slope != ZERO and not slope.free_symbols
+    return factor != ZERO and not factor.free_symbols
 
 
-def _is_reciprocal(slope: Formula, name: str) -> bool:
+def _is_reciprocal(whole: Formula, name: str) -> bool:
     """A number over powers of something without the unknown: it has poles but no zeros. Parameters may stand above."""
-    if contains(slope, symbol(name)) or not slope.free_symbols:
+    if contains(whole, symbol(name)) or not whole.free_symbols:
         return False
-    factors = slope.args if isinstance(slope, symengine.Mul) else (slope,)
+    factors = whole.args if isinstance(whole, symengine.Mul) else (whole,)
     return all(
         not (names := free_names(factor))
         or all(_PARAMETER.fullmatch(one) for one in names)
@@ -113,7 +113,7 @@ def _blocks(equations: Sequence[Formula], unknowns: Sequence[str]) -> list[tuple
 
 def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str], guarded: bool) -> Solve:
     variables = [symbol(name) for name in names]
-    jacobian = tuple(tuple(equation.diff(variable) for variable in variables) for equation in equations)
+    jacobian = tuple(tuple(slope(equation, variable) for variable in variables) for equation in equations)
     compared = guarded and len(names) <= _LARGEST_GUARDED
     affine = not any(contains(entry, variable) for row in jacobian for entry in row for variable in variables)
     return Solve(

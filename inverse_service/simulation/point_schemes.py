@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from inverse_service.codegen.algebra import ALPHA, STEP, WHOLE_STEP, Formula, number, symbol, translate
+from inverse_service.codegen.algebra import ALPHA, STEP, WHOLE_STEP, Formula, number, slope, symbol, translate
 from inverse_service.codegen.planning import plan, used_only
 from inverse_service.codegen.program import Assign, Iterate, Program, Solve, Statement, Watch
 from inverse_service.errors import InputError
@@ -67,9 +67,9 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> Progra
     """RODAS: six linear systems with one matrix in each step, n by n once the velocities are eliminated."""
     q, v = f.symbols("q"), f.symbols("v")
     statements: list[Statement] = []
-    slopes = {(k, x): f.accelerations[k].diff(x) for k in range(f.size) for x in (*q, *v)}
-    jacobian = {place: _named(statements, [slope], f"j{place[0]}_{place[1]}_")[0]
-                for place, slope in slopes.items() if slope != number(0)}  # fmt: skip
+    slopes = {(k, x): slope(f.accelerations[k], x) for k in range(f.size) for x in (*q, *v)}
+    jacobian = {place: _named(statements, [entry], f"j{place[0]}_{place[1]}_")[0]
+                for place, entry in slopes.items() if entry != number(0)}  # fmt: skip
     done: Stages = []
     for stage in range(len(RODAS.nodes)):
         names = [[symbol(f"{letter}{stage}_{k}") for k in range(f.size)] for letter in "gw"]

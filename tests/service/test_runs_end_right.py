@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -234,6 +235,20 @@ def test_what_is_at_rest_stays_at_rest(lagrangian: str) -> None:
     for label, method in methods(scene | {"methods": EVERY}).items():
         assert method["outcome"] == "completed", label
         assert method["final"]["positions"]["x"] == pytest.approx(place, abs=1e-14)
+
+
+@pytest.mark.parametrize("size", ["abs(x')", "sqrt(x'^2 + y'^2)"])
+def test_a_fall_with_quadratic_drag_begins_at_rest(size: str) -> None:
+    """v = -u tanh(g t/u), u = sqrt(m g/k), while y stays at rest."""
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - 10*x"}
+    start = {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 0}}
+    forces = {"x": f"-x'*{size}/10", "y": f"-y'*{size.replace('x', 'y', size.count('abs'))}/10"}
+    chosen = ["variational", "nonholonomic", "adaptive"] + ["stiff"] * ("abs" not in size)
+    scene = {"system": system, "forces": forces, "initial": start, "step": 0.01, "time": 1, "methods": chosen}
+    for label, method in methods(scene).items():
+        assert method["outcome"] == "completed", label
+        assert method["final"]["positions"]["x"] == pytest.approx(-10 * math.log(math.cosh(1)), rel=1e-4)
+        assert method["final"]["positions"]["y"] == 0
 
 
 def test_a_barrier_that_a_step_jumps_over_ends_the_run() -> None:
