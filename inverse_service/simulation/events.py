@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.tree import Expression, Sum
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.ensembles import run_ensemble
@@ -35,7 +36,7 @@ State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n
 CONTINUED = MethodChoice("adaptive", tolerance=1e-14)
 ITERATIONS = 60
 JUST = 1e-9  # of the way to a zero
-ROUND_OFF = 4e-16
+ROUND_OFF, NOISE = 4e-16, 1e-14
 PIECES, LEAST_PIECES, MOST_PLACES = 16, 2, 2**18  # of a step, and of a run
 AT_ONCE = 2**17
 NEAR = 4.0  # differences between places: beyond them the formula does not reach 0 before the next
@@ -49,6 +50,7 @@ UNSEEN = (
 )
 TOUCHED = "At t = {:.7g} the formula is 0 within round-off and its sign stays: that is no event."
 ENDED = "The run was ended by an event at t = {:.12g}."
+NO_SIZE = "The formula is 0 within round-off all along the run: none of its changes of sign is an event."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
 
 
@@ -144,12 +146,16 @@ def _located(
 ) -> Found:  # fmt: skip
     nothing = np.empty((0, len(scene.coordinates)))
 
-    def value(state: tuple[Array, Array, Array | None]) -> Array:
+    def value(state: tuple[Array, Array, Array | None], formula: Expression = event.formula) -> Array:
         times, positions, speeds = state
-        return array_value(event.formula, table_of(scene.coordinates, positions, speeds, dict(scene.values), times))
+        return array_value(formula, table_of(scene.coordinates, positions, speeds, dict(scene.values), times))
 
     try:
-        along = value((ran.times, ran.positions, velocities))
+        whole = (ran.times, ran.positions, velocities)
+        along = value(whole)
+        terms = event.formula.terms if isinstance(event.formula, Sum) else ()
+        if terms and (np.abs(along) <= NOISE * sum(np.abs(value(whole, term)) for term in terms)).all():
+            return Found(event, nothing[:, 0], nothing, nothing, NO_SIZE)
         if follow is None:
             return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES if _turns(along) else "")
         way = Way(ran.times, along, follow, value)

@@ -64,6 +64,12 @@ def test_a_hop_that_is_shorter_than_the_step_ends_on_the_ground(method: str, hei
     assert found["final"]["velocities"]["y"] == pytest.approx(-0.01)
 
 
+def test_a_formula_that_is_round_off_has_no_events() -> None:
+    found = events("sin(x)^2 + cos(x)^2 - 1")
+    assert found["count"] == 0
+    assert "0 within round-off all along" in found["note"]
+
+
 def test_a_zero_at_the_start_is_no_event() -> None:
     assert events("x")["columns"]["t"] == pytest.approx([np.pi, 2 * np.pi, 3 * np.pi])
     assert "note" not in events("x")["events"][0]
