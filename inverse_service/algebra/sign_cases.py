@@ -183,11 +183,13 @@ def _factored(tree: Expression) -> tuple[Fraction, Factors]:
     ring = Generators(Tower(()), opaque=True)
     try:
         quotient = to_quotient(ring, tree)
+        parts = [
+            (*factors(polynomial), side) for polynomial, side in ((quotient.numerator, 1), (quotient.denominator, -1))
+        ]
     except IrreducibleAtoms:
         return Fraction(1), {tree: 1}
     content, found = Fraction(1), Factors()
-    for polynomial, side in ((quotient.numerator, 1), (quotient.denominator, -1)):
-        value, pieces = factors(polynomial)
+    for value, pieces, side in parts:
         if not value:
             return Fraction(1), {tree: 1}
         content *= value**side

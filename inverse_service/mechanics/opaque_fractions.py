@@ -8,7 +8,6 @@ in these polynomials is true, but a polynomial that is not zero may still be the
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -131,14 +130,23 @@ class OpaqueRing:
             return Fraction(0), []
         total, factors = Fraction(1), [(polynomial, 1)]
         if len(polynomial) <= _FACTORED_TERMS:
-            with suppress(TooLarge):
+            try:
                 total, factors = factored(polynomial)
+            except TooLarge:
+                factors = self._monomial_apart(polynomial)
         result = []
         for factor, exponent in factors:
             scale = self._scale(factor)
             total *= scale**exponent
             result.append((self._sum_tree(factor, scale), exponent))
         return total, sorted(result, key=lambda pair: self._index.get(pair[0], len(self.atoms)))
+
+    def _monomial_apart(self, polynomial: Polynomial) -> list[tuple[Polynomial, int]]:
+        """The powers of single atoms that divide a polynomial, and the rest."""
+        shared = polynomial.term_content()
+        powers = zip(self._context.gens(), shared.degrees(), strict=True)
+        rest = divmod(polynomial, shared / shared.leading_coefficient())[0]
+        return [(rest, 1), *((atom, int(k)) for atom, k in powers if k)]
 
     def _scale(self, polynomial: Polynomial) -> Fraction:
         """The content, with the sign of the leading term."""

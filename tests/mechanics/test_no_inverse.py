@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import pytest
 
+from inverse_service.expressions.printing import to_text
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.mechanics.legendre.forms import quotient
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import text_page
-from tests.mechanics.test_legendre import assert_right, transform
+from tests.mechanics.test_legendre import assert_right, transform, tree
 
 TO_VELOCITIES = "H is given in the velocities"
 
@@ -70,9 +72,23 @@ def test_relations_among_the_coefficients_are_seen() -> None:
     assert "no inverse in closed form" not in transform(text, "x").note
 
 
-@pytest.mark.parametrize("text", ["x'^2/2 + x'^300", "x'^2 + x'^(1/4093)"])
+@pytest.mark.parametrize(
+    "text",
+    ["x'^2/2 + x'^300", "x'^2 + x'^(1/4093)", "x'^2/2 + x'^4001", "log(1 + x'^4000)"],
+)
 def test_large_exponents_are_left(text: str) -> None:
     assert "could not be solved" in transform(text, "x").note
+
+
+def test_a_common_power_is_taken_out_where_the_rest_is_too_large_to_factor() -> None:
+    assert to_text(quotient(tree("x' + 4001*x'^4000", ["x"]))) == "x'*(4001*x'^3999 + 1)"
+
+
+@pytest.mark.parametrize("text", ["-500*x^999/sqrt(1 + x^1000)", "-sqrt(x^1400 + 2*x^700 + 1)"])
+def test_a_radicand_that_is_too_large_to_factor_is_undetermined(text: str) -> None:
+    result = solve_document({"equations": {"x": text}}, SolveOptions())
+    assert result["verdict"] == "undetermined"
+    assert "too large to factor" in result["reason"]
 
 
 def test_an_equation_of_degree_four_is_named() -> None:

@@ -208,7 +208,7 @@ def _moving_letters(material: Material) -> Iterator[Expression]:
     yield from (p for p in known if not isinstance(p, Sum) or _is_plain(p))
     for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in walk(f)):
         if isinstance(node, Sum) and has_velocity(node):
-            with suppress(TooManyTerms):
+            with suppress(TooManyTerms, TooLarge):
                 whole = split_content(terms)[2] if (terms := terms_of(node)) else node  # a sum may be 0
                 parts = (
                     ()

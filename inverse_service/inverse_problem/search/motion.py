@@ -8,6 +8,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import lcm
 
+from inverse_service.algebra.rational_functions import factored
 from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.terms import (
     Monomial,
@@ -131,7 +132,7 @@ def irreducible_factors(tree: Expression) -> tuple[Expression, ...]:
     lowest = frozenset((letter, min(found)) for letter, found in exponents.items())
     whole = {frozenset((p, e * root[p]) for p, e in times(key, lowest, -1)): value for key, value in terms.items()}
     polynomial, letters = polynomial_of(whole)
-    found = [terms_of_polynomial(factor, letters) for factor, _ in polynomial.factor()[1]]
+    found = [terms_of_polynomial(factor, letters) for factor, _ in factored(polynomial)[1]]
     sums = [{frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()} for one in found if len(one) > 1]
     return tuple(split_content(one)[2] for one in sums)
 
