@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from inverse_service.expressions import equations, latex_translator
+from inverse_service.expressions import equations
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.notations import in_our_words
 from inverse_service.expressions.tokenizer import tokenize
@@ -42,7 +42,12 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens alone, before any name is looked up."""
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
     names = names or Names()
-    tokens = latex_translator.tokenize(formula, names) if is_latex(formula) else in_our_words(tokenize(formula), names)
+    if is_latex(formula):
+        from inverse_service.expressions import latex_translator
+
+        tokens = latex_translator.tokenize(formula, names)
+    else:
+        tokens = in_our_words(tokenize(formula), names)
     refuse_decimal_commas(tokens)
     return tokens
 

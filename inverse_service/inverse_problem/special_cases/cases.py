@@ -33,7 +33,6 @@ from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.outcome import Verdict
-from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.special_cases.side_conditions import (
     Ideal,
     all_conditions,
@@ -248,6 +247,8 @@ def _of_rank(question: Question, analysis: Analysis) -> tuple[Ideal, ...]:
 
 def _positive(question: Question, analysis: Analysis, with_time: bool) -> tuple[Sequence[Ideal], bool]:
     """The ideals of a Lagrangian with letters, and whether they are all; (), False where none is found."""
+    from inverse_service.inverse_problem.search.ladder import search
+
     with until(min(question.deadline, now() + _SEARCH_SECONDS)):
         outcome = search(analysis, with_time, question.seed, question.deadline, lambda _: None)
     if outcome.found is None:

@@ -1,12 +1,14 @@
-"""The key `instead` of a result: what holds where there is no L(q, q'), the first of what is quickly found."""
+"""The key `instead` of a result: what holds where there is no L(q, q'), the first of what is quickly found.
+
+Special cases, friction and clocks are loaded by the documents that have use for them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from api_schemas.nonholonomic import ReducedPart
 from api_schemas.result import ClockPart, InsteadPart, ResultDocument
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import now
@@ -18,18 +20,17 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, substitute, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
-from inverse_service.inverse_problem.of_kind.rayleigh import quick_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
-from inverse_service.inverse_problem.special_cases.cases import conditions
-from inverse_service.inverse_problem.special_cases.tree import Node, special_cases
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
 from inverse_service.service.documents import translate
-from inverse_service.service.documents.clock import answered, compared_answer
-from inverse_service.service.documents.kinds import given_of, kind_part
 from inverse_service.service.documents.preparing import prepared
 from inverse_service.service.documents.translate import hamiltonian_part
+
+if TYPE_CHECKING:
+    from api_schemas.nonholonomic import ReducedPart
+    from inverse_service.inverse_problem.special_cases.tree import Node
 
 _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
@@ -55,9 +56,14 @@ def _with_time(result: ResultDocument) -> InsteadPart | None:
 
 
 def _with_friction(solution: Solution, asked: SolveOptions, deadline: float) -> InsteadPart | None:
-    found = quick_rayleigh(analyse(solution.system), given_of(asked, solution.system), deadline)
+    from inverse_service.inverse_problem.of_kind.rayleigh import quick_rayleigh
+
+    given = [on_branch(equation, solution.system) for equation in asked.given]
+    found = quick_rayleigh(analyse(solution.system), given, deadline)
     if found is None or found.lagrangian is None:
         return None
+    from inverse_service.service.documents.kinds import kind_part
+
     names, lagrangian = solution.system.coordinates, found.lagrangian
     hamiltonian = hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
     shown_hamiltonian = None if hamiltonian is None else hamiltonian_part(hamiltonian, names)
@@ -69,6 +75,10 @@ def _with_parameters(system: SecondOrderSystem, seed: int, deadline: float) -> I
     """The first of the special cases, parameters given by others, where a Lagrangian is found."""
     if not system.parameters or system.functions or now() > deadline:
         return None
+    from inverse_service.inverse_problem.special_cases.cases import conditions
+    from inverse_service.inverse_problem.special_cases.tree import special_cases
+    from inverse_service.service.documents.clock import answered
+
     found = special_cases(system, False, deadline, None, seed, _MOST_CASES)
     for node in _variational(found.root):
         values = dict(conditions(node.case))
@@ -115,6 +125,8 @@ def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -
     part = result.get("instead")
     if not isinstance(part, dict) or part.get("kind") not in ("reduced", "parameters"):
         return None
+    from inverse_service.service.documents.clock import compared_answer
+
     if part["kind"] == "reduced":  # which is compared itself
         reduced = result.get("reduced") or {}
         known = [reduced, reduced.get("with_clock") or {}]

@@ -56,13 +56,15 @@ def solve_document(
     solution, *others = solve_branches(system, asked, progress)
     result = translate.to_result(solution, schema, others)
     limit = now() + SHARE_OF_SOLVER * (end - now())
-    if result.verdict == "not_variational" or kinds:
-        # Loaded when asked for, so that others start sooner.
+    # What follows is loaded when asked for, so that others start sooner.
+    if result.verdict == "not_variational":
         from inverse_service.service.documents.instead import with_instead
-        from inverse_service.service.documents.kinds import with_kinds
 
         result = with_instead(result, solution, asked, min(limit, now() + QUICKLY))
-        result = with_kinds(result, solution, schema, kinds, asked, limit) if kinds else result
+    if kinds:
+        from inverse_service.service.documents.kinds import with_kinds
+
+        result = with_kinds(result, solution, schema, kinds, asked, limit)
     if schema.clock is not None:
         from inverse_service.service.documents.clock import clock_part
 
