@@ -171,6 +171,7 @@ class OperandParser(ABC):
         """A name that stands alone; InputError where a bracket makes it look like a function."""
         ahead = self._stream.ahead
         if ahead.is_operator("(") and not ahead.space_before:
+            self._stream.must_close()
             name = token.text
             what = f"{name}( could be a product or a function"
             span = (ahead.column, ahead.column + 1)

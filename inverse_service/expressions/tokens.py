@@ -94,6 +94,10 @@ def limit_passed(what: str, column: int, bound: int) -> LimitError:
     return LimitError(f"{what} at column {column}: the limit is {bound:,}; write less.", column=column)
 
 
+def _open(opening: Token, closing: str) -> InputError:
+    return refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
+
+
 class TokenStream:
     """A position in a list of tokens, with the depth of nesting counted."""
 
@@ -138,8 +142,17 @@ class TokenStream:
         if self.take_operator(closing):
             return
         if self.ahead.kind == "end":
-            raise refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
+            raise _open(opening, closing)
         raise unexpected(self.ahead, f"'{closing}'")
+
+    def must_close(self) -> None:
+        """InputError where the formula ends before the bracket ahead is closed."""
+        depth = 0
+        for token in self._tokens[self.position :]:
+            depth += token.is_operator("(") - token.is_operator(")")
+            if depth == 0:
+                return
+        raise _open(self.ahead, ")")
 
     @contextmanager
     def nested(self) -> Iterator[None]:

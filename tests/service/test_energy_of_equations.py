@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from inverse_service import solve
+from inverse_service.service.figures.series import series_figure
 from inverse_service.service.scenes.simulating import simulate
+from inverse_service.web.pages.figures import figure_data, figure_names
 
 
 def run(equations: list[str], velocity: float, method: Any, **further: Any) -> dict[str, Any]:
@@ -57,3 +60,22 @@ def test_a_motion_without_a_lagrangian_has_no_energy() -> None:
     (found,) = simulate(scene | {"observe": ["energy"]})["methods"]
     assert found["max_energy_error"] is None
     assert "no Lagrangian of it was found" in found["energy_note"]
+
+
+def test_an_energy_that_is_not_kept_is_drawn_as_it_is_and_not_as_an_error() -> None:
+    scene = {"system": {"coordinates": ["x"], "equations": ["x'' = -x - x'/10"]}, "step": 0.05, "time": 1,
+             "initial": {"positions": {"x": 0.5}, "velocities": {"x": 0}}, "methods": ["runge-kutta"],
+             "observe": ["trajectory", "energy"]}  # fmt: skip
+    result = simulate(scene)
+    assert dict(figure_names(result))["energy"] == "Energy, no constant of the motion"
+    (energy,) = [figure for figure in figure_data(result) if figure["name"] == "energy"]
+    (view,) = energy["views"]
+    columns = result["methods"][0]["points"]["columns"]
+    assert (view["y"], view["lines"][0]["y"]) == ("E", pytest.approx(columns["energy"], rel=1e-6))
+    drawn = series_figure(
+        "energy", result, {"runge-kutta": {name: np.array(values) for name, values in columns.items()}}
+    )
+    assert drawn is not None
+    figure, caption = drawn
+    assert [axes.get_ylabel() for axes in figure.axes] == ["E, no constant of the motion"]
+    assert caption == ""

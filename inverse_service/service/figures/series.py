@@ -46,11 +46,16 @@ class Quantity:
     signed: Callable[[Mapping[str, Any], Tables, Mapping[str, Array] | None], Iterable[tuple[str, Column]]]
 
 
+def keeps_energy(method: Mapping[str, Any], name: str = "energy") -> bool:
+    """Whether a column of energies would be constant on the true motion, so that it has an error."""
+    return "energy_note" not in method if name == "energy" else f"max_{name}_error" in method
+
+
 def energy_error(name: str) -> Column:
-    """E/E_0 - 1, or E - E_0 where E_0 is 0, of a column of energies."""
+    """E/E_0 - 1, or E - E_0 where E_0 is 0, of a column of energies; none where no energy is kept."""
 
     def error(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
-        if name not in table:
+        if name not in table or not keeps_energy(method, name):
             return None
         start = method["energy_start"]
         found: Array = (table[name] - start) / (abs(start) or 1.0)
@@ -99,7 +104,12 @@ def _constraints(
 def _energy(name: str) -> Quantity:
     label = "E/E₀ - 1" + (" (discrete)" if name == "discrete_energy" else "")
     words = name.replace("_", " ") + " error"
-    return Quantity(f"|{label}|", words, energy_error(name), lambda *_: iter([(label, energy_error(name))]))
+
+    def varying(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
+        return None if keeps_energy(method, name) else table.get(name)
+
+    signed = [(label, energy_error(name)), ("E, no constant of the motion", varying)]
+    return Quantity(f"|{label}|", words, energy_error(name), lambda *_: signed)
 
 
 QUANTITIES = {
@@ -125,17 +135,17 @@ def series_figure(
     sizes = [
         (place, method, times, np.abs(values)) for place, method, times, values in _lines(result, tables, quantity.size)
     ]
-    if not sizes:
-        return None
     panels = [(label, lines) for label, one in quantity.signed(result, tables, truth)
               if (lines := _lines(result, tables, one))][:MOST_PANELS]  # fmt: skip
+    if not sizes and not panels:
+        return None
     with matplotlib.rc_context(SETTINGS):
         figure = new_figure(7.6, 3.4 + 1.7 * len(panels))
-        heights = [*[1] * len(panels), 1.9]
-        axes = figure.subplots(len(panels) + 1, 1, sharex=True, squeeze=False, height_ratios=heights).ravel()
+        heights = [1] * len(panels) + [1.9] * bool(sizes)
+        axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights).ravel()
         notes = [note for one, panel in zip(axes, panels, strict=False) if (note := _signed(one, *panel))]
-        every = _sizes(axes[-1], sizes)
-        axes[-1].set(xlabel=with_unit(result.get("time", "t"), result), ylabel=quantity.label)
+        every = _sizes(axes[-1], sizes, quantity.label) if sizes else 1
+        axes[-1].set(xlabel=with_unit(result.get("time", "t"), result))
         handles, labels = axes[-1].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
     return figure, series_caption(quantity.words, sizes) + thinned(every) + "".join(dict.fromkeys(notes))
@@ -159,13 +169,13 @@ def _signed(axes: Axes, label: str, lines: Sequence[Line]) -> str:
         min(largest, REACH * float(np.median([one for one in greatest if one > 1e-9 * largest] or [largest]))) or 1e-16
     )
     for place, method, times, values in lines:
-        draw_line(axes, times, values, look(place, method["method"]))
+        draw_line(axes, times, values, look(place, method["method"]), method["label"])
     axes.axhline(0, color="#888888", linewidth=0.6, zorder=1)
     axes.set(ylabel=plain(label), ylim=(-1.08 * reach, 1.08 * reach))
     return " What is larger leaves the signed panels." if largest > reach else ""
 
 
-def _sizes(axes: Axes, lines: Sequence[Line]) -> int:
+def _sizes(axes: Axes, lines: Sequence[Line], label: str) -> int:
     """The sizes on a logarithmic axis; of how many points a piece has."""
     most = 1
     for shift, (place, method, times, values) in enumerate(lines):
@@ -179,7 +189,7 @@ def _sizes(axes: Axes, lines: Sequence[Line]) -> int:
             t, high, color=style.colour, linestyle=style.line, linewidth=1.3, marker=style.marker, markersize=4.5,
             markevery=spread(len(t), 12, 7 * shift), fillstyle="none", label=plain(method["label"]),
         )  # fmt: skip
-    axes.set(yscale="log", ylim=_limits(lines))
+    axes.set(yscale="log", ylim=_limits(lines), ylabel=label)
     return most
 
 

@@ -205,10 +205,14 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
 
 def question_address(document: Mapping[str, Any]) -> str:
     """The link that fills the form with this question, and does not ask it; nothing where it would be too long."""
-    fields = lean_fields(document)
-    wanted = {name: value for name, value in fields.items() if value and name in LINKED}
-    address = f"/?{urlencode(wanted)}"
+    address = link_of_fields(lean_fields(document))
     return address if len(address) <= LONGEST_LINK else ""
+
+
+def link_of_fields(fields: Mapping[str, str], **further: str) -> str:
+    """The link that fills the form with these fields."""
+    wanted = {name: value for name, value in fields.items() if value and name in LINKED}
+    return f"/?{urlencode(wanted | further)}"
 
 
 def revealed_of_link(query: Mapping[str, str]) -> tuple[str, ...]:

@@ -42,6 +42,12 @@ def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         found.append(("coordinates", "Coordinates in time"))
     if any(event["count"] for method in result["methods"] for event in method.get("events", ())):
         found.append(("section", "Points at events"))
+    if (
+        "energy" in observed
+        and not _has(result, "energy")
+        and any(columns_of(m).get("energy") for m in result["methods"])
+    ):
+        found.append(("energy", "Energy, no constant of the motion"))
     return found + [(name, SERIES[name][0]) for name in SERIES if name in observed and _has(result, name)]
 
 
@@ -56,8 +62,13 @@ def columns_of(method: Mapping[str, Any]) -> Mapping[str, list[float | None]]:
 
 
 def series(name: str, method: Mapping[str, Any]) -> list[float | None]:
-    """The values of an observed quantity; None where they are zero, unknown or only the rounding of the start."""
+    """The sizes of an observed quantity; None where they are zero, unknown or only the rounding of the start.
+
+    No sizes of an energy that the true motion does not keep.
+    """
     columns = columns_of(method)
+    if name == "energy" and "energy_note" in method:
+        return []
     if name == "energy":
         start = method.get("energy_start")
         values = columns.get("energy", [])
@@ -111,7 +122,7 @@ def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, A
             log_y=True,
         )
     ]
-    return [*views, *_signed_views(name, result, others)]
+    return [view for view in (*views, *_signed_views(name, result, others)) if view["lines"]]
 
 
 def _sections(result: Mapping[str, Any]) -> list[dict[str, Any]]:

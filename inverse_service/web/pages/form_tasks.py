@@ -61,24 +61,20 @@ def glance_task(body: bytes, content_type: str) -> Outcome:
     return guard(_glance, body, content_type)
 
 
-def own_task(body: bytes, content_type: str) -> Outcome:
-    """The sent solve form with an L of the visitor to its fields and what is said of that L."""
-    return guard(_own, body, content_type)
+def own_task(fields: Fields, text: str) -> Outcome:
+    """The fields of the solve form and an L of the visitor to what is said of that L."""
+    return guard(_own, fields, text)
 
 
-def _own(body: bytes, content_type: str) -> tuple[Fields, OwnLagrangian]:
-    fields = fields_of(form_of(body, content_type))
-    text = fields["lagrangian"]
-    fields |= {"kind": "equations", "lagrangian": ""}
+def _own(fields: Fields, text: str) -> OwnLagrangian:
     try:
         document = split_options(document_of_fields(fields))[0]
         found = use_cases().check_document(write_json({"system": document, "lagrangian": text}))
         names = names_of(use_cases().understand_document(document))
     except InputError as error:
-        return fields, OwnLagrangian(
-            text, OWN["unread"], [], [reading_back.without_keys(one.detail) for one in faults_of(error)]
-        )
-    return fields, own_of({**found, "lagrangian": text}, names)
+        reasons = [reading_back.without_keys(one.detail) for one in faults_of(error)]
+        return OwnLagrangian(text, OWN["unread"], [], reasons)
+    return own_of({**found, "lagrangian": text}, names)
 
 
 def _glance(body: bytes, content_type: str) -> dict[str, Any] | None:

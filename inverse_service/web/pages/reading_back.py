@@ -221,6 +221,8 @@ def _choices(error: InputError, text: str, start: int, line: str, at: str) -> tu
     first, last = (one - 1 for one in error.span) if error.span else ((error.column or 1) - 1,) * 2
     piece = _AFTER_FORMULA.sub("", text[first:last]) if error.span else _word_at(text, first)
     readings = dict.fromkeys(_as_latex(one) if "\\" in text else one for one in error.instead)
+    if piece == "[":  # it is closed by its own kind
+        readings = {f"{one.removesuffix('(')}[" if one.endswith("(") else one: None for one in readings}
     if text[:first][-1:].isalnum():
         readings = {f"{' ' * one[:1].isalnum()}{one}": None for one in readings}
     if not piece or "\n" in piece or piece.count("{") != piece.count("}"):

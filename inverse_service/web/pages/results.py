@@ -48,11 +48,27 @@ OPEN = frozenset(("accepted", "running"))
 
 @router.get("/results/{identifier}")
 async def result(request: Request, identifier: str) -> Response:
-    """The result, or how far it is."""
+    """The result, or how far it is; with `check` checked again, with `lagrangian` a visitor's own L judged."""
     answer = await finished(request, identifier, PATIENCE)
     if answer is None:
         return missing()
-    return await shown(request, answer.value)
+    judged = None
+    if answer.value["status"] == "successful" and answer.value["kind"] == "solve":
+        judged = await _judged(request, identifier)
+    return await shown(request, answer.value, judged)
+
+
+async def _judged(request: Request, identifier: str) -> dict[str, Any] | None:
+    query = request.query_params
+    found: dict[str, Any] | None
+    if query.get("lagrangian"):
+        found = await made(request, identifier, own_lagrangian_task, query["lagrangian"])
+        return found
+    try:
+        found = await made(request, identifier, check_stored_task) if "check" in query else None
+    except Refusal as refusal:
+        return {"verdict": "incomplete", "reasons": [refusal.detail]}
+    return found
 
 
 @router.get("/results/{identifier}/embed")
@@ -89,32 +105,6 @@ async def result_json(request: Request, identifier: str) -> Response:
     if is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     return await stored_response(request.app.state.engine, identifier, headers)
-
-
-@router.post("/results/{identifier}/check")
-async def check(request: Request, identifier: str) -> Response:
-    """The checker run again, its verdict on the page."""
-    await read_form(request, SMALL_FORM)
-    answer = await successful(request, identifier)
-    if answer is None:
-        return missing()
-    try:
-        verdict = await made(request, identifier, check_stored_task)
-    except Refusal as refusal:
-        verdict = {"verdict": "incomplete", "reasons": [refusal.detail]}
-    return await shown(request, answer.value, verdict)
-
-
-@router.post("/results/{identifier}/lagrangian")
-async def own_lagrangian(request: Request, identifier: str) -> Response:
-    """A visitor's own L against the equations of the result, the verdict on the page."""
-    sent = await read_form(request, SMALL_FORM)
-    answer = await successful(request, identifier)
-    if answer is None or answer.value["kind"] != "solve":
-        return missing()
-    return await shown(
-        request, answer.value, await made(request, identifier, own_lagrangian_task, sent.text("lagrangian"))
-    )
 
 
 @router.post("/results/{identifier}/again")

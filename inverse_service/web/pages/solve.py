@@ -12,11 +12,22 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from api_schemas import system as system_schema
 from inverse_service import catalogue
+from inverse_service.service.documents.answers import value_of
+from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
-from inverse_service.web.pages.calls import call, read_sent
-from inverse_service.web.pages.documents import LAGRANGIANS, fields_from, fields_of_link, lean_fields, revealed_of_link
+from inverse_service.web.pages.answers import OwnLagrangian
+from inverse_service.web.pages.calls import call, read_form, read_sent
+from inverse_service.web.pages.documents import (
+    LAGRANGIANS,
+    fields_from,
+    fields_of,
+    fields_of_link,
+    lean_fields,
+    link_of_fields,
+    revealed_of_link,
+)
 from inverse_service.web.pages.form_tasks import (
     GLANCE,
     Sent,
@@ -64,6 +75,7 @@ NONHOLONOMIC_EXAMPLES = (
 )
 FIRST_NONHOLONOMIC = "nonholonomic-particle"
 AT_ONCE = 0.1  # s
+LONGEST_OWN = 30_000  # bytes of a form whose address carries it
 START = "x'' = -x + k*y\ny'' = -y + k*x"
 
 
@@ -86,15 +98,28 @@ async def form(request: Request) -> HTMLResponse:
     # A page at its start is shown at once: while the workers of a fresh service start, the script asks by itself.
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
-    return solve_page(fields, reveal=revealed_of_link(query), **await understand(request, fields, patience))
+    judged = await own_judged(request, fields, query["own"]) if linked and query.get("own") else None
+    found = await understand(request, fields, patience)
+    return solve_page(fields, reveal=revealed_of_link(query), own=judged, **found)
 
 
 @router.post("/own")
 async def own(request: Request) -> Response:
-    """A student's L against the typed equations; the form stays an exercise where it was one."""
-    fields, found = await read_sent(request, request.app.state.engine.settings.max_body, own_task, 2 * GLANCE)
-    reveal = revealed_of_link(request.query_params)
-    return solve_page(fields, reveal=reveal, own=found, **await understand(request, fields))
+    """A student's L and the typed equations, on to their link; the form stays an exercise where it was one."""
+    fields = fields_of(await read_form(request, LONGEST_OWN))
+    text, reveal = fields["lagrangian"], ",".join(revealed_of_link(request.query_params))
+    kept = {"own": text} | ({"reveal": reveal} if reveal else {})
+    return RedirectResponse(link_of_fields(fields | {"lagrangian": ""}, **kept), 303)
+
+
+async def own_judged(request: Request, fields: dict[str, str], text: str) -> OwnLagrangian:
+    """What is said of a student's L for the equations of the form."""
+    engine: Engine = request.app.state.engine
+    outcome = await engine.run_quick(client_of(request), own_task, fields, text, seconds=2 * GLANCE)
+    if outcome.status in LIMITS:
+        raise Refusal(503, "busy", "Judging this L takes longer than a page may; find the answer, and check it there.")
+    found: OwnLagrangian = value_of(outcome)
+    return found
 
 
 @router.post("/")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain, combinations, islice
 from typing import Any
 
 import numpy as np
 
 from inverse_service import catalogue
+from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_condition, read_formula
@@ -36,6 +39,7 @@ NEAR = 0.02  # a condition of the domain that comes closer to zero
 LEAST_PART = 0.1  # of the determinant of the Hessian at the start
 SHARE = 0.8
 LONGEST_TRIAL = 3.0  # s
+MOST_CHOICES = 100  # of velocities that are given
 SIDE, MOST_CORNERS = 320, 200  # of a sketch
 
 
@@ -48,6 +52,7 @@ def with_good_start(
     the accelerations is passed. With constraints it is the first start from which all methods can begin.
     """
     domain = (answer.get("lagrangian") or {}).get("domain", ())
+    form = _with_velocities_that_fit(form, system)
     try:
         scene, found = accelerations_of(scene_document(form, system))
         names = Names(scene.coordinates, tuple(scene.values))
@@ -78,10 +83,27 @@ def with_good_start(
     )
 
 
+def _with_velocities_that_fit(form: SceneForm, system: Mapping[str, Any]) -> SceneForm:
+    """The form with the first choice of velocities from which the constraints determine those left empty."""
+    if all(form.velocities.values()):
+        return form
+    names, most = form.coordinates, len(form.coordinates) - 1
+    chosen = (given for size in range(most, 0, -1) for given in combinations(names, size))
+    choices = (replace(form, velocities={name: "1" if name in given else "" for name in names}) for given in chosen)
+    for tried in islice(chain((form,), choices), MOST_CHOICES):
+        with suppress(InputError):
+            accelerations_of(scene_document(tried, system))
+            return tried
+    return form
+
+
 def _where_all_methods_begin(form: SceneForm, system: Mapping[str, Any], further: Mapping[str, Any]) -> SceneForm:
     """The form at the first of some places at which no ticked method is unavailable; as it is where there is none."""
     places = [_texts(form.coordinates, place) for place in _starts(len(form.coordinates))[0]]
+    end = now() + LONGEST_TRIAL
     for positions in (form.positions, *places):
+        if now() > end:
+            break
         tried = replace(form, positions=positions, steps="1")
         methods = simulate({**scene_document(tried, system), **further}, time_limit=LONGEST_TRIAL)["methods"]
         if all(method["outcome"] != "unavailable" for method in methods):

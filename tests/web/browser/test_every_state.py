@@ -95,7 +95,7 @@ def test_axe_finds_nothing_and_nothing_is_too_wide(look: Visit, states: dict[str
 
 
 def test_work_that_is_open_has_no_violation(look: Visit) -> None:
-    with httpx.Client(base_url=look.address, headers={"Prefer": "respond-async"}) as client:
+    with httpx.Client(base_url=look.address, timeout=PATIENCE, headers={"Prefer": "respond-async"}) as client:
         id = post(client, "/v1/solve", hard("tan", 10))
         look.go(f"/results/{id}")
         expect(look.page.get_by_role("progressbar")).to_be_visible()

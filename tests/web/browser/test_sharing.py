@@ -43,6 +43,9 @@ def test_an_exercise_hides_its_answer_and_judges_the_students_lagrangian(
         at.page.get_by_role("button", name="Does it give these equations?").click()
         expect(at.page.locator("#exercise")).to_contain_text(said)
         expect(own).to_have_value(text)
+    at.page.reload()  # the address has the question and the L: nothing is sent again
+    expect(at.page.locator("#exercise")).to_contain_text("Yes: the Euler-Lagrange")
+    assert at.page.evaluate("location.search").startswith("?equations=")
     if scripts:
         at.page.get_by_role("button", name="Show a hint").click()
         expect(at.page.locator("#revealed")).to_contain_text("come from a regular Lagrangian")

@@ -324,6 +324,11 @@ def test_a_students_own_lagrangian_is_judged_on_the_page(visit: Visit, plain: Vi
     at.page.get_by_label("Your L", exact=True).fill("x'^2/2 - x^2/2")
     at.page.get_by_role("button", name="Does it give these equations?").click()
     expect(at.page.locator("#own")).to_contain_text("Yes: the Euler-Lagrange equations")
+    at.page.reload()  # the address has the L: nothing is sent again
+    expect(at.page.locator("#own")).to_contain_text("Yes: the Euler-Lagrange equations")
+    at.page.get_by_role("button", name="Check again").click()
+    expect(at.page.locator("#actions")).to_contain_text("Run again just now: valid")
+    assert at.page.url.endswith("?check=again")
 
 
 def test_the_answer_appears_beside_the_form_and_nothing_is_stored(visit: Visit) -> None:

@@ -11,10 +11,12 @@ from inverse_service.web.pages.documents import (
     document_of,
     equations_text,
     fields_from,
+    fields_of,
     functions_of,
     lean_fields,
     parameters_of,
 )
+from inverse_service.web.pages.form_tasks import echo_task
 from inverse_service.web.pages.forms import Form, Upload
 
 
@@ -113,3 +115,22 @@ def test_lists_of_names_are_read() -> None:
     assert functions_of(" ") == {}
     with pytest.raises(InputError, match="V\\(x, y\\)"):
         functions_of("A")
+
+
+@pytest.mark.parametrize(
+    "typed", ["-kx", "-sinx", "-0,5 x", "-k/m x", "-k [x]", "-k[x - 1]", "-k(x - 1)", "- [k(x - 1)]"]
+)
+def test_each_reading_that_a_button_offers_can_be_read(typed: str) -> None:
+    fields = {"kind": "equations", "equations": f"x'' = {typed}"}
+    (place,) = echo_task(fields).value["problem"].places
+    assert place.choices
+    for _, sent in place.choices:
+        chosen = fields_of(Form({name: (value,) for name, value in (fields | {"instead": sent}).items()}))
+        assert "understood" in echo_task(chosen).value
+
+
+@pytest.mark.parametrize("typed", ["-k [x", "-k(x + 1", "-k((x - 1)"])
+def test_a_bracket_that_is_not_closed_is_the_fault_that_is_told(typed: str) -> None:
+    (place,) = echo_task({"kind": "equations", "equations": f"x'' = {typed}"}).value["problem"].places
+    assert "never closed" in place.detail
+    assert place.choices == ()

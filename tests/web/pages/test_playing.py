@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -56,6 +57,27 @@ def not_completed(name: str) -> list[Any]:
 @pytest.mark.parametrize("name", ["knife-edge", *HARD])
 def test_the_start_that_the_form_offers_can_be_run(name: str) -> None:
     assert not_completed(name) == []
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "lagrangian", "constraints"),
+    [
+        ("x y phi", "(x'^2 + y'^2 + phi'^2)/2", ["x'*sin(phi) - y'*cos(phi)"]),
+        ("x y z w", "(x'^2 + y'^2 + z'^2 + w'^2)/2", ["w' - x*y'"]),
+        ("a b x y", "(a'^2 + b'^2 + x'^2 + y'^2)/2", ["a' - x*x'", "b' - x*y'"]),
+    ],
+)
+def test_a_form_leaves_those_velocities_empty_that_the_constraints_determine(
+    coordinates: str, lagrangian: str, constraints: list[str]
+) -> None:
+    document = {"coordinates": coordinates.split(), "lagrangian": lagrangian, "constraints": constraints}
+    first = replace(form_of_system({"document": document}), methods=("nonholonomic",), steps="5")
+    form = starts.with_good_start(first, {"document": document}, {})
+    result = KINDS["simulate"].work(
+        scene_document(form, {"document": document}), JobOptions(60.0, 2000), lambda _: None
+    )
+    assert [method["outcome"] for method in result["methods"]] == ["completed"]
+    assert len([value for value in form.velocities.values() if value]) == len(coordinates.split()) - len(constraints)
 
 
 @pytest.mark.nightly
