@@ -44,6 +44,29 @@ def test_an_equation_with_a_large_group_is_a_proof(text: str, coordinates: str, 
     assert_right(found, coordinates.split())
 
 
+@pytest.mark.parametrize(
+    ("text", "coordinates"),
+    [
+        ("x'*log(x') + x'^2", "x"),
+        ("x'*atan(x') - log(1 + x'^2)/2 + x'^2", "x"),
+        ("exp(x') + x'^2", "x"),
+        ("exp(x')*x'", "x"),
+        ("exp(x'^2)", "x"),
+        ("sqrt(x')*log(x')", "x"),
+        ("x'*log(x') + a*(x' + 1)*log(x' + 1)", "x"),
+        ("x'*log(y') + x'^2", "x y"),
+        ("x'*log(x') + x'*y'^2", "x y"),
+        ("x'^2*log(y')", "x y"),
+    ],
+)
+def test_a_rational_function_beside_logarithms_is_a_proof(text: str, coordinates: str) -> None:
+    """Those that have an inverse have it by Lambert's W, which is none of these formulas (Rosenlicht 1969)."""
+    found = transform(text, coordinates, "a")
+    assert found.implicit
+    assert "no inverse in closed form: for one velocity it leads to r(y) + c_1 log(y - a_1)" in found.note
+    assert_right(found, coordinates.split())
+
+
 DICKSON = {
     5: "x'^6/6 - 5*a*x'^4/4 + 5*a^2*x'^2/2",
     7: "x'^8/8 - 7*a*x'^6/6 + 14*a^2*x'^4/4 - 7*a^3*x'^2/2",
@@ -58,6 +81,8 @@ DICKSON = {
         "x'^10",
         "x'^12 + x'^(13/2)",
         "exp(6*x') + exp(x')",
+        "x'*log(x') + 5*(x' + 1)*log(x' + 1)",  # its slope is that of log(v (v + 1)^5)
+        "exp(x')^7*exp(x')",
         "x'^2*sin(x')",
     ],
 )

@@ -138,7 +138,8 @@ _NAME = "the cubic's unknown"
 
 @dataclass(frozen=True, slots=True)
 class Laurent:
-    """sum of coefficients[e] generator^e; the generator is the velocity or exp of a multiple of it."""
+    """sum of coefficients[e] generator^e; the generator is the velocity, exp of a multiple of it, or such
+    as log v with the velocity in it once."""
 
     generator: Expression
     coefficients: Mapping[Fraction, Expression]
@@ -196,6 +197,8 @@ def _is_generator(base: Expression, leaf: Velocity) -> bool:
         case Apply("exp", argument):
             terms = expand(argument).terms
             return len(terms) == 1 and monomial_tree(terms[0][0]) == argument and _is_linear(terms[0][0], leaf)
+        case Apply("log" | "atan" | "asinh" | "atanh"):
+            return occurrences(base, leaf) == 1
         case _:
             return base == leaf
 

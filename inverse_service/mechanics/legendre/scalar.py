@@ -204,14 +204,14 @@ def _balanced(slope: Expression, rate: Velocity, momentum: Expression) -> Iterat
         yield from isolate(rest, rate, add(momentum, negate(add(*fixed))))
 
 
-_LARGEST_BLOCK = 3
+LARGEST_BLOCK = 3
 Equation = tuple[Symbol, Expression]
 Solved = tuple[dict[str, Expression], tuple[Expression, ...]]
 
 
 def elimination_branches(block: Block) -> Iterator[Branch]:
     """The branches of a block of two or three velocities; H is the energy p v - L at v(p)."""
-    if not 1 < len(block.names) <= _LARGEST_BLOCK:
+    if not 1 < len(block.names) <= LARGEST_BLOCK:
         return
     functions = [simplified(differentiate(block.function, Velocity(name))) for name in block.names]
     works = [multiply(Velocity(name), p) for name, p in zip(block.names, functions, strict=True)]
@@ -230,6 +230,23 @@ def _solutions(equations: Sequence[Equation], names: Sequence[str]) -> Iterator[
         for root in roots_for(factored_inside(function), Velocity(names[0]), momentum):
             yield {names[0]: root.value}, root.conditions
         return
+    for name, root, reduced, left in _isolated(equations, names):
+        yield from _completed(name, root.value, root.conditions, _solutions(reduced, left))
+
+
+def last_equations(equations: Sequence[Equation], names: Sequence[str]) -> Iterator[tuple[Expression, Velocity]]:
+    """F and y of each equation F(y) = p of one velocity to which isolating the others leads."""
+    if len(names) == 1:
+        yield equations[0][1], Velocity(names[0])
+        return
+    for _, _, reduced, left in _isolated(equations, names):
+        yield from last_equations(reduced, left)
+
+
+def _isolated(
+    equations: Sequence[Equation], names: Sequence[str]
+) -> Iterator[tuple[str, Root, list[Equation], list[str]]]:
+    """One velocity isolated in one equation, the other equations with it put in, and the velocities left."""
     for momentum, function in equations:
         others = [equation for equation in equations if equation[0] != momentum]
         for name in names:
@@ -238,7 +255,7 @@ def _solutions(equations: Sequence[Equation], names: Sequence[str]) -> Iterator[
                 left = [other for other in names if other != name]
                 reduced = [(p, simplified(substitute(f, table))) for p, f in others]
                 if all(velocities_in(f, left) for _, f in reduced):
-                    yield from _completed(name, root.value, root.conditions, _solutions(reduced, left))
+                    yield name, root, reduced, left
 
 
 def _completed(
