@@ -177,6 +177,16 @@ HIDING = {
 }  # fmt: skip
 
 
+def test_an_integral_may_hold_those_before_it_only() -> None:
+    """F'' = 1 + x'^2 by way of F' = G."""
+    first, second = integral("1+x'^2", "x'")["F"], integral("G(x')", "x'")["F"]
+    made = of_lagrangian("-1/(1+x'^2)", "0", "F(x')-x+y'^2")
+    assert check_certificate({**made, "integrals": {"G": first, "F": second}}).verdict == "valid"
+    turned = check_certificate({**made, "integrals": {"F": second, "G": first}})
+    assert turned.verdict == "invalid"
+    assert "integrals.F may hold integrals before it only." in turned.reasons
+
+
 @pytest.mark.parametrize("name", HIDING)
 def test_an_integral_hides_nothing(name: str) -> None:
     found = check_certificate(HIDING[name])
