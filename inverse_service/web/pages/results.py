@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import re
 import time
@@ -40,8 +39,7 @@ from inverse_service.web.problems import Refusal
 router = APIRouter()
 IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 # A short job's result comes with its first page; a longer one's page shows its progress.
-PATIENCE = 1.0
-LOOK_EVERY = 0.04
+PATIENCE = 1.5
 ASKED = 20  # lines of a question
 OPEN = frozenset(("accepted", "running"))
 
@@ -216,14 +214,16 @@ async def finished(request: Request, identifier: str, patience: float) -> Answer
     """The job without its result, waited for a moment; None where there is none."""
     if not IDENTIFIER.fullmatch(identifier):
         return None
-    end = time.monotonic() + patience
-    while True:
-        answer = await call(request, "GET", f"/v1/jobs/{identifier}", None, {"Prefer": MINIMAL})
-        if answer.is_problem:
-            return None
-        if answer.value["status"] not in OPEN or time.monotonic() >= end:
-            return answer
-        await asyncio.sleep(LOOK_EVERY)
+    answer = await call(request, "GET", f"/v1/jobs/{identifier}", None, {"Prefer": MINIMAL})
+    if answer.is_problem:
+        return None
+    if answer.value["status"] not in OPEN or not patience:
+        return answer
+    engine, viewer = request.app.state.engine, viewer_of(request)
+    job = await engine.job(identifier, viewer)
+    if job is not None:
+        await engine.wait(job, viewer, patience)
+    return await finished(request, identifier, 0)
 
 
 async def _stored(request: Request, identifier: str) -> Job | None:

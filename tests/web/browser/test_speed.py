@@ -34,12 +34,12 @@ def test_first_paint_and_verdict_from_a_fresh_server(fresh: Visit, equations: st
     fresh.go("/")
     paint = float(fresh.page.evaluate(FIRST_PAINT))
     fresh.page.get_by_label("Equations", exact=True).fill(equations)
+    began = float(fresh.page.evaluate("Date.now()"))
     fresh.page.get_by_role("button", name="Find out").click()
     expect(fresh.page.locator(".verdict").first).to_be_visible()
-    # The navigation began with the button; its response has the verdict, which is on the screen with the first paint.
-    verdict = float(fresh.page.evaluate(FIRST_PAINT))
-    hops = float(fresh.page.evaluate("performance.getEntriesByType('navigation')[0].responseStart"))
-    print(f"paint {paint:.0f} ms, verdict {verdict:.0f} ms (answer {hops:.0f} ms), load {os.getloadavg()[0]:.1f}")
+    # The verdict is on the screen with the first paint of its page; one that shows progress may come before.
+    verdict = float(fresh.page.evaluate(FIRST_PAINT)) + float(fresh.page.evaluate("performance.timeOrigin")) - began
+    print(f"paint {paint:.0f} ms, verdict {verdict:.0f} ms, load {os.getloadavg()[0]:.1f}")
     assert paint < 500
     assert verdict < 1000
 
