@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from math import isqrt
 
 from inverse_service.algebra.exact_atoms import factored
@@ -38,6 +39,7 @@ from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, e
 _LONG, _TERMS, _WORK = 60, 500, 20_000
 
 
+@lru_cache(maxsize=4096)
 def size(tree: Expression) -> int:
     """The number of nodes."""
     return sum(1 for _ in walk(tree))
@@ -53,6 +55,7 @@ def separated(tree: Expression) -> Expression:
     return add(*(multiply(number(value), separate_tree(monomial)) for monomial, value in expand(tree).terms))
 
 
+@lru_cache(maxsize=4096)
 def quotient(tree: Expression) -> Expression:
     """The tree as one factored quotient of polynomials in atoms; as it is where that is too large."""
     plain = separated(tree)
@@ -70,6 +73,7 @@ def shortest(forms: Sequence[Expression]) -> Expression:
     return min(forms, key=size)
 
 
+@lru_cache(maxsize=4096)
 def simplified(tree: Expression) -> Expression:
     """The shortest of: the tree as it is, collected, as one quotient; with sin^2 = 1 - cos^2 where both occur."""
     collected, merged = collect(tree), merge_powers(tree)

@@ -9,6 +9,7 @@ p_x = log|z| + 1 gives x'.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
@@ -266,6 +267,7 @@ def _completed(
         yield {**rates, name: substitute(value, table)}, conditions + others
 
 
+@lru_cache(maxsize=4096)
 def factored_inside(tree: Expression) -> Expression:
     """The tree with every sum in it as one factored quotient, the outer ones first."""
     outer = quotient(tree) if isinstance(tree, Sum) else tree
