@@ -69,9 +69,17 @@ def _factor(factor: Expression) -> str:
     match factor:
         case Power(base, exponent) if exponent != HALF:
             inner = _brackets(base) if isinstance(base, Apply) and base.function == "exp" else _atom(base)
-            return f"<msup>{inner}{_exponent(exponent)}</msup>"
+            return _raised(inner, _exponent(exponent))
         case _:
             return _atom(factor)
+
+
+def _raised(base: str, exponent: str) -> str:
+    """An exponent stands above an index, and after a dotted letter as high as after one without dots."""
+    low = base.replace("<mover ", '<mpadded height="1.2ex"><mover ', 1).replace("</mover>", "</mover></mpadded>", 1)
+    if base.startswith("<msub>"):
+        return f"<msubsup>{low.removeprefix('<msub>').removesuffix('</msub>')}{exponent}</msubsup>"
+    return f"<msup>{low if base.startswith('<mover ') else base}{exponent}</msup>"
 
 
 def _exponent(expression: Expression) -> str:

@@ -85,8 +85,17 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
         job=job,
         result=result,
         figures=figures.figure_names(result),
+        missing=[(method["label"], reason) for method in result["methods"] if (reason := _why_missing(method))],
         scene=document,
     )
+
+
+def _why_missing(method: Mapping[str, Any]) -> str:
+    """Why no setting of a method could be measured; nothing where one was."""
+    settings = method["settings"]
+    if any(setting["error"] is not None for setting in settings):
+        return ""
+    return next((setting["reason"].rstrip(".") for setting in settings if setting.get("reason")), "it was not measured")
 
 
 def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
