@@ -22,6 +22,9 @@ from inverse_service.web.pages.rendering import duration
 TENSORS = (("Phi", "Φ", "<mi>Φ</mi>"), ("nabla_Phi", "∇Φ", "<mi>∇</mi><mi>Φ</mi>"))
 QUESTIONS = {"L(q, q')": "L(q, q\u2032)", "L(t, q, q')": "L(t, q, q\u2032)"}
 VERDICTS = {"variational": "a Lagrangian", "not_variational": "no Lagrangian", "undetermined": "undetermined"}
+# Characters of all matrices on a page: typeset they weigh 25 times that.
+LONGEST_MATRICES = 6_000
+LONG = Markup('<p class="hint">{} has {:,} characters: it is in the JSON, under <code>conditions</code>.</p>')
 # What no line can be broken in.
 UNBREAKABLE = ("<mtable", "<mfrac", "<msqrt")
 # A page shows so many steps; the whole is in the JSON.
@@ -313,18 +316,19 @@ def _reason(part: Mapping[str, Any]) -> str:
 
 
 def matrices_of(conditions: Mapping[str, Any] | None, names: Names) -> list[Matrix]:
-    """Phi, nabla Phi, and each nonzero block of R."""
+    """Phi, nabla Phi, and each nonzero block of R; what would make the page too long is only named."""
     if conditions is None:
         return []
-    found = [
-        Matrix(symbol, _named_matrix(shown, conditions[key], names), key)
-        for key, symbol, shown in TENSORS
-        if conditions.get(key)
-    ]
+    wanted = [(symbol, left, key, conditions[key]) for key, symbol, left in TENSORS if conditions.get(key)]
     for index, block in enumerate(conditions.get("R") or [], start=1):
         if any(entry != "0" for row in block for entry in row):
-            above = f"<msup><mi>R</mi><mn>{index}</mn></msup>"
-            found.append(Matrix(f"R{index}", _named_matrix(above, block, names), "R"))
+            wanted.append((f"R{index}", f"<msup><mi>R</mi><mn>{index}</mn></msup>", "R", block))
+    found, room = [], LONGEST_MATRICES
+    for symbol, left, key, rows in wanted:
+        length = sum(len(entry) for row in rows for entry in row)
+        fits = length <= room
+        room -= length * fits
+        found.append(Matrix(symbol, _named_matrix(left, rows, names) if fits else LONG.format(symbol, length), key))
     return found
 
 

@@ -11,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from api_schemas import system as system_schema
+from api_schemas.base import MAX_COORDINATES
 from inverse_service import catalogue
 from inverse_service.service.documents.answers import value_of
 from inverse_service.service.jobs.finishing import LIMITS
@@ -198,6 +199,7 @@ def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTML
         lagrangians=LAGRANGIANS,
         examples=examples(NONHOLONOMIC_EXAMPLES if nonholonomic else EXAMPLES),
         can_simulate=can_simulate(),
+        most_coordinates=MAX_COORDINATES,
         has_special_cases="special_cases" in system_schema.SystemDocument.model_fields,
         **shown,
     )

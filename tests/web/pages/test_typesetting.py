@@ -135,3 +135,12 @@ def test_a_formula_has_the_text_that_is_copied() -> None:
     long = "x'^2*y'^2*x^3*y^5/2 + x^4*y'^4*x'^6 - 2*x*y*x'*y' < 0"
     assert 'data-text="L = x&#39;^2/2"' in typesetting.equation("L", "x'^2/2", names)
     assert typesetting.formula(long, names).count("data-text") == 1
+
+
+def test_matrices_too_long_for_a_page_are_named_with_their_length() -> None:
+    entry = " + ".join(f"{k}*x*y'^2" for k in range(2, 40))
+    conditions = {"Phi": [[entry, "0"], ["0", entry]], "nabla_Phi": [[entry] * 5] * 5, "R": [[["0", "x"], ["x", "0"]]]}
+    phi, nabla, curvature = answers.matrices_of(conditions, Names(("x", "y"), ()))
+    assert nabla.math.startswith(f'<p class="hint">\u2207\u03a6 has {25 * len(entry):,} characters')
+    assert all("<math" in shown.math for shown in (phi, curvature))
+    assert sum(len(shown.math) for shown in (phi, nabla, curvature)) < 300_000
