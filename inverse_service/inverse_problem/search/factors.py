@@ -3,18 +3,39 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
 from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
-from inverse_service.inverse_problem.search.material import Material, distinct, integrating_candidates
-from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, rank, times
+from inverse_service.inverse_problem.search.material import (
+    Material,
+    coefficient,
+    distinct,
+    integrating_candidates,
+    simplified,
+)
+from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    add_terms,
+    derivative_of_terms,
+    letter_derivative,
+    monomial,
+    multiply_terms,
+    rank,
+    times,
+)
 
 _MOST_FACTORS = 24
 _MOST_COEFFICIENTS = 40
 _MOST_IN_TIME = 6
+_MOST_FITTED = 12
 _HIGHEST_EXPONENTIAL = 5
 HALF = Fraction(1, 2)
 
@@ -24,18 +45,21 @@ class Factors:
     """What follows from the coefficients c of v_i v_l and v_i in f_i.
 
     `along[i]` is exp(-int c_ii dq_i), `across[i]` the product of exp(-int c_il dq_l) over l != i;
-    `in_time` holds 1 and exp(-int c dt); `plain` all factors for a quadratic L, and their inverses.
+    `in_time` holds 1 and exp(-int c dt); `plain` all factors for a quadratic L, and their inverses. `fitted[i, e]` is
+    phi with g_ii = phi v_i^e for a diagonal g.
     """
 
     along: Mapping[int, Monomial]
     across: Mapping[int, Monomial]
     in_time: tuple[Monomial, ...]
     plain: tuple[Monomial, ...]
+    fitted: Mapping[tuple[int, Fraction], Monomial] = field(default_factory=dict)
 
     def of_degree(self, i: int, degree: Fraction) -> list[Monomial]:
         """Candidates phi with g_ii = phi v_i^degree, from all c_il or from c_ii alone."""
         own = times(EMPTY, self.along.get(i, EMPTY), 2 + degree)
-        return list(dict.fromkeys([own, times(own, self.across.get(i, EMPTY), 1 + degree)]))
+        fitted = [self.fitted[i, degree]] if (i, degree) in self.fitted else []
+        return list(dict.fromkeys([*fitted, own, times(own, self.across.get(i, EMPTY), 1 + degree)]))
 
 
 NO_FACTORS = Factors({}, {}, (EMPTY,), (EMPTY,))
@@ -67,7 +91,42 @@ def find_factors(material: Material, seed: int) -> Factors:
         single[times(across.get(i, EMPTY), along.get(i, EMPTY), 2)] = None
     inverted = [times(EMPTY, factor, -1) for factor in single]
     chosen = tuple(dict.fromkeys([*sorted(single, key=rank), *sorted(inverted, key=rank)]))[:_MOST_FACTORS]
-    return Factors(along, across, tuple(_first(in_time, whole)), chosen)
+    return Factors(along, across, tuple(_first(in_time, whole)), chosen, dict(_fitted(material, seed)))
+
+
+def _fitted(material: Material, seed: int) -> Iterator[tuple[tuple[int, Fraction], Monomial]]:
+    """phi for a diagonal g with g_ii = phi v_i^e: (H2) asks for Gamma(log phi) = -df_i/dv_i - e f_i/v_i."""
+    motion, room = material.motion, _MOST_FITTED
+    for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
+        for e in sorted({-dict(key).get(v, Fraction(0)) for key in f}, reverse=True):
+            phi = None
+            with suppress(TooManyTerms):
+                divided = multiply_terms(f, {frozenset([(v, -Fraction(1))]): -e})
+                rate = add_terms(divided, derivative_of_terms(f, v), -1)
+                phi = _exponential_of(material, rate, seed) if rate and room else None
+            if phi:
+                room -= 1
+                yield (i, e), phi
+
+
+def _exponential_of(material: Material, rate: Terms, seed: int) -> Monomial | None:
+    """phi(t, q) with Gamma(log phi) = rate, which is linear in the velocities then; None where none is found."""
+    motion, phi = material.motion, EMPTY
+    steps = [(TIME, EMPTY), *((q, monomial(v)) for q, v in zip(motion.coordinates, motion.velocities, strict=True))]
+    if any(split_velocities(key)[1] not in [moving for _, moving in steps] for key in rate):
+        return None
+    for variable, moving in steps:
+        slope = coefficient(rate, moving)
+        for letter, e in phi:
+            slope = add_terms(
+                slope, multiply_terms(letter_derivative(letter, variable), {frozenset([(letter, -Fraction(1))]): e}), -1
+            )
+        if slope := simplified(material, slope):
+            factor = integrating_factor(material, {key: -value for key, value in slope.items()}, variable, seed)
+            if not factor:
+                return None
+            phi = times(phi, factor)
+    return phi
 
 
 def _first(in_time: Iterable[Monomial], whole: Monomial | None) -> list[Monomial]:

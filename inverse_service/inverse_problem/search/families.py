@@ -207,6 +207,8 @@ def _fitted(material: Material, factors: Factors, shape: Monomial) -> Iterator[M
     """What the coefficients of v_i v_l in f_i ask for besides a power of v_i."""
     for i, v in enumerate(material.motion.velocities):
         exponent = dict(shape).get(v, Fraction(0))
+        if shape == monomial(Apply("log", v)):
+            yield from factors.of_degree(i, Fraction(-2))
         if exponent and len(shape) <= 2:
             for degree in {exponent - 2, Fraction(-1), Fraction(-2)}:
                 yield from factors.of_degree(i, degree)

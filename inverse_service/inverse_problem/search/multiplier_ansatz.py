@@ -119,6 +119,9 @@ def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matri
 def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix, Matrix]:
     """(N, Phi) at a point, each (n, n)."""
     check(_WORK_OF_TENSORS + sum(1 for f in sampler.analysis.accelerations for _ in walk(f)))
+    if len(sampler.analysis.accelerations) == 1:  # Phi is in no condition
+        slope = Expansion(point, sampler.variables[2:], 1).expand(sampler.analysis.accelerations[0])
+        return [[-ps.value_at_point(ps.derivative(slope, 0)) * pow(2, -1, point.prime) % point.prime]], [[0]]
     expansion = Expansion(point, sampler.variables, 2)
     velocities = [expansion.expand(v) for v in sampler.variables[1 + len(sampler.analysis.accelerations) :]]
     forces = [expansion.expand(f) for f in sampler.analysis.accelerations]
