@@ -69,6 +69,7 @@ class ShownFormula:
     family: str = ""
     regular: Sequence[str] = ()
     integrals: Sequence[Markup] = ()
+    kept: Sequence[Markup] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,7 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
         part["reason"],
         _lagrangian(part["lagrangian"], names, typesetting.integrals(integrals, names)),
         [_lagrangian_part(other, names) for other in part["other_lagrangians"]],
-        _hamiltonian(part["hamiltonian"], names),
+        _hamiltonian(part["hamiltonian"], names, typesetting.conserved(part, result["system"], names)),
         typesetting.matrix(part["multiplier"], names) if part["multiplier"] else None,
         part["solution_space"],
         steps,
@@ -299,14 +300,14 @@ def _lagrangian_part(part: Mapping[str, Any], names: Names) -> ShownFormula:
     )
 
 
-def _hamiltonian(part: Mapping[str, Any] | None, names: Names) -> ShownFormula | None:
+def _hamiltonian(part: Mapping[str, Any] | None, names: Names, kept: Sequence[Markup]) -> ShownFormula | None:
     if part is None:
         return None
     momenta = [typesetting.formula(f"{name} = {text}", names) for name, text in part["momenta"].items()]
     constraints = [typesetting.formula(f"{text} = 0", names) for text in part["constraints"]]
     shown = typesetting.equation("H", part["text"], names)
     domain = typesetting.conditions(part.get("domain", ()), names)
-    return ShownFormula(shown, f"H = {part['text']}", domain, momenta, constraints, _reason(part))
+    return ShownFormula(shown, f"H = {part['text']}", domain, momenta, constraints, _reason(part), kept=kept)
 
 
 def _reason(part: Mapping[str, Any]) -> str:

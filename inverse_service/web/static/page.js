@@ -35,7 +35,6 @@ function echo(form) {
         // A screen reader hears where it ends, not each letter on the way.
         if (text.includes("data-problem")) said(target.querySelector(".detail")?.textContent ?? "");
         else answering?.(typed);
-        root.dataset.echoed = String(Number(root.dataset.echoed ?? 0) + 1);
       };
       if (text.includes("data-problem") && Date.now() - typed < FAULT_PAUSE) scolding = setTimeout(show, FAULT_PAUSE - (Date.now() - typed));
       else show();
@@ -164,7 +163,7 @@ function keeping(box) {
 function focusWide(within) {
   for (const place of within.querySelectorAll(".formula, .scroll, .proof p")) {
     if (place.scrollWidth > place.clientWidth + 1) place.tabIndex = 0;
-    else if (!place.hasAttribute("data-stop")) place.removeAttribute("tabindex");
+    else place.removeAttribute("tabindex");
   }
 }
 

@@ -144,3 +144,23 @@ def test_matrices_too_long_for_a_page_are_named_with_their_length() -> None:
     assert nabla.math.startswith(f'<p class="hint">\u2207\u03a6 has {25 * len(entry):,} characters')
     assert all("<math" in shown.math for shown in (phi, curvature))
     assert sum(len(shown.math) for shown in (phi, nabla, curvature)) < 300_000
+
+
+@pytest.mark.parametrize(
+    ("equations", "kept"),
+    [
+        ({"r": "r*p'^2 - 1/r^2", "p": "-2*r'*p'/r"}, ["H", "p_p"]),
+        ({"x": "0", "y": "-y"}, ["H", "p_x"]),
+        ({"x": "-x - x'/10"}, []),
+        ({"x": "-x + sin(t)"}, []),
+    ],
+)
+def test_a_page_names_what_is_conserved(equations: dict[str, str], kept: list[str]) -> None:
+    """H where the time does not occur in L, and the momentum of each coordinate that does not."""
+    document = {"coordinates": list(equations), "equations": equations}
+    result = solve_document(document, SolveOptions(time_limit=600))
+    part, _ = answers.shown_of(result, result)
+    assert part.hamiltonian is not None
+    assert [text_of(f"<p>{one}</p>").split(" is")[0] for one in part.hamiltonian.kept] == [
+        one.replace("_", "") for one in kept
+    ]
