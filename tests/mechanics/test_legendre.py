@@ -460,3 +460,9 @@ def test_a_cubic_is_solved_on_the_branch_that_is_named(text: str, coordinates: s
             assert wrong is None or wrong < mpf(10) ** -40
             left -= wrong is not None
     assert left <= 0
+
+
+@pytest.mark.slow
+def test_a_cubic_with_sums_for_coefficients_is_solved() -> None:
+    """Its roots have thousands of nodes, which would take minutes to write shorter."""
+    assert not transform("(1 - exp(-y)*y')*x'^2 + y'^2*(y^2 + 3)", "x y").implicit

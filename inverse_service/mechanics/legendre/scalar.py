@@ -38,7 +38,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
-from inverse_service.mechanics.legendre.forms import quotient, shortest, simplified, velocities_in, with_cosines
+from inverse_service.mechanics.legendre.forms import quotient, shortest, simplified, size, velocities_in, with_cosines
 from inverse_service.mechanics.legendre.isolation import (
     Root,
     isolate,
@@ -50,6 +50,8 @@ from inverse_service.mechanics.legendre.isolation import (
 from inverse_service.mechanics.legendre.points import sample_points, vanishes_at
 
 _MOST_TERMS = 4
+# Nodes of a formula that is written shorter: a cubic whose coefficients are sums has roots of thousands.
+_LONGEST = 1_000
 
 
 def scalar_branches(block: Block, solve: Solver) -> Iterator[Branch]:
@@ -64,9 +66,10 @@ def scalar_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     for root in roots_for(differentiate(block.function, rate), rate, momentum):
         velocity = simplified(root.value)
         trees = [substitute(energy, {rate: velocity}) for energy in energies]
-        forms = [simplified(tree) for tree in trees] + [simplified(factored_inside(tree)) for tree in trees[2:3]]
+        short = [tree for tree in trees if size(tree) <= _LONGEST]
+        forms = [simplified(tree) for tree in short] + [simplified(factored_inside(tree)) for tree in short[2:3]]
         forms += [with_cosines(factored_inside(form)) for form in forms]
-        yield Branch((velocity,), shortest(forms), root.conditions)
+        yield Branch((velocity,), shortest(forms or trees), root.conditions)
 
 
 def _centre(block: Block) -> Expression:
