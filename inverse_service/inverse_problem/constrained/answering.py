@@ -6,7 +6,7 @@ an associated system that is known to have one, or by an ansatz. No verdict leav
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,9 +18,12 @@ from inverse_service.inverse_problem.constrained import certify
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, analyse_motion, decide_motion
 from inverse_service.inverse_problem.constrained.lagrangian import (
+    ClosedFunctions,
     JetOnConstraints,
+    closed_coordinates,
+    closed_functions,
     jet_of,
-    lagrangian_of_reduced,
+    lagrangian_of_closed,
     own_system,
 )
 from inverse_service.inverse_problem.constrained.series import series_steps
@@ -156,7 +159,7 @@ def _is_valid(certificate: Mapping[str, Any], time_limit: float) -> bool:
 
 
 def _lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
-    """Those of associated systems, else of the reduced system, else what an ansatz finds."""
+    """Those of associated systems, else of the reduced system, what an ansatz finds, other closed functions."""
     fitting = [one for one in work.known if with_time or not one.with_time]
     if fitting:
         return [
@@ -168,12 +171,22 @@ def _lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
     if work.left() < _LEAST_FOR_ANSATZ:
         return []
     work.progress("any: reduced system")
-    reduced = lagrangian_of_reduced(work.motion, with_time, work.seed, _SHARE_OF_REDUCED * work.left())
+    reduced = _of_closed(work, closed_coordinates(work.motion), with_time)
     if reduced is not None:
         return [_carried_on(work, reduced)]
     work.progress("any: ansatz along the constraints")
     limit = now() + _SHARE_OF_ANSATZ * work.left()
-    return [_carried_on(work, tree) for tree in find_lagrangians(work.motion, with_time, work.seed, limit)[:1]]
+    found = find_lagrangians(work.motion, with_time, work.seed, limit)[:1]
+    if not found and work.left() > _LEAST_FOR_ANSATZ:
+        work.progress("any: functions of position with equations of their own")
+        others = closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
+        further = _of_closed(work, others, with_time)
+        found = [] if further is None else [further]
+    return [_carried_on(work, tree) for tree in found]
+
+
+def _of_closed(work: _Work, closed: Iterable[ClosedFunctions], with_time: bool) -> Lagrangian | None:
+    return lagrangian_of_closed(work.motion, closed, with_time, work.seed, _SHARE_OF_REDUCED * work.left())
 
 
 def _is_steep(lagrangian: Expression) -> bool:

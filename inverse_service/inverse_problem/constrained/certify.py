@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import mpmath
 
+from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.real_point import find_real_point, is_defined
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
-from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
+from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, variables_of
 from inverse_service.inverse_problem.decision.certify import FORMAT
 from inverse_service.inverse_problem.kinds.bivectors import last_of
 from inverse_service.inverse_problem.kinds.constrained import Shape
 from inverse_service.linear_pde.deciding import Finding
 
 _DIGITS = 20
+_SEED = 3
 
 
 def of_lagrangian(analysed: AnalysedMotion, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
-    """L itself is the proof."""
-    return _head(analysed, with_time, "variational", "lagrangian") | {"lagrangian": to_text(lagrangian)}
+    """L itself is the proof, near a point at which it is defined."""
+    on = substitute(
+        to_kernels(lagrangian), dict(zip(map(Velocity, analysed.motion.dependent), analysed.velocities, strict=True))
+    )
+    table = analysed.real_point
+    if table is not None and not is_defined([on], table):
+        formulas = [*analysed.velocities, *analysed.forces, on]
+        table = find_real_point(formulas, variables_of(analysed.motion), _SEED) or table
+    head = _head(replace(analysed, real_point=table), with_time, "variational", "lagrangian")
+    return head | {"lagrangian": to_text(lagrangian)}
 
 
 def of_finding(analysed: AnalysedMotion, found: Finding, with_time: bool) -> dict[str, Any]:

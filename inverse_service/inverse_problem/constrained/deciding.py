@@ -50,10 +50,15 @@ def analyse_motion(motion: ConstrainedMotion) -> AnalysedMotion:
         tuple(map(to_kernels, motion.dependent_velocities)),
         tuple(map(to_kernels, motion.free_accelerations)),
     )
-    variables: list[Variable] = [TIME, *map(Symbol, motion.coordinates), *map(Velocity, motion.free)]
-    variables += map(Symbol, motion.parameters)
+    variables = variables_of(motion)
     table = find_real_point([*velocities, *forces], variables, seed=1)
     return AnalysedMotion(motion, velocities, forces, reduce_atoms([*velocities, *forces], variables, table), table)
+
+
+def variables_of(motion: ConstrainedMotion) -> list[Variable]:
+    """t, the coordinates, the free velocities and the parameters."""
+    coordinates, velocities = map(Symbol, motion.coordinates), map(Velocity, motion.free)
+    return [TIME, *coordinates, *velocities, *map(Symbol, motion.parameters)]
 
 
 class ConstrainedAt:

@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import combinations, count, islice
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_ring import quotient_tree
+from inverse_service.algebra.exact_ring import factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.deadline import OutOfTime, check, left, now, until
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     TIME,
     ZERO,
+    Arbitrary,
     Expression,
     Number,
+    Sum,
     Symbol,
     Velocity,
     add,
+    divide,
     multiply,
     negate,
     power,
     substitute,
     subtract,
+    walk,
 )
 from inverse_service.inverse_problem.hamiltonisation.reduced import reduced_system
 from inverse_service.inverse_problem.options import SolveOptions
@@ -35,6 +43,8 @@ from inverse_service.mechanics.quotient_matrices import solve_square
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _TERMS = 4_000
+# How many factors of the forces are tried as coordinates, and how many systems that are closed.
+_MOST_FACTORS, _MOST_SYSTEMS = 3, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,21 +89,149 @@ def own_system(lagrangian: Expression, motion: ConstrainedMotion, deadline: floa
     return SecondOrderSystem(names, found, motion.parameters, motion.functions)
 
 
-def lagrangian_of_reduced(
-    motion: ConstrainedMotion, with_time: bool, seed: int, time_limit: float
-) -> Lagrangian | None:
-    """That of r'' = F(r, r'), if these are equations of their own, with half the squares of the constraints.
+@dataclass(frozen=True, slots=True)
+class ClosedFunctions:
+    """As many functions R(q) as velocities are free, with R'' = G(R, R') along the motion: this system, and each R."""
 
-    l(r, r') with lambda = 0 solves the equations along the constraints; None where there is none in closed form.
-    """
+    system: SecondOrderSystem
+    functions: Mapping[str, Expression]
+
+
+def closed_coordinates(motion: ConstrainedMotion) -> Iterator[ClosedFunctions]:
+    """The free coordinates, if their equations contain no others."""
     system = reduced_system(motion)
-    if system is None:
+    if system is not None:
+        yield ClosedFunctions(system, {name: Symbol(name) for name in motion.free})
+
+
+def closed_functions(motion: ConstrainedMotion, deadline: float) -> Iterator[ClosedFunctions]:
+    """Other coordinates of which that holds, or factors of the forces such as x cos(phi) + y sin(phi)."""
+    found = dict[str, Expression]({name: Symbol(name) for name in motion.coordinates})
+    taken = {*motion.coordinates, *motion.parameters, *(function.name for function in motion.functions)}
+    with suppress(TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
+        for tree in _position_factors(motion, Budget(_TERMS, deadline))[:_MOST_FACTORS]:
+            name = next(name for k in count(1) if (name := f"R_{k}") not in taken)
+            taken.add(name)
+            found[name] = tree
+    for chosen in combinations(found, len(motion.free)):
+        functions, system = {name: found[name] for name in chosen}, None
+        with suppress(TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
+            check()
+            system = _system_of(motion, functions, Budget(_TERMS, deadline))
+        if system is not None and chosen != motion.free:
+            yield ClosedFunctions(system, functions)
+
+
+def _position_factors(motion: ConstrainedMotion, budget: Budget) -> list[Expression]:
+    """What the parts of the forces of each degree in the velocities are products of, if it is a sum."""
+    velocities = [Velocity(name) for name in motion.free]
+    still: dict[Expression, Expression] = dict.fromkeys(velocities, ZERO)
+    slopes = [differentiate(f, v) for f in motion.free_accelerations for v in velocities]
+    trees = [substitute(f, still) for f in (*motion.free_accelerations, *slopes)]
+    ring = exact_ring(trees, [Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
+    values = [value for tree in trees if not (value := ring.value(tree)).is_zero]
+    factors = dict.fromkeys(part for value in values for part in factor_trees(ring, value))
+    return [part for part in factors if isinstance(part, Sum) and _solved_for(part, motion.coordinates)]
+
+
+def _solved_for(tree: Expression, names: Sequence[str]) -> str | None:
+    """A coordinate in which the tree is linear."""
+    for name in names:
+        slope = differentiate(tree, Symbol(name))
+        if slope != ZERO and Symbol(name) not in walk(slope):
+            return name
+    return None
+
+
+def _rate(motion: ConstrainedMotion, tree: Expression) -> Expression:
+    """The derivative along the motion of a function of t, q and the free velocities."""
+    rates = motion.on_constraints
+    speeds = [multiply(differentiate(tree, Symbol(q)), rates.get(Velocity(q), Velocity(q))) for q in motion.coordinates]
+    pushes = zip(motion.free, motion.free_accelerations, strict=True)
+    return add(differentiate(tree, TIME), *speeds, *(multiply(differentiate(tree, Velocity(u)), f) for u, f in pushes))
+
+
+def _system_of(
+    motion: ConstrainedMotion, functions: Mapping[str, Expression], budget: Budget
+) -> SecondOrderSystem | None:
+    """R'' = G(R, R') for R at the place of coordinates; None where G contains others."""
+    table: dict[Expression, Expression] = {}
+    others = [name for name in motion.coordinates if name not in functions]
+    for name, tree in functions.items():
+        if name not in motion.coordinates:
+            solved = _solved_for(tree, others)
+            if solved is None:
+                return None
+            others.remove(solved)
+            rest = substitute(tree, {Symbol(solved): ZERO})
+            table[Symbol(solved)] = divide(subtract(Symbol(name), rest), differentiate(tree, Symbol(solved)))
+    rates = [_rate(motion, tree) for tree in functions.values()]
+    speeds = _free_velocities(motion, rates, list(functions), budget)
+    if speeds is None:
         return None
-    solution = solve(system, SolveOptions(with_time, seed, time_limit, conditions=False))
-    answer = solution.with_time if with_time else solution.autonomous
-    if answer is None or answer.lagrangian is None:
+    forces = [substitute(substitute(_rate(motion, rate), speeds), table) for rate in rates]
+    return _without(motion, others, list(functions), forces, budget)
+
+
+def _free_velocities(
+    motion: ConstrainedMotion, rates: Sequence[Expression], names: Sequence[str], budget: Budget
+) -> dict[Expression, Expression] | None:
+    """The free velocities by those of the functions; None where these do not fix them."""
+    free: list[Symbol | Velocity] = [Velocity(name) for name in motion.free]
+    matrix = [[differentiate(rate, u) for u in free] for rate in rates]
+    still: dict[Expression, Expression] = dict.fromkeys(free, ZERO)
+    right = [subtract(Velocity(name), substitute(rate, still)) for name, rate in zip(names, rates, strict=True)]
+    trees = [*right, *(entry for row in matrix for entry in row)]
+    ring = exact_ring(trees, [Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
+    solved = solve_square([[ring.value(e) for e in row] for row in matrix], [ring.value(tree) for tree in right])
+    return None if solved is None else {u: quotient_tree(ring, e) for u, e in zip(free, solved, strict=True)}
+
+
+def _without(
+    motion: ConstrainedMotion, others: Sequence[str], names: Sequence[str], forces: Sequence[Expression], budget: Budget
+) -> SecondOrderSystem | None:
+    """The system, if its forces depend on no other coordinate."""
+    ring = exact_ring(forces, [Symbol(name) for name in others], 1, budget)
+    values = [ring.value(force) for force in forces]
+    if not all(ring.partial(place)(value).is_zero for place in range(len(others)) for value in values):
         return None
+    nowhere: dict[Expression, Expression] = {Symbol(name): ZERO for name in others}
+    plain = tuple(substitute(quotient_tree(ring, value), nowhere) for value in values)
+    held = {node.name for tree in plain for node in walk(tree) if isinstance(node, Arbitrary)}
+    kept = tuple(function for function in motion.functions if function.name in held)
+    return SecondOrderSystem(tuple(names), plain, motion.parameters, kept)
+
+
+def lagrangian_of_closed(
+    motion: ConstrainedMotion, closed: Iterable[ClosedFunctions], with_time: bool, seed: int, time_limit: float
+) -> Lagrangian | None:
+    """That of R'' = G(R, R'), with half the squares of the constraints: its equations hold wherever R follows its own.
+
+    l(R, R') with lambda = 0 solves the equations along the constraints where R are coordinates that are free. None
+    where none of the first few has one in closed form.
+    """
+    end = now() + time_limit
+    for one in islice(closed, _MOST_SYSTEMS):
+        solution = solve(one.system, SolveOptions(with_time, seed, max(left(end), 0.1), conditions=False))
+        answer = solution.with_time if with_time else solution.autonomous
+        if answer is not None and answer.lagrangian is not None:
+            return _on_constraints(motion, one, answer.lagrangian)
+    return None
+
+
+def _on_constraints(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangian: Lagrangian) -> Lagrangian:
+    table: dict[Expression, Expression] = {}
+    for name, tree in closed.functions.items():
+        slopes = [multiply(differentiate(tree, Symbol(q)), Velocity(q)) for q in motion.coordinates]
+        table |= {Symbol(name): tree, Velocity(name): add(*slopes)}
     pairs = zip(motion.dependent, motion.dependent_velocities, strict=True)
     squares = [power(subtract(Velocity(name), w), Fraction(2)) for name, w in pairs]
-    whole = add(answer.lagrangian.expression, *(multiply(Number(Fraction(1, 2)), square) for square in squares))
-    return replace(answer.lagrangian, expression=whole, multiplier=hessian(whole, motion.coordinates))
+    half = Number(Fraction(1, 2))
+    whole = add(substitute(lagrangian.expression, table), *(multiply(half, square) for square in squares))
+    return replace(
+        lagrangian,
+        expression=whole,
+        multiplier=hessian(whole, motion.coordinates),
+        nonzero=tuple(substitute(tree, table) for tree in lagrangian.nonzero),
+        positive=tuple(substitute(tree, table) for tree in lagrangian.positive),
+    )

@@ -48,6 +48,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.protocol import Smaller
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, TooManyTerms, terms_of, tree_of
+from inverse_service.inverse_problem.search.tidy import collected_inside
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _MOST_SHEARS = 4
@@ -233,7 +234,13 @@ def in_shorter_coordinates(material: Material, seed: int) -> Iterator[Smaller]:
 
 
 def _carried_back(table: dict[Expression, Expression], found: Sequence[Sequence[Expression]]) -> list[Expression]:
-    return [merge_powers(substitute(tree, table)) for tree in found[0]]
+    return [merge_powers(_plain_arguments(substitute(tree, table))) for tree in found[0]]
+
+
+def _plain_arguments(tree: Expression) -> Expression:
+    """log(w' - v' + v') as log(w')."""
+    tree = rebuild(tree, _plain_arguments)
+    return rebuild(tree, collected_inside) if isinstance(tree, Apply) else tree
 
 
 def _shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:

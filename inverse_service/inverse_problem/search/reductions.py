@@ -6,6 +6,9 @@ one prime of 61 bits. A system with a letter instead has coefficients as short a
 Along q'' = f_0 - c v the Euler-Lagrange expressions of e^(int c dt) L_0 are e^(int c dt) c (p - g v), with p = dL_0/dv
 and g its Hessian, where L_0 is a Lagrangian of f_0: they vanish where p = g v, as for a kinetic energy that is
 quadratic in v without linear terms (Bateman 1931 for one coordinate).
+
+Where w'' = 0 and x'' = k(w') F(x) a Lagrangian l(x, x') of x'' = F(x), with the energy E, gives one on the time of x,
+sqrt(k) l(x, x'/sqrt(k)), whose derivative by w' is -(sqrt k)' E: constant, as the equation of w asks.
 """
 
 from __future__ import annotations
@@ -18,13 +21,17 @@ from functools import lru_cache, partial
 
 import mpmath
 
+from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.algebra.real_point import real_sign
 from inverse_service.algebra.tower import AngleRule, Tower
 from inverse_service.deadline import end
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import (
+    HALF,
     ONE,
     TIME,
     Apply,
@@ -56,6 +63,7 @@ from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _LONGEST = 10**6
+_MOST_FACTORED = 500
 _MOST_LETTERS = 6
 
 
@@ -277,3 +285,69 @@ def _undamped(material: Material, rate: Expression) -> SecondOrderSystem:
     pairs = zip(system.coordinates, system.accelerations, strict=True)
     without = tuple(collect(add(f, multiply(rate, Velocity(name)))) for name, f in pairs)
     return replace(system, accelerations=without)
+
+
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """x'' = k(w') F(x) with w'' = 0: w', and for each k > 0 its coordinates with their F."""
+
+    carrier: str
+    groups: dict[Expression, dict[str, Expression]]
+
+
+def timed(material: Material) -> Timed | None:
+    """The system so, some k no constant; None where it is of another kind."""
+    pairs = list(zip(material.analysis.system.coordinates, material.motion.forces, strict=True))
+    carriers = [name for name, force in pairs if not force]
+    found = (_timed_by(name, material) for name in carriers if len(carriers) < len(pairs))
+    return next((one for one in found if one is not None), None)
+
+
+def _timed_by(carrier: str, material: Material) -> Timed | None:
+    system, groups = material.analysis.system, dict[Expression, dict[str, Expression]]()
+    for name, force in zip(system.coordinates, system.accelerations, strict=True):
+        if name != carrier:
+            parts = _rate_and_rest(force, carrier, material)
+            if parts is None:
+                return None
+            groups.setdefault(parts[0], {})[name] = parts[1]
+    closed = all(
+        _coordinates_in(f, system.coordinates) <= {*group} for group in groups.values() for f in group.values()
+    )
+    return Timed(carrier, groups) if closed and {*groups} != {ONE} else None
+
+
+def _rate_and_rest(force: Expression, carrier: str, material: Material) -> tuple[Expression, Expression] | None:
+    """(k, F) of a force k(w') F(x), k positive at the real point."""
+    v, table, names = Velocity(carrier), material.analysis.real_point, material.analysis.system.coordinates
+    moving: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    try:
+        whole = factored([force], moving, Budget(_MOST_FACTORED, end()))[0]
+        parts = whole.factors if isinstance(whole, Product) else (whole,)
+        rate = multiply(*(part for part in parts if v in walk(part)))
+        rest = multiply(*(part for part in parts if v not in walk(part)))
+        sign = number(1 if table is None else real_sign(rate, table))
+    except (TooLarge, ZeroDivisionError, KeyError, NoRealValue, IrreducibleAtoms):
+        return None
+    alone = all(node == v or node not in moving for node in walk(rate))
+    still = not any(node in (TIME, Symbol(carrier)) or isinstance(node, Velocity) for node in walk(rest))
+    return (collect(multiply(sign, rate)), multiply(sign, rest)) if alone and still else None
+
+
+def in_own_time(material: Material, seed: int) -> Iterator[Smaller]:
+    """x'' = F(x); l(x, x') of these makes w'^2/2 + sqrt(k) l(x, x'/sqrt(k)), with p_w = w' - (sqrt k)' E constant."""
+    found = timed(material)
+    if found is not None:
+        system, groups = material.analysis.system, tuple(found.groups.values())
+        smaller = (replace(system, coordinates=tuple(f), accelerations=tuple(f.values())) for f in groups)
+        yield Smaller(tuple(smaller), False, partial(_quickened, found))
+
+
+def _quickened(found: Timed, lagrangians: Sequence[Sequence[Expression]]) -> list[Expression]:
+    whole = multiply(HALF, power(Velocity(found.carrier), 2))
+    for (rate, group), (own, *_) in zip(found.groups.items(), lagrangians, strict=True):
+        slower: dict[Expression, Expression] = {
+            Velocity(name): multiply(power(rate, Fraction(-1, 2)), Velocity(name)) for name in group
+        }
+        whole = add(whole, collect(multiply(power(rate, HALF.value), substitute(own, slower))))
+    return [whole]

@@ -91,6 +91,15 @@ REDUCTIONS = (
         "exponential of its integral, brings the damping back.",
     ),
     Reduction(
+        "forces times a function of a constant velocity",
+        1.85,
+        lambda material: reductions.timed(material) is not None,
+        reductions.in_own_time,
+        "One velocity `w'` is constant and `x'' = k(w') F(x)`: a Lagrangian `l` of `x'' = F(x)` gives "
+        "`w'^2/2 + sqrt(k) l(x, x'/sqrt(k))`, as its derivative by `w'` is constant.",
+        exact=True,
+    ),
+    Reduction(
         "other coordinates",
         3.5,
         other_coordinates.applies,

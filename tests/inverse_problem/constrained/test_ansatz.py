@@ -18,7 +18,13 @@ from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.constrained import certify
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
 from inverse_service.inverse_problem.constrained.deciding import analyse_motion
-from inverse_service.inverse_problem.constrained.lagrangian import jet_of, lagrangian_of_reduced, own_system
+from inverse_service.inverse_problem.constrained.lagrangian import (
+    closed_coordinates,
+    closed_functions,
+    jet_of,
+    lagrangian_of_closed,
+    own_system,
+)
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from tests.inverse_problem.constrained.motions import BLADE, disk, given, heisenberg, knife_edge, motion_of, particle
 
@@ -113,7 +119,51 @@ def test_the_oscillator_with_the_frequency_of_a_turning_blade_has_the_motion_of_
 def test_a_rolling_ball_is_hamiltonised_by_its_reduced_system() -> None:
     """Its angular velocity is constant: geodesics of the rotations, whatever the prolongation leaves open."""
     motion = motion_of(BALL)
-    lagrangian = lagrangian_of_reduced(motion, False, 1, 60.0)
+    lagrangian = lagrangian_of_closed(motion, closed_coordinates(motion), False, 1, 60.0)
+    assert lagrangian is not None
+    certificate = certify.of_lagrangian(analyse_motion(motion), lagrangian.expression, False)
+    assert check_certificate(certificate, seed=1).verdict == "valid"
+
+
+def test_a_factor_of_the_force_is_a_coordinate_with_an_equation_of_its_own() -> None:
+    """xi = x cos(phi) + y sin(phi) of the knife edge in a bowl: xi'' = -(2 + phi'^2) xi, found and carried back."""
+    motion = motion_of(knife_edge("x^2+y^2"))
+    (closed,) = closed_functions(motion, float("inf"))
+    names = Names(("phi", "R_1"), (), {})
+    xi = read_formula("x*cos(phi)+y*sin(phi)", Names(motion.coordinates, (), {}))
+    assert sympy.simplify(to_sympy(closed.functions["R_1"]) - to_sympy(xi)) == 0
+    for force, text in zip(closed.system.accelerations, ("0", "-R_1*(2+phi'^2)"), strict=True):
+        assert sympy.expand(to_sympy(force) - to_sympy(read_formula(text, names))) == 0
+    lagrangian = lagrangian_of_closed(motion, [closed], False, 1, 60.0)
+    assert lagrangian is not None
+    certificate = certify.of_lagrangian(analyse_motion(motion), lagrangian.expression, False)
+    assert check_certificate(certificate, seed=1).verdict == "valid"
+
+
+TRAILER = {
+    "coordinates": ["phi", "psi", "x", "y"],
+    "lagrangian": "(x'^2+y'^2+phi'^2+psi'^2)/2",
+    "constraints": [*BLADE, "psi'-sin(phi-psi)*(x'*cos(phi)+y'*sin(phi))"],
+}
+
+
+def test_a_certificate_names_a_point_at_which_its_lagrangian_is_defined() -> None:
+    """That of a trailer has log(psi' - phi'), which the point drawn for the motion alone has no value of."""
+    motion = motion_of(TRAILER)
+    names = Names(motion.coordinates, (), {})
+    text = (
+        "(psi'-phi')*log(psi'-phi')-psi'*log(psi')-phi*cos(psi-phi)*(psi'-phi')/(sin(psi-phi)*(2-cos(psi-phi)^2))"
+        "+(x'-cos(phi)*psi'/sin(phi-psi))^2/2+(y'-sin(phi)*psi'/sin(phi-psi))^2/2"
+    )
+    for form in (text, text.replace("log(psi'-phi')", "log(phi'-psi')")):
+        certificate = certify.of_lagrangian(analyse_motion(motion), read_formula(form, names), False)
+        assert check_certificate(certificate, seed=1).verdict == "valid"
+
+
+@pytest.mark.slow
+def test_a_trailer_is_hamiltonised() -> None:
+    motion = motion_of(TRAILER)
+    lagrangian = lagrangian_of_closed(motion, closed_coordinates(motion), False, 1, 60.0)
     assert lagrangian is not None
     certificate = certify.of_lagrangian(analyse_motion(motion), lagrangian.expression, False)
     assert check_certificate(certificate, seed=1).verdict == "valid"
@@ -126,7 +176,8 @@ def test_an_ansatz_holds_the_letters_of_constraints_that_the_accelerations_are_f
 
 def test_there_is_no_lagrangian_of_a_reduced_system_where_none_reduces_or_none_has_one() -> None:
     for document in (particle("z"), particle("y^2")):
-        assert lagrangian_of_reduced(motion_of(document), False, 1, 60.0) is None
+        motion = motion_of(document)
+        assert lagrangian_of_closed(motion, closed_coordinates(motion), False, 1, 60.0) is None
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import pytest
 
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.search import constant_velocity
+from inverse_service.inverse_problem.search import constant_velocity, reductions
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
@@ -65,3 +65,40 @@ def test_the_lagrangian_and_its_hamiltonian_hold_to_forty_digits(name: str) -> N
 @pytest.mark.parametrize("equations", OTHERS)
 def test_other_systems_are_left_to_other_methods(equations: dict[str, str]) -> None:
     assert not constant_velocity.applies(material(equations))
+
+
+TIMED = {
+    "an oscillator": {"w": "0", "x": "-(2+w'^2)*x"},
+    "a negative rate": {"w": "0", "x": "(2+w'^2)*x"},
+    "two rates, a parameter": {"w": "0", "x": "-(a^2+w'^2)*(x+x*y)", "y": "-(a^2+w'^2)*(y+x^2/2)", "z": "w'*sin(z)"},
+    "a free coordinate beside": {"w": "0", "x": "-x^3/(1+w'^2)", "z": "0"},
+}
+NOT_TIMED = [
+    {"w": "0", "x": "-(2+w'^2)*x-x^3"},
+    {"w": "0", "x": "-(2+w^2)*x"},
+    {"w": "0", "x": "-(2+w'^2)*x*w"},
+    {"w": "0", "x": "-(1+w'^2)*x'"},
+    {"w": "0", "x": "-(2+w'^2)*y", "y": "-(3+w'^2)*x"},
+    {"w": "1", "x": "-(2+w'^2)*x"},
+    {"w": "0", "x": "-x"},
+]
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if "two" in name else name for name in TIMED]
+)
+def test_forces_times_a_function_of_a_constant_velocity_are_slowed_down_by_its_root(name: str) -> None:
+    equations = TIMED[name]
+    system = read_system(list(equations), equations, ["a"])
+    answer = solve(system, SolveOptions(time_dependent=False, conditions=False)).autonomous
+    assert answer is not None
+    assert answer.lagrangian is not None
+    assert answer.lagrangian.family == "forces times a function of a constant velocity"
+    for residual, determinant in defects(system, answer.lagrangian):
+        assert residual < 1e-25
+        assert determinant > 1e-25
+
+
+@pytest.mark.parametrize("equations", NOT_TIMED)
+def test_other_forces_are_left_alone(equations: dict[str, str]) -> None:
+    assert reductions.timed(material(equations)) is None
