@@ -218,3 +218,20 @@ def test_two_open_questions_say_that_the_reason_is_one() -> None:
     assert len(places) == 2
     assert lines[places[0] + 1].startswith("  the angle 1/7 pi")
     assert lines[places[1] + 1] == "  for the same reason"
+
+
+@pytest.mark.slow
+def test_a_motion_whose_lagrangian_has_no_closed_form_is_printed_with_the_beginning_of_a_series() -> None:
+    """In five seconds none is looked for: its existence is proven alone."""
+    document = {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": "(x'^2 + y'^2 + z'^2)/2 - x",
+        "constraints": ["z' + x*y'"],
+        "associated": "any",
+    }
+    result = solve_document(document, SolveOptions(time_limit=5.0))
+    assert result["any_associated"]["certificate"]["kind"] == "existence"
+    assert "  no Lagrangian in closed form was found; --explain shows how one begins\n" in text_page(result, False)
+    lines = [line.strip() for line in text_page(result, True).splitlines()]
+    assert any(line.startswith("l = ") and line.endswith(" + ...") for line in lines)
+    assert any(line.startswith("lambda_1 = ") and line.endswith(" + ...") for line in lines)

@@ -22,13 +22,17 @@ def any_associated_lines(part: dict[str, Any] | None, explain: bool) -> list[str
             f"  on the constraints l = {_short(found['on_constraints']['text'])}",
         ]
         lines += [f"  lambda_{k} = {_short(one['text'])}" for k, one in enumerate(found["transverse_momenta"], 1)]
+    elif part["verdict_with_time"] == "variational":
+        lines.append("  no Lagrangian in closed form was found" + "; --explain shows how one begins" * (not explain))
     if part["hamiltonian"] is not None:
         lines.append(f"  H = {_short(part['hamiltonian']['text'])}")
     lines += [f"  image {_short(one['text'])} = 0" for one in part["image"]]
     if part["freedom"]:
         lines.append(f"  up to total derivatives, L along the constraints depends on {part['freedom']}")
     if explain:
-        lines += [f"  {k}. {step['text']}" for k, step in enumerate(part["explanation"], 1)]
+        for k, step in enumerate(part["explanation"], 1):
+            shown = (one for one in step["parts"] if one["kind"] == "display")
+            lines += [f"  {k}. {step['text']}", *(f"     {one['text']}" for one in shown)]
     return [*lines, ""]
 
 
