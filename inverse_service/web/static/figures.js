@@ -17,9 +17,27 @@ function layers(lines) {
   return dressed.sort((a, b) => b.width - a.width);
 }
 
+// The same numbers to be read or heard: so many rows, evenly spaced. Times are told once.
+const ROWS = 21;
+function tabulate(table, view) {
+  const [first] = view.lines;
+  const same = view.x === "t" && view.lines.every((line) => line.x.length === first.x.length);
+  const columns = view.lines.flatMap((line) => [...(same && line !== first ? [] : [[view.x, line.x]]), [`${view.y}, ${line.label}`, line.y]]);
+  const rows = Math.min(ROWS, Math.max(...view.lines.map((line) => line.x.length)));
+  table.replaceChildren();
+  const head = table.createTHead().insertRow();
+  for (const [name] of columns) head.append(Object.assign(document.createElement("th"), { scope: "col", textContent: name }));
+  const body = table.createTBody();
+  for (let k = 0; k < rows; k++) {
+    const row = body.insertRow();
+    for (const [, values] of columns) row.insertCell().textContent = values[Math.round((k * (values.length - 1)) / (rows - 1 || 1))]?.toPrecision(4) ?? "\u2013";
+  }
+}
+
 class Figure {
   constructor(node, data) {
     this.canvas = node.querySelector("canvas");
+    this.table = node.querySelector("table");
     this.views = data.views.filter((view) => view.lines.length);
     const controls = node.querySelector(".controls");
     controls.hidden = false;
@@ -39,6 +57,7 @@ class Figure {
     if (!view) return;
     const lines = layers(view.lines);
     chart(this.canvas, { ...view, lines, start: false });
+    tabulate(this.table, view);
     this.legend.replaceChildren(...[...lines].sort((a, b) => a.place - b.place).map((line) => {
       const name = Object.assign(document.createElement("span"), { textContent: line.label });
       name.style.borderBottom = `3px ${line.dash.length ? (line.dash[0] < 3 ? "dotted" : "dashed") : "solid"} ${line.colour}`;

@@ -71,6 +71,10 @@ def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
         for ink in (BLUE, ORANGE):
             assert visit.page.locator(place).evaluate(PIXELS, ink) > 100
     assert visit.page.locator("[data-plot=error]").count() == 0
+    shown = visit.page.locator("[data-plot=coordinates]")
+    shown.get_by_text("As a table").click()
+    expect(shown.get_by_role("row")).to_have_count(22)
+    expect(shown.get_by_role("row").last).to_contain_text("10.00")  # 200 steps of 0.05
     space = visit.page.locator("[data-space] canvas")
     before = space.evaluate("node => node.toDataURL()")
     visit.page.get_by_role("slider", name="turn").fill("-60")
