@@ -34,6 +34,7 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     ZERO,
@@ -57,6 +58,7 @@ from inverse_service.mechanics.legendre.blocks import Block, Branch, split
 from inverse_service.mechanics.legendre.forms import quotient, simplified
 from inverse_service.mechanics.legendre.homogeneous import rays
 from inverse_service.mechanics.legendre.linear import linear_branches
+from inverse_service.mechanics.legendre.quadratic import form_matrix
 from inverse_service.mechanics.legendre.radial import radial_branches, ratio_branches
 from inverse_service.mechanics.legendre.routh import routh_branches
 from inverse_service.mechanics.legendre.scalar import LARGEST_BLOCK, last_equations
@@ -101,9 +103,13 @@ class Equation:
 
 
 def equation_of(blocks: Sequence[Block], seconds: float) -> Equation | Integral | None:
-    """The first of a degree above 3 that is met, proofs before others; None where there is none that is known."""
+    """The first of a degree above 3 that is met, proofs before others; None where there is none that is known.
+
+    A quadratic block has an inverse, and it is too long.
+    """
     deadline, named = now() + seconds, None
-    for problem in (problem for block in blocks for problem in _problems(block, _DEPTH)):
+    others = [block for block in blocks if form_matrix(expand(block.function), block.names) is None]
+    for problem in (problem for block in others for problem in _problems(block, _DEPTH)):
         if now() > deadline:
             break
         for reading in (_equation, _integral):
