@@ -72,9 +72,9 @@ def contradiction(
     slopes = _slopes(exact, direction)
     point = draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
-    for formula, note, difference in _conditions(exact, slopes, with_time, names):
+    for formula, note, difference, held in _conditions(exact, slopes, with_time, names):
         if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
-            return Contradiction(_lines(slopes, with_time, formula.text, names), formula, note, difference)
+            return Contradiction(_lines(slopes, with_time, held, names), formula, note, difference)
     raise TooLarge("no integrability condition of the factor fails")
 
 
@@ -122,11 +122,11 @@ def _slope_along(exact: MotionInRing, direction: Matrix) -> Quotient:
 
 def _conditions(
     exact: MotionInRing, slopes: _Slopes, with_time: bool, names: tuple[str, ...]
-) -> Iterator[tuple[Formula, str, Quotient]]:
-    """Everything that vanishes if u exists, with the reason, the simplest first."""
+) -> Iterator[tuple[Formula, str, Quotient, frozenset[Symbol | Velocity]]]:
+    """Everything that vanishes if u exists, the reason and the variables of the slopes in it, the simplest first."""
     motion = exact.motion
     if not with_time:
-        yield _slope(TIME), ", as L is not to contain t,", slopes.by_time
+        yield _slope(TIME), ", as L is not to contain t,", slopes.by_time, frozenset({TIME})
     first: list[tuple[Symbol | Velocity, Any, Quotient]] = [
         (Velocity(x), motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)
     ]
@@ -137,7 +137,7 @@ def _conditions(
         for right in range(left):
             x, by_x, u_x = first[left]
             y, by_y, u_y = first[right]
-            yield row(_mixed(y, x), " - ", _mixed(x, y)), "", by_x(u_y) - by_y(u_x)
+            yield row(_mixed(y, x), " - ", _mixed(x, y)), "", by_x(u_y) - by_y(u_x), frozenset({x, y})
 
 
 def _slope(variable: Symbol | Velocity) -> Formula:
@@ -148,20 +148,25 @@ def _mixed(inner: Symbol | Velocity, outer: Symbol | Velocity) -> Formula:
     return partial_derivative(row("(", _slope(inner), ")"), outer)
 
 
-def _lines(slopes: _Slopes, with_time: bool, used: str, names: tuple[str, ...]) -> tuple[Line, ...]:
-    """The derivatives of u in the order in which they are found."""
+def _lines(
+    slopes: _Slopes, with_time: bool, held: frozenset[Symbol | Velocity], names: tuple[str, ...]
+) -> tuple[Line, ...]:
+    """The derivatives of u that are held, in the order in which they are found, and those that these are made of."""
+    of_velocities = all(isinstance(variable, Velocity) for variable in held)
     lines = [
         Line("As `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(Velocity(x)), slopes.by_velocity[k])
         for k, x in enumerate(names)
+        if Velocity(x) in held or not of_velocities
     ]
-    lines.append(Line("By `Gamma(g) = g N + (g N)^T`", theory("Gamma(u)"), slopes.along))
-    if used == f"d(du/d{names[0]}')/d{names[-1]}' - d(du/d{names[-1]}')/d{names[0]}'":
+    if of_velocities:
         return tuple(lines)
+    lines.append(Line("By `Gamma(g) = g N + (g N)^T`", theory("Gamma(u)"), slopes.along))
     lines += [
         Line(f"`Gamma(u)` differentiated by `{x}'`", _slope(Symbol(x)), slopes.by_coordinate[k])
         for k, x in enumerate(names)
+        if Symbol(x) in held or TIME in held
     ]
-    if with_time and used.count("/dt"):
+    if with_time and TIME in held:
         lines.append(Line("The rest of `Gamma(u)`", _slope(TIME), slopes.by_time))
     return tuple(lines)
 
