@@ -466,3 +466,10 @@ def test_a_cubic_is_solved_on_the_branch_that_is_named(text: str, coordinates: s
 def test_a_cubic_with_sums_for_coefficients_is_solved() -> None:
     """Its roots have thousands of nodes, which would take minutes to write shorter."""
     assert not transform("(1 - exp(-y)*y')*x'^2 + y'^2*(y^2 + 3)", "x y").implicit
+
+
+def test_an_arctangent_beside_rational_parts_that_cancel_is_solved() -> None:
+    """dp/dx' is a multiple of 1/(2 x'^2 + a x'^2 + b x' + c): the rest of p vanishes, and no collecting shows it."""
+    root, inner = "sqrt(8*c + 4*a*c - b^2)", "(b*x^2 + 2*a*x' + 4*x')"
+    text = f"{inner}*atan({inner}/(x^2*{root}))/(x^2*{root}) - log(2*x'^2 + a*x'^2 + b*x^2*x' + c*x^4)/2"
+    assert not transform(text, "x", "a b c").implicit

@@ -126,6 +126,7 @@ def roots_for(slope: Expression, rate: Velocity, momentum: Expression) -> Iterat
     yield from _cleared(quotient(collected), rate, momentum)
     yield from _balanced(collected, rate, momentum)
     yield from _of_two_logarithms(collected, rate, momentum)
+    yield from _of_one_arctangent(collected, rate, momentum)
     yield from _with_a_root(simplified(slope), rate, Root(momentum))
 
 
@@ -166,6 +167,23 @@ def _log_of_quotient(slope: Expression, rate: Velocity, momentum: Expression) ->
     if vanishes_at(rest, sample_points([rest])):
         return over, under, divide(momentum, c)
     return over, under, divide(subtract(momentum, simplified(substitute(rest, {rate: ZERO}))), c)
+
+
+def _of_one_arctangent(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:
+    """F = c atan A + r = p where r is constant, as can be seen at points only: with roots of letters in A."""
+    terms = slope.terms if isinstance(slope, Sum) else ()
+    arcs = {
+        node for node in walk(slope) if isinstance(node, Apply) and node.function == "atan" and occurrences(node, rate)
+    }
+    held = [term for term in terms if any(node in set(walk(term)) for node in arcs)]
+    rest = add(*(term for term in terms if term not in held))
+    change = differentiate(rest, rate)
+    if len(arcs) == 1 and change != ZERO and vanishes_at(change, sample_points([change])):
+        (arc,) = arcs
+        factor, (a, b) = simplified(divide(add(*held), arc)), _linear_parts(arc.argument, rate)
+        if not occurrences(factor, rate) and not occurrences(a, rate):
+            angle = divide(subtract(momentum, simplified(substitute(rest, {rate: ZERO}))), factor)
+            yield Root(divide(subtract(apply("tan", angle), b), a))
 
 
 def _linear_parts(tree: Expression, rate: Velocity) -> tuple[Expression, Expression]:
