@@ -78,7 +78,7 @@ def _split_exponential(
     exponents[base] = add(exponents.get(base, ZERO), rest)
 
 
-@lru_cache(maxsize=8192)
+@lru_cache(maxsize=1024)
 def merge_powers(tree: Expression) -> Expression:
     """Products rewritten so that each base occurs once and there is one exponential; sums stay as they are."""
     inner = rebuild(tree, merge_powers)

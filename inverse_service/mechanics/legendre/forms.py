@@ -39,7 +39,7 @@ from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, e
 _LONG, _TERMS, _WORK = 60, 500, 20_000
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=512)
 def size(tree: Expression) -> int:
     """The number of nodes."""
     return sum(1 for _ in walk(tree))
@@ -55,7 +55,7 @@ def separated(tree: Expression) -> Expression:
     return add(*(multiply(number(value), separate_tree(monomial)) for monomial, value in expand(tree).terms))
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=512)
 def quotient(tree: Expression) -> Expression:
     """The tree as one factored quotient of polynomials in atoms; as it is where that is too large."""
     plain = separated(tree)
@@ -73,7 +73,7 @@ def shortest(forms: Sequence[Expression]) -> Expression:
     return min(forms, key=size)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=512)
 def simplified(tree: Expression) -> Expression:
     """The shortest of: the tree as it is, collected, as one quotient; with sin^2 = 1 - cos^2 where both occur."""
     collected, merged = collect(tree), merge_powers(tree)

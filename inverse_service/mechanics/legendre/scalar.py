@@ -288,7 +288,7 @@ def _completed(
         yield {**rates, name: substitute(value, table)}, conditions + others
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=512)
 def factored_inside(tree: Expression) -> Expression:
     """The tree with every sum in it as one factored quotient, the outer ones first."""
     outer = quotient(tree) if isinstance(tree, Sum) else tree
