@@ -8,7 +8,8 @@ and g its Hessian, where L_0 is a Lagrangian of f_0: they vanish where p = g v, 
 quadratic in v without linear terms (Bateman 1931 for one coordinate).
 
 Where w'' = 0 and x'' = k(w') F(x) a Lagrangian l(x, x') of x'' = F(x), with the energy E, gives one on the time of x,
-sqrt(k) l(x, x'/sqrt(k)), whose derivative by w' is -(sqrt k)' E: constant, as the equation of w asks.
+sqrt(k) l(x, x'/sqrt(k)), whose derivative by w' is -(sqrt k)' E: constant, as the equation of w asks. It is regular
+where (sqrt k)'' E is not 0; else w'^2/2 is added.
 """
 
 from __future__ import annotations
@@ -29,11 +30,13 @@ from inverse_service.algebra.tower import AngleRule, Tower
 from inverse_service.deadline import end
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import (
     HALF,
     ONE,
     TIME,
+    ZERO,
     Apply,
     Expression,
     Number,
@@ -44,6 +47,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     children,
+    divide,
     multiply,
     number,
     power,
@@ -335,7 +339,7 @@ def _rate_and_rest(force: Expression, carrier: str, material: Material) -> tuple
 
 
 def in_own_time(material: Material, seed: int) -> Iterator[Smaller]:
-    """x'' = F(x); l(x, x') of these makes w'^2/2 + sqrt(k) l(x, x'/sqrt(k)), with p_w = w' - (sqrt k)' E constant."""
+    """x'' = F(x); l(x, x') of these makes sqrt(k) l(x, x'/sqrt(k)), with p_w = -(sqrt k)' E constant."""
     found = timed(material)
     if found is not None:
         system, groups = material.analysis.system, tuple(found.groups.values())
@@ -344,10 +348,12 @@ def in_own_time(material: Material, seed: int) -> Iterator[Smaller]:
 
 
 def _quickened(found: Timed, lagrangians: Sequence[Sequence[Expression]]) -> list[Expression]:
-    whole = multiply(HALF, power(Velocity(found.carrier), 2))
+    """Where some sqrt(k) bends, w'^2/2 is not needed."""
+    total: Expression = ZERO
+    v, bends = Velocity(found.carrier), False
     for (rate, group), (own, *_) in zip(found.groups.items(), lagrangians, strict=True):
-        slower: dict[Expression, Expression] = {
-            Velocity(name): multiply(power(rate, Fraction(-1, 2)), Velocity(name)) for name in group
-        }
-        whole = add(whole, collect(multiply(power(rate, HALF.value), substitute(own, slower))))
-    return [whole]
+        root = power(rate, HALF.value)
+        slower: dict[Expression, Expression] = {Velocity(name): divide(Velocity(name), root) for name in group}
+        total = add(total, collect(multiply(root, substitute(own, slower))))
+        bends = bends or collect(differentiate(differentiate(root, v), v)) != ZERO
+    return [*[total] * bends, add(multiply(HALF, power(v, 2)), total)]

@@ -96,7 +96,7 @@ REDUCTIONS = (
         lambda material: reductions.timed(material) is not None,
         reductions.in_own_time,
         "One velocity `w'` is constant and `x'' = k(w') F(x)`: a Lagrangian `l` of `x'' = F(x)` gives "
-        "`w'^2/2 + sqrt(k) l(x, x'/sqrt(k))`, as its derivative by `w'` is constant.",
+        "`sqrt(k) l(x, x'/sqrt(k))`, plus `w'^2/2` where `sqrt(k)` is linear: its derivative by `w'` is constant.",
         exact=True,
     ),
     Reduction(
