@@ -25,11 +25,13 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    children,
     multiply,
     negate,
     number,
     power,
     rebuild,
+    substitute,
     subtract,
     walk,
 )
@@ -86,13 +88,31 @@ def simplified(tree: Expression) -> Expression:
     return shortest(forms)
 
 
+def without_cancelling(tree: Expression) -> Expression:
+    """The tree without functions whose factors cancel, what is inside the others as it is; else the tree itself."""
+    letters: dict[Expression, Expression] = {node: Symbol(f"function {k}") for k, node in enumerate(_outermost(tree))}
+    plain = simplified(substitute(tree, letters)) if letters else tree
+    if {*letters.values()} <= {*walk(plain)}:
+        return tree
+    return substitute(plain, {letter: node for node, letter in letters.items()})
+
+
+def _outermost(tree: Expression) -> dict[Expression, None]:
+    if isinstance(tree, Apply):
+        return {tree: None}
+    return dict.fromkeys(node for child in children(tree) for node in _outermost(child))
+
+
 def related(tree: Expression) -> Expression:
     """A long tree as one quotient, with the relations among its roots and functions used, where that is shorter."""
-    if size(tree) <= _LONG:
-        return tree
+    return tree if size(tree) <= _LONG else shortest([tree, exact_quotient(tree)])
+
+
+def exact_quotient(tree: Expression) -> Expression:
+    """The tree as one factored quotient in which all relations are used; as it is where that is too large."""
     letters = dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity))
     try:
-        return shortest([tree, *factored([tree], list(letters), Budget(_TERMS, end(), _WORK))])
+        return factored([tree], list(letters), Budget(_TERMS, end(), _WORK))[0]
     except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
         return tree
 

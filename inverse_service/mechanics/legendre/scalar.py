@@ -38,7 +38,15 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
-from inverse_service.mechanics.legendre.forms import quotient, shortest, simplified, size, velocities_in, with_cosines
+from inverse_service.mechanics.legendre.forms import (
+    exact_quotient,
+    quotient,
+    shortest,
+    simplified,
+    size,
+    velocities_in,
+    with_cosines,
+)
 from inverse_service.mechanics.legendre.isolation import (
     Root,
     isolate,
@@ -170,19 +178,20 @@ def _log_of_quotient(slope: Expression, rate: Velocity, momentum: Expression) ->
 
 
 def _of_one_arctangent(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:
-    """F = c atan A + r = p where r is constant, as can be seen at points only: with roots of letters in A."""
+    """F = c atan A + r = p, where r is constant as one quotient of polynomials: A has roots of letters."""
     terms = slope.terms if isinstance(slope, Sum) else ()
     arcs = {
         node for node in walk(slope) if isinstance(node, Apply) and node.function == "atan" and occurrences(node, rate)
     }
     held = [term for term in terms if any(node in set(walk(term)) for node in arcs)]
-    rest = add(*(term for term in terms if term not in held))
-    change = differentiate(rest, rate)
-    if len(arcs) == 1 and change != ZERO and vanishes_at(change, sample_points([change])):
+    if len(arcs) != 1 or len(held) == len(terms):
+        return
+    rest = exact_quotient(add(*(term for term in terms if term not in held)))
+    if not occurrences(rest, rate):
         (arc,) = arcs
         factor, (a, b) = simplified(divide(add(*held), arc)), _linear_parts(arc.argument, rate)
         if not occurrences(factor, rate) and not occurrences(a, rate):
-            angle = divide(subtract(momentum, simplified(substitute(rest, {rate: ZERO}))), factor)
+            angle = divide(subtract(momentum, rest), factor)
             yield Root(divide(subtract(apply("tan", angle), b), a))
 
 

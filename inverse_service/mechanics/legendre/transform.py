@@ -42,6 +42,7 @@ from inverse_service.mechanics.legendre.forms import (
     simplified,
     size,
     velocities_in,
+    without_cancelling,
 )
 from inverse_service.mechanics.legendre.points import (
     Claim,
@@ -206,7 +207,7 @@ def _closed(
     energies = [_placed(found.branch.hamiltonian, table) for found in chosen]
     return replace(
         implicit,
-        hamiltonian=inside(_collected_if_shorter(add(*energies, negated(parts.free)))),
+        hamiltonian=without_cancelling(inside(_collected_if_shorter(add(*energies, negated(parts.free))))),
         velocities=tuple(merge_powers(velocity) for velocity in resolved(chained, names)),
         implicit=False,
         chained=chained,
