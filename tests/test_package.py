@@ -81,6 +81,15 @@ def test_importing_the_package_loads_no_engine() -> None:
     assert done.stdout == "[]\n"
 
 
+def test_what_workers_load_for_pages_leaves_out_the_web_framework() -> None:
+    program = (
+        "import importlib, sys; from inverse_service.web.pages import TASKS; "
+        "[importlib.import_module(name) for name in TASKS]; print(sorted({'fastapi', 'uvicorn'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
 def test_every_public_name_is_there() -> None:
     assert {"check", "simulate", "solve"} <= set(inverse_service.__all__)
     assert all(getattr(inverse_service, name) is not None for name in inverse_service.__all__)

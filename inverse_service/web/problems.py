@@ -6,9 +6,8 @@ import logging
 import re
 import sqlite3
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, cast
 
-from fastapi import FastAPI
-from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
@@ -19,6 +18,10 @@ from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
 from inverse_service.service.jobs.outcome import Place, faults_of
 from inverse_service.service.jobs.tasks import UNREADABLE
 from inverse_service.web.middleware import HEADERS
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+    from fastapi.exceptions import RequestValidationError
 
 log = logging.getLogger(__name__)
 MEDIA_TYPE = "application/problem+json"
@@ -49,12 +52,14 @@ def problem(refusal: Refusal) -> Response:
 
 def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response | None]) -> None:
     """Make every error of the application a problem document, or a page where `page_of_refusal` makes one."""
+    from fastapi.exceptions import RequestValidationError  # workers load this module, and never FastAPI
+
     app.state.page_of_refusal = page_of_refusal
     app.add_exception_handler(Refusal, _on_refusal)
     # A full disk, for one (OperationalError): nothing was stored, and asking again is right.
     for error in (InputError, WorkerFailed, TooManyJobs, StoreUnavailable, sqlite3.OperationalError):
         app.add_exception_handler(error, _on_error)
-    app.add_exception_handler(RequestValidationError, _on_error)
+    app.add_exception_handler(RequestValidationError, _on_query)
     app.add_exception_handler(HTTPException, _on_http_exception)
     app.add_exception_handler(Exception, _on_fault)
 
@@ -70,6 +75,13 @@ async def _on_error(request: Request, error: Exception) -> Response:
     return problem(_refusal_of(error))
 
 
+async def _on_query(request: Request, error: Exception) -> Response:
+    faults = cast("RequestValidationError", error).errors()
+    names = sorted({str(fault["loc"][-1])[:40] for fault in faults if fault.get("loc")})
+    shown = ", ".join("".join(c if c.isalnum() or c in "-_" else "?" for c in name) for name in names)
+    return problem(Refusal(422, "bad-input", f"The address or its query is not as described in /docs: {shown}."))
+
+
 def _refusal_of(error: Exception) -> Refusal:
     match error:
         case InputError():
@@ -81,10 +93,6 @@ def _refusal_of(error: Exception) -> Refusal:
             return Refusal(500, "fault", error.detail)
         case TooManyJobs():
             return Refusal(429, error.code, error.detail, headers={"Retry-After": "5"})
-        case RequestValidationError():
-            names = sorted({str(fault["loc"][-1])[:40] for fault in error.errors() if fault.get("loc")})
-            shown = ", ".join("".join(c if c.isalnum() or c in "-_" else "?" for c in name) for name in names)
-            return Refusal(422, "bad-input", f"The address or its query is not as described in /docs: {shown}.")
     detail = "The store of jobs does not answer; try again in some seconds."
     return Refusal(503, StoreUnavailable.code, detail, headers={"Retry-After": "5"})
 

@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
 
-from fastapi import APIRouter
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
 from inverse_service.web.problems import Refusal
 
-router = APIRouter()
 TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
 FONT = "stix-two-math.woff2"
 NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "icon.svg")
@@ -57,7 +55,6 @@ def address(name: str) -> str:
     return f"/static/{asset(name).mark}/{name}"
 
 
-@router.get("/static/{mark}/{name}")
 async def static(request: Request, mark: str, name: str) -> Response:
     """One file; whoever asks with an old mark gets the file of today, without leave to keep it."""
     if name not in NAMES:

@@ -111,7 +111,7 @@ def _is_secure(request: Request) -> bool:
     return request.url.scheme == "https"
 
 
-router.include_router(assets.router)
+router.get("/static/{mark}/{name}")(assets.static)
 for part in (account, calls_page.router, learn.open_router):
     router.include_router(part, dependencies=[Depends(note_visitor)])
 for pages in (solve, results, simulate, paper_figures, gallery, batches, learn):
