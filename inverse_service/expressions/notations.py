@@ -16,7 +16,7 @@ from functools import partial
 
 from inverse_service.expressions.differentials import with_differentials
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tokens import FACTOR, Token, refusal, unexpected
+from inverse_service.expressions.tokens import FACTOR, Token, never_closed, refusal, unexpected
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
 
 Tokens = list[Token]
@@ -82,8 +82,10 @@ def _with_round_brackets(tokens: Tokens, names: Names) -> Tokens:
     calls = {(a.text, b.text) for a, b in itertools.pairwise(tokens) if b.is_operator("[") or a.is_operator("[")}
     mathematica = any((first == "[" and second == "t") or first != _small(first) for first, second in calls)
     closing: list[str] = []
+    opened: list[Token] = []
     for place, token in enumerate(tokens):
         if token.is_operator("[", "{"):
+            opened.append(token)
             orders = (
                 token.text == "[" and place > 0 and tokens[place - 1].kind == "name" and _holds_orders(tokens, place)
             )
@@ -96,9 +98,12 @@ def _with_round_brackets(tokens: Tokens, names: Names) -> Tokens:
             space = unclear or (token.space_before and not called)
             found.append(token if orders else replace(token, text="(", space_before=space))
         elif token.is_operator("]", "}") and closing:
+            opened.pop()
             found.append(replace(token, text=closing.pop()))
         else:
             found.append(token)
+    if opened:
+        raise never_closed(opened[-1])
     return found
 
 
@@ -157,7 +162,7 @@ def _close(tokens: Sequence[Token], opening: int) -> int:
         depth += tokens[place].is_operator("(") - tokens[place].is_operator(")")
         if depth == 0:
             return place
-    raise refusal("the '(' is never closed", tokens[opening].column, "add the missing ')'")
+    raise never_closed(tokens[opening])
 
 
 def _arguments(tokens: Sequence[Token], opening: int) -> tuple[list[Sequence[Token]], int]:

@@ -94,7 +94,9 @@ def limit_passed(what: str, column: int, bound: int) -> LimitError:
     return LimitError(f"{what} at column {column}: the limit is {bound:,}; write less.", column=column)
 
 
-def _open(opening: Token, closing: str) -> InputError:
+def never_closed(opening: Token) -> InputError:
+    """The refusal of a bracket without its end."""
+    closing = {"(": ")", "[": "]", "{": "}"}.get(opening.text, opening.text)
     return refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
 
 
@@ -142,7 +144,7 @@ class TokenStream:
         if self.take_operator(closing):
             return
         if self.ahead.kind == "end":
-            raise _open(opening, closing)
+            raise never_closed(opening)
         raise unexpected(self.ahead, f"'{closing}'")
 
     def must_close(self) -> None:
@@ -152,7 +154,7 @@ class TokenStream:
             depth += token.is_operator("(") - token.is_operator(")")
             if depth == 0:
                 return
-        raise _open(self.ahead, ")")
+        raise never_closed(self.ahead)
 
     @contextmanager
     def nested(self) -> Iterator[None]:

@@ -25,6 +25,11 @@ def client(service: str) -> Iterator[httpx.Client]:
         yield client
 
 
+def understood(client: httpx.Client, fields: dict[str, str]) -> httpx.Response:
+    """The page that says how a form is read, as it comes without scripts."""
+    return client.post("/understood", data=fields, follow_redirects=True)
+
+
 def problem(response: httpx.Response, status: int) -> dict[str, Any]:
     assert response.status_code == status, response.text
     assert response.headers["content-type"] == "application/problem+json"
@@ -222,8 +227,10 @@ def test_the_form_answers_without_scripts_under_a_permanent_link(client: httpx.C
 
 
 def test_the_form_shows_faults_with_what_was_typed_escaped(client: httpx.Client) -> None:
-    response = client.post("/", data={"coordinates": "x", "equations": "x'' = <b>\"", "parameters": ""})
-    assert response.status_code == 422
+    typed = {"coordinates": "x", "equations": "x'' = <b>\"", "parameters": ""}
+    response = client.post("/", data=typed, follow_redirects=True)
+    assert (response.status_code, response.request.method) == (200, "GET")
+    assert "data-problem" in response.text
     assert "&lt;b&gt;" in response.text
     assert "<b>&#34;" not in response.text
     problem(client.post("/", content=b"a=\xff\x00%"), 400)
@@ -259,14 +266,48 @@ def test_a_lagrangian_alone_has_a_page_of_its_equations(client: httpx.Client) ->
     assert "not declared, taken as constants: m, k" in page.text
 
 
+@pytest.mark.parametrize(
+    ("address", "typed", "said"),
+    [
+        ("/", {"equations": "x'' = -kx"}, "data-problem"),
+        ("/", {"equations": '{"equations": 1'}, "data-problem"),
+        ("/understood", {"equations": "x'' = -k*x\r\n", "coordinates": "x", "kinds": ["natural"]}, "<math"),
+        ("/understood", {"lagrangian": "x'^2 - x^2", "constraints": "y'' = 0", "associated": "first"}, "data-problem"),
+    ],
+)
+def test_a_form_that_comes_back_stands_at_its_link_so_that_a_reload_asks_nothing(
+    client: httpx.Client, address: str, typed: dict[str, Any], said: str
+) -> None:
+    answer = client.post(address, data=typed)
+    assert answer.status_code == 303
+    page = client.get(answer.headers["location"]).text
+    echo = page.partition('id="understood"')[2].partition("</aside>")[0]
+    assert said in echo
+    assert all(escape(typed[name].strip()) in page for name in ("equations", "lagrangian") if name in typed)
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        {"equations": ""},
+        {"equations": "x'' = -x", "time_limit": "soon"},
+        {"equations": "x'' = -x" + " + x" * 2000 + "*"},
+    ],
+)
+def test_a_form_that_no_link_says_whole_comes_back_as_it_was_sent(client: httpx.Client, typed: dict[str, str]) -> None:
+    answer = client.post("/", data=typed)
+    assert answer.status_code == 422
+    assert "data-problem" in answer.text
+    assert f">{escape(typed['equations'])}</textarea>" in answer.text
+
+
 def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
     fields = {"kind": "equations", "equations": "x'' = -kx"}
-    page = client.post("/", data=fields)
-    assert page.status_code == 422
+    page = client.post("/", data=fields, follow_redirects=True)
     assert 'value="equations:1:8:k*x"' in page.text
-    chosen = client.post("/understood", data={**fields, "instead": "equations:1:8:k*x"})
+    chosen = understood(client, {**fields, "instead": "equations:1:8:k*x"})
     assert "x&#39;&#39; = -k*x</textarea>" in chosen.text
-    declared = client.post("/understood", data={**fields, "instead": "parameters:0:0:kx"})
+    declared = understood(client, {**fields, "instead": "parameters:0:0:kx"})
     assert 'name="parameters" value="kx"' in declared.text
 
 
@@ -304,21 +345,21 @@ def test_each_reading_is_a_button_that_leaves_the_rest(
 ) -> None:
     fields = {"kind": "equations", "equations": typed}
     choice = f"equations:1:{at}:{meant}"
-    assert f'value="{escape(choice)}"' in client.post("/understood", data=fields).text
-    chosen = client.post("/understood", data={**fields, "instead": choice})
+    assert f'value="{escape(choice)}"' in understood(client, fields).text
+    chosen = understood(client, {**fields, "instead": choice})
     assert f"{escape(left)}</textarea>" in chosen.text
     assert "data-problem" not in chosen.text
 
 
 def test_a_constant_is_offered_only_where_it_can_be_one(client: httpx.Client) -> None:
     """kx' is a velocity: no constant; each reading is shown as the line that it makes."""
-    page = client.post("/understood", data={"kind": "equations", "equations": "x'' = 1 - kx'"}).text
+    page = understood(client, {"kind": "equations", "equations": "x'' = 1 - kx'"}).text
     assert escape("x'' = 1 - k*x'") in page
     assert "a constant" not in page
 
 
 def test_primes_after_the_time_are_told_their_place(client: httpx.Client) -> None:
-    refused = client.post("/understood", data={"kind": "equations", "equations": "x(t)'' = -x(t)"})
+    refused = understood(client, {"kind": "equations", "equations": "x(t)'' = -x(t)"})
     assert "the primes come after (t)" in refused.text.lower()
     assert "x&#39;&#39;(t)" in refused.text
 
@@ -333,20 +374,20 @@ def test_primes_after_the_time_are_told_their_place(client: httpx.Client) -> Non
 )
 def test_the_associated_system_that_is_decided_is_shown(client: httpx.Client, kind: str, shown: str) -> None:
     fields = {"kind": "nonholonomic", "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": "z' + x*y'"}
-    page = client.post("/understood", data={**fields, "associated": kind}).text
+    page = understood(client, {**fields, "associated": kind}).text
     after = page.partition(f"The {kind} associated system, which is decided")[2]
     assert shown in after
-    assert "which is decided" not in client.post("/understood", data={**fields, "associated": "any"}).text
+    assert "which is decided" not in understood(client, {**fields, "associated": "any"}).text
 
 
 def test_an_associated_system_that_is_not_defined_says_why(client: httpx.Client) -> None:
     fields = {"kind": "nonholonomic", "lagrangian": "(x'^2 + y'^2 + z'^2 + w'^2)/2", "constraints": "z' - y*x'"}
-    page = client.post("/understood", data={**fields, "associated": "third"}).text
+    page = understood(client, {**fields, "associated": "third"}).text
     assert "the constraints leave 3 free velocities" in page
 
 
 def test_a_refusal_names_the_fields_that_the_form_has(client: httpx.Client) -> None:
-    page = client.post("/understood", data={"kind": "equations", "equations": "x'' = -kx"}).text
+    page = understood(client, {"kind": "equations", "equations": "x'' = -kx"}).text
     assert "\u201cParameters\u201d under \u201cNames and questions\u201d" in page
 
 

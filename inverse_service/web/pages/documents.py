@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
-from urllib.parse import urlencode
+from urllib.parse import parse_qsl, urlencode
 
 from inverse_service.errors import InputError
 from inverse_service.mechanics.document_names import AND_GUESS, GUESS, Declared, document_names
@@ -213,6 +213,12 @@ def link_of_fields(fields: Mapping[str, str], **further: str) -> str:
     """The link that fills the form with these fields."""
     wanted = {name: value for name, value in fields.items() if value and name in LINKED}
     return f"/?{urlencode(wanted | further)}"
+
+
+def is_whole(fields: Mapping[str, str]) -> bool:
+    """Whether a link fills the form with all that these fields say."""
+    link = link_of_fields(fields)
+    return len(link) <= LONGEST_LINK and fields_of_link(dict(parse_qsl(link.partition("?")[2]))) == fields
 
 
 def revealed_of_link(query: Mapping[str, str]) -> tuple[str, ...]:

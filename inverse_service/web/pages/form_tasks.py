@@ -113,8 +113,8 @@ def _echo_sent(body: bytes, content_type: str) -> tuple[Fields, dict[str, Any]]:
 def _echo(fields: Fields) -> dict[str, Any]:
     try:
         document = document_of(Form({name: (value,) for name, value in fields.items()}))
-    except InputError:  # nothing was sent yet that could be at fault
-        return {}
+    except InputError as error:
+        return {"problem": reading_back.problem_of_error(error, fields)}
     return _understood(fields, document)
 
 

@@ -25,6 +25,7 @@ from inverse_service.web.pages.documents import (
     fields_from,
     fields_of,
     fields_of_link,
+    is_whole,
     lean_fields,
     link_of_fields,
     revealed_of_link,
@@ -131,23 +132,32 @@ async def submit(request: Request) -> Response:
     except Refusal as refusal:
         return _not_read(refusal)
     if sent.document is None:
-        return solve_page(sent.fields, problem=sent.problem, status=422)
+        return await _refused(request, sent.fields, sent.problem, 422)
     answer = await call(request, "POST", "/v1/solve", sent.document, {"Prefer": "respond-async"})
     if answer.is_problem:
-        return solve_page(sent.shown, problem=reading_back.problem_of(answer.value, sent.shown), status=answer.status)
+        return await _refused(request, sent.shown, reading_back.problem_of(answer.value, sent.shown), answer.status)
     return RedirectResponse(result_address(answer), 303)
 
 
 @router.post("/understood")
-async def echo(request: Request) -> HTMLResponse:
-    """What was understood of the form: the fragment for the script, the whole page without it."""
+async def echo(request: Request) -> Response:
+    """What was understood of the form: the fragment for the script, else the form's link, whose page says it."""
     try:
         fields, found = await read_sent(request, request.app.state.engine.settings.max_body, echo_sent_task)
     except Refusal as refusal:
         return _not_read(refusal)
     if request.query_params.get("fragment"):
         return page("understood.html", **({"problem": None, "understood": None} | found))
-    return solve_page(fields, **found)
+    return solve_page(fields, **found) if not is_whole(fields) else RedirectResponse(link_of_fields(fields), 303)
+
+
+async def _refused(
+    request: Request, fields: dict[str, str], problem: reading_back.Problem | None, status: int
+) -> Response:
+    """The form with what to change: its link where the page there says the same, so that a reload asks nothing."""
+    if is_whole(fields) and (await understand(request, fields)).get("problem") == problem:
+        return RedirectResponse(link_of_fields(fields), 303)
+    return solve_page(fields, problem=problem, status=status)
 
 
 @router.post("/answer")
