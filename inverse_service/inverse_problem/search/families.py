@@ -20,6 +20,8 @@ from typing import Any
 import numpy as np
 from flint import nmod_mat
 
+from inverse_service.algebra import series as ps
+from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
@@ -31,6 +33,7 @@ from inverse_service.inverse_problem.search.linear_ansatz import letters_of
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
+from inverse_service.inverse_problem.search.sample_points import SamplePoints
 from inverse_service.inverse_problem.search.sampling import LetterTable, monomial_values, sampler_of, table_at
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of
 
@@ -70,7 +73,23 @@ def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) 
         weights += _random_solution(
             material, table, [[row[k] for k in places] for row in forms], plain[:, places], generator
         )
-    return _used(chosen, weights, forms[0], table.prime)
+    used = _used(chosen, weights, forms[0], table.prime)
+    squares = used == [monomial(v, v) for v in material.motion.velocities]
+    return [] if squares and not _has_function_of_position(points) else used
+
+
+def _has_function_of_position(points: SamplePoints) -> bool:
+    """Whether one coordinate has a multiplier phi(t, x): Gamma(log phi) = -df/dv, so df/dv = b + 2 c v, b_x = 2 c_t."""
+    if len(points.forces) > 1:
+        return True
+    time, position, velocity = range(3)
+    expansion = Expansion(points.point(0), points.variables, 3)
+    slope = ps.derivative(expansion.expand(points.forces[0]), velocity)
+    second = ps.derivative(slope, velocity)
+    v = expansion.expand(points.variables[velocity])[: len(second)]
+    rest = ps.subtract(slope[: len(second)], ps.multiply(v, second))
+    wanted = ps.subtract(ps.derivative(rest, position), ps.derivative(second, time))
+    return not ps.value_at_point(ps.derivative(second, velocity)) and not ps.value_at_point(wanted)
 
 
 def _groups(material: Material, shapes: Sequence[Monomial]) -> list[list[Monomial]]:

@@ -16,8 +16,9 @@ from inverse_service.algebra import modular
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import compiled, multiply
-from inverse_service.algebra.point import Expansion, Point
+from inverse_service.algebra.point import Expansion, Point, evaluate
 from inverse_service.deadline import check
+from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, walk
 from inverse_service.inverse_problem.decision.local_system import local_system
 from inverse_service.inverse_problem.search.gradings import graded
@@ -120,8 +121,10 @@ def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix,
     """(N, Phi) at a point, each (n, n)."""
     check(_WORK_OF_TENSORS + sum(1 for f in sampler.analysis.accelerations for _ in walk(f)))
     if len(sampler.analysis.accelerations) == 1:  # Phi is in no condition
-        slope = Expansion(point, sampler.variables[2:], 1).expand(sampler.analysis.accelerations[0])
-        return [[-ps.value_at_point(ps.derivative(slope, 0)) * pow(2, -1, point.prime) % point.prime]], [[0]]
+        f, known = sampler.analysis.accelerations[0], dict[Expression, int]()
+        evaluate(f, point, known)  # SingularPoint where it has no value
+        slope = evaluate(differentiate(f, sampler.variables[2]), point, known)
+        return [[-slope * pow(2, -1, point.prime) % point.prime]], [[0]]
     expansion = Expansion(point, sampler.variables, 2)
     velocities = [expansion.expand(v) for v in sampler.variables[1 + len(sampler.analysis.accelerations) :]]
     forces = [expansion.expand(f) for f in sampler.analysis.accelerations]

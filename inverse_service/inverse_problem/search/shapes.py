@@ -68,7 +68,12 @@ def functions(material: Material) -> list[Monomial]:
 
 
 def products_and_roots(material: Material) -> list[Monomial]:
-    """Products of up to four velocities, v_i log v_j, v_i v_j v_k / v_l^2 and its like, roots of velocities."""
+    """Products of up to four velocities, v_i log v_j, v_i v_j v_k / v_l^2 and its like, roots of velocities.
+
+    For one coordinate `functions` has them all.
+    """
+    if material.motion.size == 1:
+        return []
     higher = [*powers(material, 3), *(powers(material, 4) if material.motion.size < 4 else [])]
     crossed = [monomial(a, Apply("log", b)) for a, b in itertools.permutations(material.motion.velocities, 2)]
     double = [*quotients(material, 3), *(quotients(material, 4) if material.motion.size < 3 else [])]

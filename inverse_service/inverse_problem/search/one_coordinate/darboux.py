@@ -114,6 +114,7 @@ EXPONENTS = (
     (3, (Fraction(-1),)),
     (4, (Fraction(-1),)),
 )
+_HIGHEST = max(degree for degree, _ in EXPONENTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +198,15 @@ def candidate_terms(material: Material, degree: int) -> list[Monomial]:
 
 
 def _cancelling(material: Material, key: Monomial, slope: Terms, degree: int) -> list[Monomial]:
+    """Those of `_raised` that are polynomials of this degree, with t only where L may contain it."""
+    known: dict[Monomial, list[Monomial]] = material.shared.setdefault("cancelling", {})
+    if key not in known:
+        known[key] = _raised(material, key, slope)
+    motion = material.motion
+    return [m for m in known[key] if _is_admissible(m, motion.with_time, motion.velocities[0], degree)]
+
+
+def _raised(material: Material, key: Monomial, slope: Terms) -> list[Monomial]:
     """B v^(j-1) with dB/dx = T for a residual T v^j, and T v^j / F for a term F of df/dv."""
     motion = material.motion
     x, velocity = motion.coordinates[0], motion.velocities[0]
@@ -204,12 +214,12 @@ def _cancelling(material: Material, key: Monomial, slope: Terms, degree: int) ->
     for term in {**along(motion, {key: Fraction(1)}), **multiply_terms({key: Fraction(1)}, slope)}:
         position, moving = split_velocities(term)
         lowered = times(moving, frozenset([(velocity, Fraction(1))]), -1)
-        if _is_polynomial(lowered, velocity, degree):
+        if _is_polynomial(lowered, velocity, _HIGHEST):
             found.update(dict.fromkeys([lowered, *(times(m, lowered) for m in antiderivatives(position, x))]))
-        if motion.with_time and _is_polynomial(moving, velocity, degree):
+        if motion.with_time and _is_polynomial(moving, velocity, _HIGHEST):
             found.update(dict.fromkeys(times(m, moving) for m in antiderivatives(position, TIME)))
         found.update(dict.fromkeys(times(term, part, -1) for part in slope))
-    return [m for m in found if _is_admissible(m, motion.with_time, velocity, degree)]
+    return list(found)
 
 
 def _is_polynomial(moving: Monomial, velocity: Velocity, degree: int) -> bool:
