@@ -22,12 +22,16 @@ POSSIBLE = [
     ({"x": "-sin(x)"}, False),
     ({"theta": "sin(theta)*cos(theta)*phi'^2", "phi": "-2*cos(theta)/sin(theta)*theta'*phi'"}, False),
     ({"x": "-x - x'"}, True),
+    ({"x": "-2*x'/t - x^3"}, True),
+    ({"x": "-2*x*x'/t - x'^2*log(t) - x"}, True),
     ({"x": "y'/sqrt(1 + x^2)", "y": "-x'/sqrt(1 + x^2)"}, False),
 ]
 EXCLUDED = [
     ({"x": "-x - x'"}, False),
     ({"x": "-x*(1 - x'^2)^(3/2)"}, False),
     ({"x": "-x*exp(x')"}, False),
+    ({"x": "-x*x' - x"}, True),
+    ({"x": "-2*x*x'/t - x'^2*log(t + 1) - x"}, True),
     ({"w": "0", "x": "-w'*y'", "y": "w'*x'"}, False),
     ({"x": "x'^2*y'", "y": "2*y' + 2*x'^2*y'"}, True),
 ]
