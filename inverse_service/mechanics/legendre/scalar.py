@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
-from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.collecting import Expansion, collect, expand, to_tree
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     HALF,
@@ -143,8 +143,7 @@ def _cleared(slope: Expression, rate: Velocity, momentum: Expression) -> Iterato
     above: list[Expression] = []
     below: list[Expression] = []
     for f in slope.factors if isinstance(slope, Product) else (slope,):
-        inverted = isinstance(f, Power) and isinstance(f.exponent, Number) and f.exponent.value < 0
-        (below if inverted and occurrences(f, rate) else above).append(f)
+        (below if _is_below(f) and occurrences(f, rate) else above).append(f)
     if below:
         inverse = multiply(*(power(f, -1) for f in below))
         yield from polynomial_roots(subtract(multiply(*above), multiply(momentum, inverse)), rate, ZERO)
@@ -200,30 +199,46 @@ def _linear_parts(tree: Expression, rate: Velocity) -> tuple[Expression, Express
 
 
 def _with_a_root(tree: Expression, rate: Velocity, known: Root) -> Iterator[Root]:
-    """F(u + R) = p for u and R^2 polynomials in v: with u + R = T, (T - u)^2 = R^2."""
-    if not isinstance(tree, Sum):
-        parts = [part for part in children(tree) if occurrences(part, rate)]
-        for inner, root in peeled(tree, rate, known) if len(parts) == 1 else ():
-            yield from _with_a_root(inner, rate, root)
-        return
-    moving = [term for term in tree.terms if occurrences(term, rate)]
-    if len(moving) == 1:
+    """F(u) = p for u that holds v in one square root besides: A + B sqrt(S) = 0 for the numerator of u - p'."""
+    if sum(1 for part in children(tree) if occurrences(part, rate)) == 1:
         for inner, root in peeled(tree, rate, known):
             yield from _with_a_root(inner, rate, root)
         return
-    radical = next((term for term in moving if _is_root(term)), None)
-    if radical is not None:
-        rest = add(*(term for term in tree.terms if term is not radical))
-        squared = subtract(power(subtract(known.value, rest), 2), power(radical, 2))
-        for root in roots_for(squared, rate, ZERO):
+    squared = _without_root(multiply(*_numerator(subtract(tree, known.value), rate)), rate)
+    for factor in _numerator(squared, rate):
+        for root in polynomial_roots(factor, rate, ZERO):
             yield Root(root.value, known.conditions + root.conditions)
 
 
-def _is_root(term: Expression) -> bool:
-    factors = term.factors if isinstance(term, Product) else (term,)
-    return any(
-        isinstance(f, Power) and isinstance(f.exponent, Number) and f.exponent.value == HALF.value for f in factors
-    )
+def _numerator(tree: Expression, rate: Velocity) -> list[Expression]:
+    """The bases of its factors that hold the velocity and something else, those under the line left out."""
+    whole = quotient(tree)
+    factors = [f for f in (whole.factors if isinstance(whole, Product) else (whole,)) if not _is_below(f)]
+    bases = [f.base if isinstance(f, Power) else f for f in factors]
+    leaves = [{node for node in walk(base) if isinstance(node, Symbol | Velocity)} for base in bases]
+    return [base for base, held in zip(bases, leaves, strict=True) if rate in held and held != {rate}]
+
+
+def _is_below(factor: Expression) -> bool:
+    return isinstance(factor, Power) and isinstance(factor.exponent, Number) and factor.exponent.value < 0
+
+
+def _without_root(tree: Expression, rate: Velocity) -> Expression:
+    """A^2 - B^2 S for A + B sqrt(S), A, B and S polynomials in v; 0 where the tree is not of this kind."""
+    plain: list[Expression] = []
+    rooted: dict[Expression, list[Expression]] = {}
+    for term in expand(tree).terms:
+        factor = to_tree(Expansion((term,)))
+        roots = [node for node in walk(factor) if _is_root(node) and occurrences(node, rate)]
+        (rooted.setdefault(roots[0], []) if roots else plain).append(divide(factor, roots[0]) if roots else factor)
+    if len(rooted) != 1:
+        return ZERO
+    ((root, terms),) = rooted.items()
+    return subtract(power(add(*plain), 2), multiply(power(add(*terms), 2), power(root, 2)))
+
+
+def _is_root(node: Expression) -> bool:
+    return isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value == HALF.value
 
 
 def _balanced(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:
