@@ -93,7 +93,7 @@ def _atom(expression: Expression, raised: bool = False) -> str:
             return f"{_command(function)}{_brackets(argument)}"
         case Power(base, exponent) if exponent == HALF:
             return f"\\sqrt{{{to_latex(base, within=True)}}}"
-        case Integral() if (known := expression.integrand) is not None:
+        case Integral() if (known := expression.integrand) and not any(isinstance(n, Apply) for n in walk(known[1])):
             slope, variable = known
             inside = to_latex(slope) if not isinstance(slope, Sum) else _brackets(slope)
             return f"\\left(\\int {inside} \\, d{to_latex(variable)}\\right)"

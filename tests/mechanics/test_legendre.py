@@ -17,9 +17,11 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, walk
+from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.legendre.constraints import constraint_images
 from inverse_service.mechanics.legendre.forms import size
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
+from inverse_service.service.documents.documents import solve_document
 
 Point = dict[Expression, Any]
 FUNCTIONS = {"A": ("r1",), "B": ("r1",), "K": ("r1",)}
@@ -162,6 +164,9 @@ CLOSED = {
     "complex-logarithm": ("x'*log(x'^2+y'^2)/2 - y'*atan(y'/x')", "x y", "", "exp(p_x - 1)*cos(p_y)"),
     "finsler-root": ("x'^2*sqrt(y'/x')", "x y", "", "4/9*sqrt(3*p_y*p_x^3)"),
     "cubic-in-a-root": ("x'^2/2 + x'^(3/2) + x", "x", "", ""),
+    "root-beside-a-square": (
+        "log(x' + sqrt(x'^2 + 1))/2 + sqrt(x'^2 + 1)*x'/2 + 3*x'^2/2 - x", "x", "", "",
+    ),
     "cubic-of-a-quotient": ("log(1 + x'^2)/2 + x'^2", "x", "", ""),
     "nonholonomic-particle-third": (
         "x'^2/2 + (y'^2 - 2*x*y'*z' - z'^2)/(2*x'*sqrt(1+x^2))", "x y z", "",
@@ -180,6 +185,48 @@ def test_the_hamiltonian_is_the_legendre_transform(name: str) -> None:
     assert_right(found, names)
     if expected:
         assert_equal_values(found.hamiltonian, tree(expected, names, parameters, momenta=True))
+
+
+@pytest.mark.parametrize(
+    ("text", "coordinates", "parameters"),
+    [
+        ("t*log(x' + sqrt(x'^2 + 1))/2 + t*sqrt(x'^2 + 1)*x'/2 - a*x'^2/2", "x", "a"),
+        ("x'^2/2 + x'*sqrt(x'^2 + y'^2)/2", "x y", ""),
+        ("x*x'^2 + x*x'*sqrt(x'^2 + y'^2) + y^2*z'^2", "x y z", ""),
+    ],
+)
+def test_a_square_root_beside_polynomials_has_an_inverse_where_its_conditions_hold(
+    text: str, coordinates: str, parameters: str
+) -> None:
+    """p = A + B sqrt(S) leads to A^2 = B^2 S, of degree 2, or 3 for the quotient of velocities (degree 4 over u)."""
+    names = coordinates.split()
+    found = transform(text, coordinates, parameters)
+    assert not found.implicit
+    assert found.velocities is not None
+    source, inside = random.Random(6), 0
+    with mp.workdps(60):
+        for _ in range(60):
+            point = random_point([found.lagrangian, *map(Velocity, names)], source, signed=True)
+            point.update({p: evaluate(tree, point) for p, tree in zip(found.symbols, found.momenta, strict=True)})
+            try:
+                holds = all(evaluate(condition, point) > 0 for condition in found.conditions)
+            except NoRealValue:
+                continue
+            if holds:
+                inside += 1
+                for name, velocity in zip(names, found.velocities, strict=True):
+                    assert abs(evaluate(velocity, point) - point[Velocity(name)]) < mpf(10) ** -40
+    assert inside > 6
+
+
+def test_a_function_known_by_its_derivative_may_stand_in_the_hamiltonian() -> None:
+    """x'' = (x'^2/3 + 3) atan(x'/3): p = log(atan(x'/3))/3 has an inverse; H is F of that."""
+    result = solve_document({"equations": {"x": "(x'^2/3 + 3)*atan(x'/3)"}}, SolveOptions())
+    hamiltonian = result["hamiltonian"]
+    assert not hamiltonian["implicit"]
+    assert hamiltonian["text"] == "F(3*tan(exp(3*p_x))) - x/3"
+    assert hamiltonian["momenta"] == {"p_x": "log(atan(x'/3))/3"}
+    assert list(result["integrals"]) == ["F"]
 
 
 @pytest.mark.parametrize("name", ["kepler", "magnetic", "relativistic", "logarithm", "quartic", "damped"])

@@ -160,7 +160,28 @@ def _is_positive(condition: Expression, point: Point) -> bool:
 
 def _with_momenta(claim: Claim, point: Point) -> Point | None:
     momenta: dict[Expression, Real] = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
-    return None if any(p is None for p in momenta.values()) else {**point, **momenta}
+    if any(p is None for p in momenta.values()):
+        return None
+    return _with_equal_calls(claim, {**point, **momenta})
+
+
+def _with_equal_calls(claim: Claim, point: Point) -> Point:
+    """The point with arbitrary functions valued whose arguments have the values of those of a call that is drawn."""
+    drawn = [call for call in point if isinstance(call, Arbitrary)]
+    nodes = distinct_nodes((*claim.velocities, claim.hamiltonian)) if drawn else ()
+    for node in [node for node in nodes if isinstance(node, Arbitrary) and node not in point]:
+        same = [call for call in drawn if (call.name, call.orders) == (node.name, node.orders)]
+        equal = next((call for call in same if _are_equal(call.arguments, node.arguments, point)), None)
+        if equal is not None:
+            point[node] = point[equal]
+    return point
+
+
+def _are_equal(left: Sequence[Expression], right: Sequence[Expression], point: Point) -> bool:
+    """Whether the values agree to 40 digits, each pair."""
+    pairs = [(value(a, point), value(b, point)) for a, b in zip(left, right, strict=True)]
+    near = mpf(10) ** -AGREEING_DIGITS
+    return all(a is not None and b is not None and abs(a - b) <= near * (1 + abs(a)) for a, b in pairs)
 
 
 def _holds_closer(claim: Claim, point: Point) -> bool:
