@@ -46,6 +46,15 @@ def test_without_scripts_the_circle_is_a_picture(plain: Visit) -> None:
 
 
 @pytest.mark.parametrize("scripts", [True, False])
+def test_another_system_to_simulate_is_one_click_in_the_list(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/simulate")
+    at.page.get_by_text("Another system").click()
+    at.page.get_by_role("link", name="Knife edge on a horizontal plane").click()
+    expect(at.page.locator("#scene h2")).to_have_text("Knife edge on a horizontal plane")
+
+
+@pytest.mark.parametrize("scripts", [True, False])
 def test_the_colours_are_chosen_and_remembered(visit: Visit, plain: Visit, scripts: bool) -> None:
     at = visit if scripts else plain
     at.go("/learn")
