@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from flint import Ordering, fmpq_mpoly_ctx
 
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_ring import quotient_tree
-from inverse_service.algebra.rational_functions import Budget
+from inverse_service.algebra.exact_ring import factor_trees, quotient_tree
+from inverse_service.algebra.rational_functions import Budget, divided_out
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Symbol
@@ -38,3 +39,13 @@ def test_a_ring_without_slopes_does_not_differentiate() -> None:
         ring.partial(0)
     with pytest.raises(ValueError, match="without derivatives"):
         ring.along([None, None])
+
+
+def test_taking_factors_out_of_zero_ends() -> None:
+    context = fmpq_mpoly_ctx.get(("x", "y"), Ordering.lex)
+    x, y = context.gens()
+    assert divided_out(context.constant(0), x + y) == (0, 0)
+    assert divided_out((x + y) ** 3 * x, x + y) == (x, 3)
+    assert divided_out(x, context.constant(2)) == (x, 0)
+    ring = exact_ring([parse("x*sqrt(1 + y^2)", NAMES)], [Symbol("x"), Symbol("y")], 0, Budget(), slopes=False)
+    assert factor_trees(ring, ring.constant(0)) == []
