@@ -133,9 +133,11 @@ def value(tree: Expression, point: Point) -> Real | None:
 
 def judge(claim: Claim, conditions: Sequence[Expression], points: Sequence[Point]) -> Judgement | None:
     """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
+    nodes = distinct_nodes((*claim.velocities, claim.hamiltonian))
+    calls = [node for node in nodes if isinstance(node, Arbitrary)]
     with mp.workdps(DIGITS):
-        known = [_with_momenta(claim, point) for point in points]
-        holds = [point is not None and (_holds(claim, point) or _holds_closer(claim, point)) for point in known]
+        known = [_with_momenta(claim, point, calls) for point in points]
+        holds = [point is not None and (_holds(claim, point) or _holds_closer(claim, point, calls)) for point in known]
         signs = [[point is not None and _is_positive(c, point) for c in conditions] for point in known]
     needed = list(range(len(conditions)))
     if not _is_right(holds, signs, needed):
@@ -158,22 +160,22 @@ def _is_positive(condition: Expression, point: Point) -> bool:
     return number is not None and bool(number > 0)
 
 
-def _with_momenta(claim: Claim, point: Point) -> Point | None:
+def _with_momenta(claim: Claim, point: Point, calls: Sequence[Arbitrary]) -> Point | None:
     momenta: dict[Expression, Real] = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
     if any(p is None for p in momenta.values()):
         return None
-    return _with_equal_calls(claim, {**point, **momenta})
+    return _with_equal_calls(calls, {**point, **momenta})
 
 
-def _with_equal_calls(claim: Claim, point: Point) -> Point:
-    """The point with arbitrary functions valued whose arguments have the values of those of a call that is drawn."""
-    drawn = [call for call in point if isinstance(call, Arbitrary)]
-    nodes = distinct_nodes((*claim.velocities, claim.hamiltonian)) if drawn else ()
-    for node in [node for node in nodes if isinstance(node, Arbitrary) and node not in point]:
-        same = [call for call in drawn if (call.name, call.orders) == (node.name, node.orders)]
-        equal = next((call for call in same if _are_equal(call.arguments, node.arguments, point)), None)
+def _with_equal_calls(calls: Sequence[Arbitrary], point: Point) -> Point:
+    """The point with those calls valued whose arguments have the values of those of a call that is drawn."""
+    fresh = [call for call in calls if call not in point]
+    drawn = [call for call in point if isinstance(call, Arbitrary)] if fresh else []
+    for call in fresh:
+        same = [other for other in drawn if (other.name, other.orders) == (call.name, call.orders)]
+        equal = next((other for other in same if _are_equal(other.arguments, call.arguments, point)), None)
         if equal is not None:
-            point[node] = point[equal]
+            point[call] = point[equal]
     return point
 
 
@@ -184,14 +186,14 @@ def _are_equal(left: Sequence[Expression], right: Sequence[Expression], point: P
     return all(a is not None and b is not None and abs(a - b) <= near * (1 + abs(a)) for a, b in pairs)
 
 
-def _holds_closer(claim: Claim, point: Point) -> bool:
+def _holds_closer(claim: Claim, point: Point, calls: Sequence[Arbitrary]) -> bool:
     """The same with more digits, where digits seem to have been lost in differences of large numbers."""
     if not _holds(claim, point, _ROUGH_DIGITS):
         return False
     with mp.workdps(_MOST_DIGITS):
         leaves = [leaf for leaf in point if isinstance(leaf, Symbol | Velocity | Arbitrary)]
         fresh: Point = {leaf: point[leaf] for leaf in leaves}
-        closer = _with_momenta(claim, fresh)
+        closer = _with_momenta(claim, fresh, calls)
         return closer is not None and _holds(claim, closer)
 
 

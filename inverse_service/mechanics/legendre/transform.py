@@ -6,7 +6,7 @@ not pass is never returned. Where p = dL/dv has several inverses, `note` says on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -118,7 +118,7 @@ def legendre(
         raise _degenerate(implicit, parts, names, points)
     # Of many blocks each is judged at few points before the whole is judged at all.
     few = points[-_FEW:] if len(parts.blocks) > _MANY else []
-    found = {block.names: _best(block, points, reach, few) for block in parts.blocks}
+    found = _of_blocks(parts.blocks, lambda block: _best(block, points, reach, few))
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
         # Loaded where it is needed only.
@@ -159,6 +159,41 @@ def _energy(parts: Parts) -> Expression:
         works = [multiply(rate, slope) for rate, slope in slopes.items()]
         terms.append(inside(related(simplified(subtract(add(*works), block.function)))))
     return add(*terms[1:], terms[0])
+
+
+def _of_blocks(
+    blocks: Sequence[Block], best: Callable[[Block], _Chosen | None]
+) -> dict[tuple[str, ...], _Chosen | None]:
+    """That of each block; those of one velocity that are the same function of theirs share one."""
+    known: dict[Expression, tuple[Block, _Chosen | None]] = {}
+    found: dict[tuple[str, ...], _Chosen | None] = {}
+    for block in blocks:
+        single = Velocity(block.names[0]) if len(block.names) == 1 else None
+        key = substitute(block.function, {single: _ANY}) if single else block.function
+        if single is None or key not in known:
+            known[key] = block, best(block)
+        first, chosen = known[key]
+        found[block.names] = chosen and _renamed(chosen, first, block)
+    return found
+
+
+_ANY = Velocity("the velocity of a block")
+
+
+def _renamed(chosen: _Chosen, first: Block, block: Block) -> _Chosen:
+    """The branch of the first block for another that is the same function of its velocity."""
+    if first is block:
+        return chosen
+    (old,), (new,) = first.names, block.names
+    table: dict[Expression, Expression] = {Velocity(old): Velocity(new), first.momenta[old]: block.momenta[new]}
+
+    def renamed(trees: Iterable[Expression]) -> tuple[Expression, ...]:
+        return tuple(substitute(tree, table) for tree in trees)
+
+    branch, judgement = chosen.branch, chosen.judgement
+    (energy,) = renamed([branch.hamiltonian])
+    moved = Branch(renamed(branch.velocities), energy, renamed(branch.conditions))
+    return _Chosen(moved, replace(judgement, conditions=renamed(judgement.conditions)))
 
 
 def _best(block: Block, points: Sequence[Point], reach: Reach, few: Sequence[Point]) -> _Chosen | None:
