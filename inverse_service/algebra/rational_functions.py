@@ -216,7 +216,9 @@ def _exact_division(numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpol
 def divided_out(polynomial: fmpq_mpoly, factor: fmpq_mpoly) -> tuple[fmpq_mpoly, int]:
     """polynomial = rest * factor^power, power greatest; power 0 for a constant factor, and for 0, which has them all."""
     power = 0
-    while polynomial and not factor.is_constant() and (smaller := _exact_division(polynomial, factor)) is not None:
+    if factor.is_constant() or not polynomial:
+        return polynomial, power
+    while (smaller := _exact_division(polynomial, factor)) is not None:
         polynomial, power = smaller, power + 1
     return polynomial, power
 
