@@ -214,7 +214,7 @@ def _exact_division(numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpol
 
 
 def divided_out(polynomial: fmpq_mpoly, factor: fmpq_mpoly) -> tuple[fmpq_mpoly, int]:
-    """polynomial = rest * factor^power, power greatest; power 0 for a constant factor, and for 0, which has them all."""
+    """polynomial = rest * factor^power, power greatest; power 0 for a constant factor, and for 0, which has all."""
     power = 0
     if factor.is_constant() or not polynomial:
         return polynomial, power
