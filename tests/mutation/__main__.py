@@ -7,6 +7,7 @@ survives is listed in survivors.md in the folder. A run that was broken off goes
 from __future__ import annotations
 
 import argparse
+import math
 import random
 import sys
 import time
@@ -53,6 +54,7 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--limit", type=int, default=60, help="processor seconds for the tests of one mutant")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--budget", type=float, default=math.inf, help="of these, seconds of tests that are chosen")
     parser.add_argument("--again", action="store_true", help="try survivors of an earlier run once more")
     parser.add_argument("--tests", nargs="+", help="these tests only, such as new ones for --again")
     parser.add_argument("--output", type=Path, default=Path("build/mutation"))
@@ -92,7 +94,7 @@ def quickly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) ->
     record = recorded(module, asked)
     inside = [one for one in wanted if one.function and record.said.get(one) != QUICK]
     if inside:
-        ready = Ready(module, inside, asked.limit, asked.processes)
+        ready = Ready(module, inside, asked.limit, asked.processes, asked.budget)
         run(ready, asked.tests or TESTS[module], lambda mutant, said: add(record, mutant, said))
 
 

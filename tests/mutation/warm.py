@@ -10,8 +10,10 @@ import ast
 import importlib
 import itertools
 import json
+import math
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import CodeType, FunctionType
 from typing import TextIO
@@ -30,8 +32,11 @@ Lines = Mapping[str, frozenset[int]]
 class Ready:
     """A collected session of pytest, held open in the place where it would run its tests."""
 
-    def __init__(self, module: str, wanted: Sequence[Mutant], limit: int, processes: int) -> None:
+    def __init__(
+        self, module: str, wanted: Sequence[Mutant], limit: int, processes: int, budget: float = math.inf
+    ) -> None:
         self.module, self.wanted, self.limit, self.processes = module, wanted, limit, processes
+        self.budget, self.kills = budget, Counter[tuple[str, str]]()  # of (function or "" for all, test)
         self.found: Found = print
         self.failure, self.tracer = FirstFailure(), tracer_of(module)
 
@@ -42,6 +47,8 @@ class Ready:
         self.early = lines_met(self.tracer, self.module).get("", frozenset())
         self.lines, self.seconds = self.measured()
         for mutant, said in answers(self.jobs(), self.processes):
+            if said.startswith(KILLED):
+                self.kills.update((place, said.removeprefix(f"{KILLED} ")) for place in {mutant.function, ""})
             early = said == SURVIVED and not self.early.isdisjoint(self.statement(mutant))
             self.found(mutant, QUICK if early else said)
         return True
@@ -82,11 +89,17 @@ class Ready:
     def jobs(self) -> Iterator[tuple[Mutant, Job, float]]:
         source = path_of(self.module).read_text(encoding="utf-8")
         for mutant in self.wanted:
-            statement = self.statement(mutant)
-            chosen = [name for name, met in self.lines.items() if not met.isdisjoint(statement)]
-            chosen.sort(key=self.seconds.__getitem__)
+            chosen = self.chosen(mutant)
             limit = min(self.limit, 3 + 2 * sum(map(self.seconds.__getitem__, chosen)))
             yield mutant, self.job(mutated(source, mutant), mutant.function, chosen), limit
+
+    def chosen(self, mutant: Mutant) -> list[str]:
+        """The tests that run the statement, as far as the budget goes: first those that noticed most for their time."""
+        statement, kills, seconds = self.statement(mutant), self.kills, self.seconds
+        met = [name for name, met in self.lines.items() if not met.isdisjoint(statement)]
+        met.sort(key=lambda name: (seconds[name] + 0.01) / (1 + kills["", name] + 10 * kills[mutant.function, name]))
+        return [name for name, spent in zip(met, itertools.accumulate(map(seconds.__getitem__, met)), strict=True)
+                if spent <= self.budget]  # fmt: skip
 
     def job(self, source: ast.Module, function: str, chosen: Sequence[str]) -> Job:
         def work() -> str:
