@@ -19,7 +19,7 @@ from functools import partial
 from itertools import accumulate
 from typing import Any, Literal
 
-from flint import arb, ctx, fmpz, fmpz_mat
+from flint import arb, ctx, fmpz, fmpz_mat, nmod_mat
 
 from .formulas import (
     CERTIFICATE,
@@ -44,7 +44,7 @@ from .formulas import (
     read_tokens,
     require,
 )
-from .numbers import Balls, Number, Place, Residues, Series, Undefined, Unsettled
+from .numbers import Balls, Characters, Number, Place, Residues, Series, Undefined, Unsettled
 from .plan import SPARE, Plan
 from .series import Count, Elimination, Expansion, Row, Step, followed, symbol_of, symbol_rows
 
@@ -182,6 +182,8 @@ class Question:
             trace = self.locate()
         if not self.rational:
             self.make_plan(trace)
+            if self.plan.split > 1 and not self.independent():
+                self.plan.choices = self.plan.every_choice()
         else:
             self.modulo(0, read, 1)
         self.read(Count(self))
@@ -249,6 +251,28 @@ class Question:
             self.halves = True
             self.make_plan(trace)
 
+    def independent(self) -> bool:
+        """Whether the roots r^N = w of functions are all of full degree: then one choice of them does for all.
+
+        No product of the w is a power in the field before them if, at some of the points, it is none modulo the prime.
+        """
+        prime, points = self.prime(), list[Characters]()
+        for _ in range(16 + len(self.plan.pairs)):
+            seed = self.generator.getrandbits(64)
+            one, other = Characters(self, prime, seed), Characters(self, prime, seed)
+            try:
+                self.read(self.expansion(one, 0))
+                self.read(self.expansion(other, 0))
+            except Undefined:
+                continue
+            if one.radicands != other.radicands or any(24 % degree for _, degree in one.radicands):
+                return False  # a root of what holds roots, or arbitrary functions
+            points.append(one)
+            tables = [(q, [point.powers_of(q) for point in points]) for q in (2, 3)]
+            if all(nmod_mat(table, q).rank() == len(table[0]) for q, table in tables):
+                return True
+        return False
+
     def in_balls(self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None) -> Any:
         """The work in balls at the point, with more digits until they suffice."""
         for bits in PRECISIONS:
@@ -273,7 +297,7 @@ class Question:
             prime = prime if attempt % 8 else self.prime()
             seed, here, classes = self.generator.getrandbits(64), list[Any](), list[list[int]]()
             try:
-                for choice in choices if degree and len(choices) > 1 else ():  # whether there are these roots
+                for choice in choices if degree and self.plan.split > 1 else ():  # whether there are these roots
                     self.read(self.expansion(Residues(self, prime, seed, choice), 0))
                 for choice in choices:
                     ring = self.expansion(Residues(self, prime, seed, choice), degree)

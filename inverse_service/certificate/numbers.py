@@ -87,6 +87,9 @@ class Residues:
             raise Undefined
         return sorted(int(root) for root, _ in found)
 
+    def root(self, value: int, degree: int) -> int:
+        return self.roots(value, degree)[0]
+
     def product(self, entry: Entry, times: int = 1) -> int:
         """The product of the e_j^(times a_j) of a combination, from their roots."""
         value = 1
@@ -117,7 +120,7 @@ class Residues:
         if entry.pair:
             degree = self.plan.pairs[entry.pair].scale
             turn = pow(self.turn, self.plan.turns // degree * self.choice.get(entry.pair, 0), self.prime)
-            self.pairs[entry.pair] = self.pairs[entry.pair][0], self.roots(value, degree)[0] * turn % self.prime
+            self.pairs[entry.pair] = self.pairs[entry.pair][0], self.root(value, degree) * turn % self.prime
             return self.pairs[entry.pair][0]
         self.same(pow(value, entry.times, self.prime), self.product(entry, entry.times))
         return self.total(entry)
@@ -149,6 +152,29 @@ class Residues:
     def regular(self, matrix: list[list[Number]]) -> bool:
         """Whether the determinant is not zero."""
         return int(nmod_mat([[int(entry % self.prime) for entry in row] for row in matrix], self.prime).det()) != 0
+
+
+class Characters(Residues):
+    """Keeps w of each root r^N = w that is read; numbers that are new each time stand for roots and derivatives."""
+
+    def __init__(self, question: Question, prime: int, seed: int) -> None:
+        super().__init__(question, prime, seed, {})
+        self.radicands = list[tuple[int, int]]()
+
+    def root(self, value: int, degree: int) -> int:
+        self.radicands += [(value, degree)] * (degree > 1)
+        return self.draw() if degree > 1 else value
+
+    def same(self, left: int, right: int) -> None:
+        pass
+
+    def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
+        return self.draw()
+
+    def powers_of(self, q: int) -> list[int]:
+        """The exponents a where w^((p - 1)/q) = z^a, z^q = 1, of each root with N a multiple of q."""
+        powers = [pow(self.roots(1, q)[1], a, self.prime) for a in range(q)]
+        return [powers.index(pow(w, (self.prime - 1) // q, self.prime)) for w, n in self.radicands if n % q == 0]
 
 
 @dataclass(slots=True)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 
 from flint import arb, fmpq, fmpz, fmpz_mat
 
@@ -55,7 +56,7 @@ class Plan:
         self, traces: list[list[tuple[bool, bool, arb]]], bits: int, check_time: Callable[[], None] = lambda: None
     ) -> None:
         self.bits, self.split, self.entries = bits, 1, list[Entry]()  # the product of the N of functions
-        self.turns, self.powers, self.choices = 1, [dict[int, Fraction]()], [dict[int, int]()]  # see choices_of
+        self.turns, self.choices = 1, [dict[int, int]()]  # a multiple of the N of functions; see every_choice
         self.classes: list[int] | None = None  # of the arguments of arbitrary functions, in the order of reading
         self.searches = 0
         self.halved = False  # whether half an arctangent's argument is an angle: see Residues.angle
@@ -168,29 +169,20 @@ class Plan:
         split = math.prod([scales.get(j, self.pairs[j].scale) for j in roots])
         bounds = ((12 if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE) for j in scales)
         good = split <= MAX_SPLIT and all(scale <= most for scale, most in zip(scales.values(), bounds, strict=True))
-        power = {j: turn for j in roots if (turn := parts.get(j, Fraction(0)) % 1)}
-        turns = math.lcm(self.turns, *[turn.denominator for turn in power.values()])
-        powers = self.powers if power in self.powers else [*self.powers, power]
-        choices = (self.choices if powers is self.powers else self.choices_of(powers, turns)) if good else []
-        if 0 < len(choices) <= MAX_CHOICES and all(abs(a) * scales[j] <= MAX_POWER for j, a in parts.items()):
-            self.split, self.turns, self.powers, self.choices = split, turns, powers, choices
+        if good and all(abs(a) * scales[j] <= MAX_POWER for j, a in parts.items()):
+            self.split, self.turns = split, math.lcm(self.turns, *[scales[j] for j in roots if j in scales])
             for j, scale in scales.items():
                 self.halved |= self.pairs[j].imaginary and self.pairs[j].logarithm and scale % 2 == 0
                 self.pairs[j].scale = scale
             return True
         return False
 
-    def choices_of(self, powers: list[dict[int, Fraction]], count: int) -> list[dict[int, int]]:
-        """Of all choices of the roots one from each set that gives the powers that occur the same values.
-
-        Where r_j is made r_j zeta_j^k_j, the product of the e_j^a_j is multiplied by e^(2 pi i sum a_j k_j).
-        """
-        told: dict[tuple[Fraction, ...], dict[int, int]] = {(Fraction(0),) * len(powers): {}}
-        for j in sorted({j for power in powers for j in power}):
-            turns = [power.get(j, Fraction(0)) for power in powers]
-            told = {tuple((a + k * turn) % 1 for a, turn in zip(sums, turns, strict=True)): choice | {j: k}
-                    for sums, choice in told.items() for k in range(count)}  # fmt: skip
-        return [*told.values()]
+    def every_choice(self) -> list[dict[int, int]]:
+        """Each choice k of the roots r_j z_j^k_j of functions, z_j a root of unity."""
+        if self.split > MAX_CHOICES:
+            raise Ended("incomplete", f"Roots that depend on each other have more than {MAX_CHOICES} choices.")
+        scales = {j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number}
+        return [dict(zip(scales, choice, strict=True)) for choice in product(*map(range, scales.values()))]
 
     def moderate(self, parts: dict[int, Fraction]) -> bool:
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])

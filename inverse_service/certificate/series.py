@@ -362,9 +362,12 @@ class Elimination:
             if factor is not None:
                 field.question.check_time()
                 for key, value in self.rows[number].items():
-                    if key >= first and key not in raw and key in order:
+                    if key in raw:
+                        raw[key] -= factor * value
+                        continue
+                    raw[key] = -factor * value
+                    if key >= first and key in order:
                         heappush(queue, (-(key >> self.shift), order[key]))
-                    raw[key] = raw.get(key, 0) - factor * value
         return self.settle(raw)
 
     def follow(self, row: Series, step: Step) -> None:

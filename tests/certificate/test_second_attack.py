@@ -120,6 +120,32 @@ FORGED = {
 }
 
 
+ROOTS = {  # that seem to be independent of each other; one choice of them would do in half of the checks
+    "a root of what holds a root": times("sqrt(sqrt(x)^2-x+y^2)-y", near={"x": "2", "y": "-2"}),
+    "a root of what holds a function of a root": times(
+        "sqrt(A(sqrt(x)^2)-A(x)+y^2)-y", **A, near={"x": "2", "y": "-2"}
+    ),
+    "a root of what holds large powers": times("sqrt((sqrt(x)^2)^5001-x^5001+y^2)-y", near={"x": "2", "y": "-2"}),
+    "a root of an integral": of_lagrangian(
+        "0", "0", FLAT + "+(sqrt((F(t)-F(t)+y)^2)-y)*x*y", integrals=integral("1"), near={"y": "-2"}, **TIMED
+    ),
+    "two roots whose product is a square": times("sqrt(x)*sqrt(x*y^2)-x*y", near={"x": "2", "y": "-2"}),
+    "three roots whose product is a square": times(
+        "sqrt(x+9)*sqrt(y+9)*sqrt((x+9)*(y+9)*(x-y)^2)-(x+9)*(y+9)*(x-y)", near={"x": "1", "y": "2"}
+    ),
+    "a sixth root of a square": times("((y^2)^(1/6))^3-y", near={"y": "-2"}),
+    "a tenth root of a square": times("((y^2)^(1/10))^5-y", near={"y": "-2"}),
+    "a root of a square of exponentials": times("sqrt(exp(2*x)*y^2)-exp(x)*y", near={"y": "-2"}),
+    "a root of a logarithm": times("sqrt(log(x)^2)-log(x)", near={"x": "1/2"}),
+    "a root of half an angle": times("sqrt(2-2*cos(x))-2*sin(x/2)", near={"x": "-1"}),
+}
+
+
+@pytest.mark.parametrize("name", ROOTS)
+def test_roots_that_depend_on_each_other_are_tried_with_both_signs(name: str) -> None:
+    assert "valid" not in [check_certificate(ROOTS[name], seed=seed).verdict for seed in range(6)]
+
+
 @pytest.mark.parametrize("name", FORGED)
 def test_a_second_attack_finds_no_way(name: str) -> None:
     for seed in (1, 2):
