@@ -13,13 +13,16 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import Acceleration, Expression, Velocity, add, subtract
+from inverse_service.expressions.tree import Acceleration, Expression, Symbol, Velocity, add, subtract
 from inverse_service.inverse_problem.search.completion import completed, expressions_without_acceleration
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.terms import (
+    EMPTY,
+    Monomial,
     Terms,
     TooManyTerms,
     add_terms,
+    derivative_of_terms,
     monomial,
     terms_of,
     times,
@@ -112,3 +115,40 @@ def _left_over(names: Sequence[str], equations: _Equations, kinetic: Terms) -> l
     """E_i without accelerations, less that of the kinetic part."""
     own = expressions_without_acceleration(names, kinetic)
     return [add_terms(rest, expression, -1) for rest, expression in zip(equations.rest, own, strict=True)]
+
+
+def masses(system: SecondOrderSystem) -> list[Terms]:
+    """Products w_i of constants, without denominators, with w_i df_i/dq_j = w_j df_j/dq_i; 1 where there are none."""
+    forces = [terms_of(f) for f in system.accelerations]
+    slopes = [[derivative_of_terms(f, Symbol(q)) for q in system.coordinates] for f in forces]
+    constants, found = {*map(Symbol, system.parameters)}, dict[int, tuple[Monomial, Fraction]]()
+    for start in range(len(slopes)):
+        block = [] if start in found else [start]
+        found.setdefault(start, (EMPTY, Fraction(1)))
+        for i in block:
+            for j, slope in enumerate(slopes[i]):
+                ratio = _ratio(slope, slopes[j][i], constants)
+                if ratio is None:
+                    return [{EMPTY: Fraction(1)}] * len(slopes)
+                if slope and j not in found:
+                    found[j] = times(found[i][0], ratio[0]), found[i][1] * ratio[1]
+                    block.append(j)
+        tables = [dict(found[i][0]) for i in block]
+        least = {
+            letter: min(table.get(letter, Fraction(0)) for table in tables) for table in tables for letter in table
+        }
+        common = frozenset((letter, e) for letter, e in least.items() if e)
+        found |= {i: (times(found[i][0], common, -1), found[i][1]) for i in block}
+    return [{key: value} for key, value in (found[i] for i in range(len(slopes)))]
+
+
+def _ratio(left: Terms, right: Terms, constants: set[Symbol]) -> tuple[Monomial, Fraction] | None:
+    """(m, c) with left = c m right, m a product of constants; None where there is none."""
+    if not left and not right:
+        return EMPTY, Fraction(1)
+    for key, value in right.items() if left else ():
+        first = next(iter(left))
+        m, c = times(first, key, -1), left[first] / value
+        if {letter for letter, _ in m} <= constants and left == {times(k, m): c * a for k, a in right.items()}:
+            return m, c
+    return None

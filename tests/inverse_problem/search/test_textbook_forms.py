@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from inverse_service.deadline import now, until
+from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.reader import read_formula as parse
+from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
+from inverse_service.inverse_problem.search.material import gather
+from inverse_service.inverse_problem.search.scalar_multiplier import propose
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_given, read_system
 from inverse_service.service.documents.translate import lagrangian_part
@@ -95,6 +101,52 @@ def test_distances_stay_as_they_are_written() -> None:
     for formula in (answer.lagrangian.expression, answer.hamiltonian.expression):
         assert "sqrt((x + m)^2 + y^2)" in to_text(formula)
         assert "sqrt((x + m - 1)^2 + y^2)" in to_text(formula)
+
+
+def _bodies(masses: dict[str, str], drag: str) -> tuple[dict[str, str], str]:
+    """Newton's bodies in a plane with masses in general and those given, and their L without its factor of time."""
+    equations, potential = {}, "0"
+    for one in masses:
+        for q in "xy":
+            parts = [
+                f"-{masses[k]}*({q}{one}-{q}{k})/((x{one}-x{k})^2+(y{one}-y{k})^2)^(3/2)" for k in masses if k != one
+            ]
+            equations[q + one] = "".join(parts) + f"-{drag}*{q}{one}'"
+        others = [k for k in masses if k < one]
+        potential += "".join(f"+{masses[one]}*{masses[k]}/sqrt((x{one}-x{k})^2+(y{one}-y{k})^2)" for k in others)
+    return equations, potential + "".join(f"+{m}*(x{k}'^2+y{k}'^2)/2" for k, m in masses.items())
+
+
+CONSTANTS = ["m1", "m2", "m3", "k"]
+BODIES = [
+    ({"1": "m1", "2": "m2", "3": "m3"}, "0", "1"),
+    ({"1": "m1", "2": "m2", "3": "m3"}, "k", "exp(k*t)"),
+    ({"1": "1", "2": "m2", "3": "3/7"}, "0", "1"),
+    ({"1": "m1", "2": "m2", "3": "m3", "4": "m1*k"}, "0", "1"),
+]
+
+
+@pytest.mark.parametrize(("masses", "drag", "factor"), BODIES)
+def test_bodies_that_attract_each_other_have_their_masses_in_the_lagrangian(
+    masses: dict[str, str], drag: str, factor: str
+) -> None:
+    """Whittaker, Analytical Dynamics, section 155; with drag Bateman's factor."""
+    equations, wanted = _bodies(masses, drag)
+    system = read_system(list(equations), equations, CONSTANTS)
+    with until(now() + 60):
+        found, *_ = propose(gather(analyse(system), factor != "1"), 1)
+    assert same_value(found, parse(f"({factor})*({wanted})", Names(system.coordinates, tuple(CONSTANTS))))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drag", ["0", "k"])
+def test_three_bodies_in_a_plane_are_answered_with_their_lagrangian(drag: str) -> None:
+    equations, _ = _bodies({"1": "m1", "2": "m2", "3": "m3"}, drag)
+    answer = solve(read_system(list(equations), equations, CONSTANTS), SolveOptions()).with_time
+    assert answer is not None
+    assert answer.checked == "valid"
+    assert answer.lagrangian is not None
+    assert answer.lagrangian.family == "one function times a constant matrix"
 
 
 # Each made from the Lagrangian on the right, by SymPy; its terms are products of velocities, powers of the velocity of
