@@ -25,7 +25,7 @@ from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity
+from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Sum, Symbol, Velocity, number, walk
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
 from inverse_service.inverse_problem.search.gradings import by_degree
@@ -179,6 +179,7 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
     if family.given:
         return [key for key in family.shapes(material) if is_admissible(material, key) and not is_linear(key)]
     chosen = possible_shapes(material, [s for s in family.shapes(material) if not is_linear(s)], seed)
+    chosen = _with_roots_of_numbers(material, chosen)
     if not chosen or not family.terms:
         return chosen
     terms = family.terms if material.motion.size > 1 else min(family.terms, _MOST_OF_ONE)
@@ -189,6 +190,20 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
         # Where f holds no position, first integrals can be linear in t: x'' = x'^2 keeps 1/x' + t.
         found += products([monomial(TIME)], chosen)
     return [key for key in distinct(found) if is_admissible(material, key) and not is_linear(key)]
+
+
+def _with_roots_of_numbers(material: Material, shapes: Sequence[Monomial]) -> list[Monomial]:
+    """Roots of sums also times the roots of numbers in f: sqrt(x'^2 + y'^2/2) is sqrt(1/2) sqrt(2 x'^2 + y'^2)."""
+    letters = (item for terms in material.motion.forces for key in terms for item in key)
+    nodes = (Power(p, number(e)) if isinstance(p, Number) else p for p, e in letters)
+    constants = dict.fromkeys(
+        frozenset([(node.base, node.exponent.value % 1)])
+        for tree in dict.fromkeys(nodes)
+        for node in walk(tree)
+        if isinstance(node, Power) and isinstance(node.base, Number) and isinstance(node.exponent, Number)
+    )
+    rooted = [s for s in shapes if any(isinstance(p, Sum) and e.denominator > 1 for p, e in s)]
+    return [*shapes, *products(constants, rooted)]
 
 
 # For one coordinate every f has a Lagrangian, so the large rows end most searches in vain; they found none there.
