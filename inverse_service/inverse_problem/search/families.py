@@ -21,6 +21,7 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service.algebra import series as ps
+from inverse_service.algebra.modular import reconstruct
 from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.deadline import check
@@ -46,17 +47,34 @@ Grid = list[list[int]]
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 
 
-def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
-    """Those that can occur in a regular multiplier; where the test cannot be made, the simplest."""
+@dataclass(frozen=True, slots=True)
+class Possible:
+    """The shapes that can occur in a regular multiplier, and what is known of the growth of their coefficients.
+
+    These are e^(rho t) c(q) with one rho, where that of most of them is seen; `alone` where it is seen of all.
+    """
+
+    shapes: list[Monomial]
+    growth: Fraction | None = None
+    alone: bool = False
+
+    def in_time(self, others: Sequence[Monomial]) -> tuple[Monomial, ...]:
+        """e^(rho t), before the others where it is not alone."""
+        own = frozenset([(Apply("exp", TIME), self.growth)]) if self.growth else EMPTY
+        return tuple(others) if self.growth is None else tuple(dict.fromkeys([own, *(() if self.alone else others)]))
+
+
+def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> Possible:
+    """Those that can occur; where the test cannot be made, the simplest."""
     try:
         return _possible_shapes(material, shapes, seed)
     except _NO_POINTS:
-        return list(shapes[:_MOST])
+        return Possible(list(shapes[:_MOST]))
 
 
-def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> list[Monomial]:
+def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> Possible:
     if not shapes:
-        return []
+        return Possible([])
     groups = [group[:_MOST] for group in _groups(material, shapes)]
     unknowns = material.motion.size + 1 + material.motion.with_time
     sampler, chosen = sampler_of(material.analysis, [shape for group in groups for shape in group])
@@ -68,14 +86,35 @@ def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) 
     inverse = pow(1 << 64, -1, table.prime)
     plain = np.array(helmholtz_matrix(sampler, table, letters, chosen), dtype=object) * inverse % table.prime
     generator, weights = random.Random(f"velocity shapes {seed}"), list[int]()
-    for group in groups:
-        places = range(len(weights), len(weights) + len(group))
-        weights += _random_solution(
+
+    def solution(places: Sequence[int]) -> list[int]:
+        return _random_solution(
             material, table, [[row[k] for k in places] for row in forms], plain[:, places], generator
         )
+
+    for group in groups:
+        weights += solution(range(len(weights), len(weights) + len(group)))[: len(group)]
     used = _used(chosen, weights, forms[0], table.prime)
     squares = used == [monomial(v, v) for v in material.motion.velocities]
-    return [] if squares and not _has_function_of_position(points) else used
+    if squares and not _has_function_of_position(points):
+        return Possible([])
+    if not used or not material.motion.with_time or material.analysis.system.depends_on_time:
+        return Possible(used)
+    again = solution([k for k, c in enumerate(weights) if c])
+    return Possible(used, *_growth(again[: len(used)], again[len(used) : 2 * len(used)], table.prime))
+
+
+# Of e^(rho t): what a larger bound admits are accidents.
+_LARGEST_GROWTH = 1_000
+
+
+def _growth(weights: Sequence[int], rates: Sequence[int], prime: int) -> tuple[Fraction | None, bool]:
+    """rho with d_t c_k = rho c_k in a random solution for most k, and whether for all; None without one."""
+    pairs = zip(weights, rates, strict=True)
+    known = [reconstruct(rate * pow(c, -1, prime), prime, _LARGEST_GROWTH) if c else None for c, rate in pairs]
+    most = max(known, key=known.count)
+    is_seen = most is not None and 2 * known.count(most) > len(known)
+    return (most, set(known) == {most}) if is_seen else (None, False)
 
 
 def _has_function_of_position(points: SamplePoints) -> bool:
@@ -99,14 +138,13 @@ def _groups(material: Material, shapes: Sequence[Monomial]) -> list[list[Monomia
 def _random_solution(
     material: Material, table: LetterTable, forms: Sequence[Sequence[Grid]], plain: Any, generator: random.Random
 ) -> list[int]:
-    """The coefficients of the shapes of one group in a random solution of (H2), (H3) at one place."""
+    """The coefficients of the shapes of one group, and then their derivatives, in a random solution at one place."""
     rows = [[*map(int, row), *_of_derivatives(material, table, forms, k)] for k, row in enumerate(plain.tolist())]
     width = len(rows[0])
     check(1 + len(rows) * width * min(len(rows), width) // 10_000)
     basis, nullity = nmod_mat(len(rows), width, [x for row in rows for x in row], table.prime).nullspace()
     weights = [generator.randrange(table.prime) for _ in range(nullity)]
-    found = basis.tolist()[: plain.shape[1]]
-    return [sum(w * int(x) for w, x in zip(weights, row, strict=False)) % table.prime for row in found]
+    return [sum(w * int(x) for w, x in zip(weights, row, strict=False)) % table.prime for row in basis.tolist()]
 
 
 def _hessians(table: LetterTable, shapes: Sequence[Monomial]) -> list[list[Grid]]:
@@ -178,13 +216,14 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
     """The terms of an ansatz that have a Hessian, simple ones first; none where these make no regular multiplier."""
     if family.given:
         return [key for key in family.shapes(material) if is_admissible(material, key) and not is_linear(key)]
-    chosen = possible_shapes(material, [s for s in family.shapes(material) if not is_linear(s)], seed)
-    chosen = _with_roots_of_numbers(material, chosen)
+    possible = possible_shapes(material, [s for s in family.shapes(material) if not is_linear(s)], seed)
+    chosen = _with_roots_of_numbers(material, possible.shapes)
     if not chosen or not family.terms:
         return chosen
+    in_time = possible.in_time(factors.in_time)
     terms = family.terms if material.motion.size > 1 else min(family.terms, _MOST_OF_ONE)
-    room = max(_FEWEST, terms // (len(chosen) * len(factors.in_time)))
-    found = products(factors.in_time, products(_functions(material, factors, room), chosen))[: 2 * family.terms]
+    room = max(_FEWEST, terms // (len(chosen) * len(in_time)))
+    found = products(in_time, products(_functions(material, factors, room), chosen))[: 2 * family.terms]
     found += [m for shape in chosen for m in products(_fitted(material, factors, shape), [shape])]
     if material.motion.with_time and not material.position_letters:
         # Where f holds no position, first integrals can be linear in t: x'' = x'^2 keeps 1/x' + t.

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Apply, Expression, add, multiply, number, power, square_root
 from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.families import possible_shapes
-from inverse_service.inverse_problem.search.material import gather
+from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.motion import irreducible_factors
-from inverse_service.inverse_problem.search.shapes import quadratic
-from inverse_service.inverse_problem.search.terms import monomial, terms_of, tree_of
+from inverse_service.inverse_problem.search.shapes import carried, polynomials, quadratic
+from inverse_service.inverse_problem.search.terms import Monomial, monomial, terms_of, tree_of
 from inverse_service.mechanics.reading import read_system
+from inverse_service.service.documents.documents import solve_document
 from tests.generator import random_systems
 from tests.inverse_problem.search.given import tree
 
@@ -40,7 +44,7 @@ EXCLUDED = [
 def possible(equations: dict[str, str], with_time: bool, seed: int = 1) -> bool:
     system = read_system(list(equations), equations)
     given = gather(analyse(system), with_time)
-    return bool(possible_shapes(given, quadratic(given), seed))
+    return bool(possible_shapes(given, quadratic(given), seed).shapes)
 
 
 @pytest.mark.parametrize(("equations", "with_time"), POSSIBLE)
@@ -68,7 +72,52 @@ def test_shapes_without_common_points_do_not_stop_the_others() -> None:
     v = given.motion.velocities[0]
     nowhere = add(number(-1), multiply(number(-1), power(v, 2)))
     shapes = [*quadratic(given), monomial(square_root(nowhere)), monomial(Apply("log", v))]
-    assert set(possible_shapes(given, shapes, 1)) == set(quadratic(given))
+    assert set(possible_shapes(given, shapes, 1).shapes) == set(quadratic(given))
+
+
+def equations_of(lagrangian: str, coordinates: str) -> dict[str, str]:
+    """q'' = f of its Euler-Lagrange equations."""
+    result = solve_document({"lagrangian": lagrangian, "coordinates": coordinates.split()}, SolveOptions())
+    return {name: formula["text"] for name, formula in result["equations"].items()}
+
+
+GROWING = [
+    ("exp(t)*(x'^2 + x'*w'^3 + w*x)", "x w", polynomials, 1),
+    ("exp(-2*t)*(w'^2 + 3*x*w'^4 + w'*x'^2)", "x w", carried, -2),
+    ("x'^2 + x'*w'^3 + w*x", "x w", polynomials, 0),
+]
+
+
+@pytest.mark.parametrize(("lagrangian", "coordinates", "shapes", "growth"), GROWING)
+def test_the_growth_of_coefficients_is_seen_at_one_place(
+    lagrangian: str, coordinates: str, shapes: Callable[[Material], list[Monomial]], growth: int
+) -> None:
+    """Terms of different degrees leave no damping -c q' in f, and f holds no t."""
+    equations = equations_of(lagrangian, coordinates)
+    given = gather(analyse(read_system(list(equations), equations)), True)
+    possible = possible_shapes(given, shapes(given), 1)
+    assert possible.growth == growth
+    assert possible.alone
+
+
+def test_a_system_that_holds_the_time_shows_no_growth() -> None:
+    equations = equations_of("exp(t)*(x'^2 + x'*w'^3 + t*x^2)", "x w")
+    given = gather(analyse(read_system(list(equations), equations)), True)
+    assert possible_shapes(given, polynomials(given), 1).growth is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("lagrangian", "coordinates"),
+    [
+        *((lagrangian, coordinates) for lagrangian, coordinates, *_ in GROWING[:2]),
+        ("x'*sqrt(x'^2 + y'^2/2)*exp(-x) + x'^2*sin(y)", "x y"),
+    ],
+)
+def test_growing_terms_and_roots_of_fractions_are_found(lagrangian: str, coordinates: str) -> None:
+    """The second has sqrt(1/2) sqrt(2 x'^2 + y'^2) beside rational terms."""
+    result = solve_document({"equations": equations_of(lagrangian, coordinates)}, SolveOptions(time_limit=60))
+    assert result["lagrangian"] or result["with_time"]["lagrangian"]
 
 
 SUMS = [
