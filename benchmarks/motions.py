@@ -63,7 +63,7 @@ def cells(row: Row) -> tuple[str, ...]:
         row.name,
         said(row.answer),
         proof(row.answer),
-        f"{'open at ' * (row.found.exists is None)}{row.found.order}",
+        f"{'open at ' * (row.found.exists is None)}{row.found.order or ''}",
         ", ".join(map(str, last[:_DEGREES])),
         row.answer["freedom"] or "",
         f"{row.decision:.2g}",
@@ -80,6 +80,8 @@ def said(answer: Mapping[str, Any]) -> str:
 def proof(answer: Mapping[str, Any]) -> str:
     """What the certificate is; `solve` gives none that the checker does not find valid."""
     certificate = answer["certificate"] or {}
+    if certificate.get("along"):
+        return f"brackets to t^{certificate['along']}"
     if certificate.get("kind") == "nonexistence":
         return f"{len(certificate['rows'])} rows"
     of = {"lagrangian": "L", "existence": "existence"}

@@ -606,12 +606,23 @@ def certified(document: Any, tools: Tools, everywhere: bool = False) -> str:
     check_certificate_shape(document)
     kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
-    from .constraints import Motion  # which is a Question
+    from .constraints import Along, Motion  # which are Questions
     from .kinds import Definite, OfKind
 
     moving, among = document["system"].get("velocities") is not None, document.get("among")
     require(not moving or among is None, "A motion on constraints is asked about with all Lagrangians.")
-    about = Motion if moving else Question if among is None else Definite if among == "positive_definite" else OfKind
+    along = moving and kind == "nonexistence" and document.get("along") is not None
+    about = (
+        Along
+        if along
+        else Motion
+        if moving
+        else Question
+        if among is None
+        else Definite
+        if among == "positive_definite"
+        else OfKind
+    )
     asked = about(tools, document["system"], document["question"] == "time_dependent", document)
     plain = kind == "lagrangian" and about is Question
     require(plain or not asked.unsolved, "Equations that are not solved for q'' are proven variational by an L alone.")

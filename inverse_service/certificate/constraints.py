@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from functools import cache
-from itertools import product
+from itertools import combinations, product
 from typing import Any
 
 from .checker import KindsOfRows, Question, Tools
 from .formulas import MAX_ORDER, check_shape
 from .numbers import Arithmetic, Number, Series
-from .series import Elimination, Expansion, Term
+from .series import Elimination, Expansion, Row, Term
 
 PACE = 4  # brackets with Gamma that count as one order
 
@@ -72,6 +73,80 @@ class MotionExpansion(Expansion):
                 for weights in self.question.mixing]  # fmt: skip
 
 
+class FlowExpansion(MotionExpansion):
+    """Series in the time along the solution from a point, and to first order in displacements of the points on it."""
+
+    clocks = 1
+
+    def expand(self) -> None:
+        last, self.clock = self.degree, (1 << self.shift - 8) | (1 << self.shift)
+        if not last:  # only to read
+            super().expand()
+            return
+        start = {name: {0: self.arithmetic.values[name]} for name in self.question.variables}
+        solution, number = dict[str, Series](start), self.arithmetic.number
+        for degree in range(last):
+            self.follow(degree, solution)
+            for name, rate in zip(start, self.field, strict=True):
+                grown = {key: part * number(Fraction(1, (key >> self.shift) + 1)) for key, part in rate.items()}
+                solution[name] = self.settle(start[name] | {key + self.clock: part for key, part in grown.items()})
+        displaced = dict(zip(start, self.units, strict=True))
+        self.follow(last + 1, {name: solution[name] | {unit: number(Fraction(1))} for name, unit in displaced.items()})
+        self.vertical = self.pulled_back(last)
+
+    def follow(self, degree: int, solution: dict[str, Series]) -> None:
+        """Read f to a degree along a solution; all values at the start are the same each time."""
+        self.arithmetic, self.degree = self.arithmetic.again(), degree
+        self.names = {name: {0: value} for name, value in self.arithmetic.values.items()} | solution
+        self.read()
+
+    def multiply(self, left: Series, right: Series, degree: int) -> Series:
+        """To first order in the displacements."""
+        displaced = (1 << 8 * len(self.units)) - 1
+        moved = {key: part for key, part in left.items() if key & displaced}
+        if not moved:
+            return super().multiply(left, right, degree)
+        still = {key: part for key, part in left.items() if not key & displaced}
+        plain = {key: part for key, part in right.items() if not key & displaced}
+        return self.add([super().multiply(still, right, degree), super().multiply(moved, plain, degree)])
+
+    def pulled_back(self, last: int) -> dict[int, list[Series]]:
+        """Phi(t)^-1 d_v to t^last, by components: Psi' = -Psi dGamma/dx, Psi(0) = 1, for Psi = Phi^-1."""
+        own = (*self.q, *self.v)
+        psi: list[Series] = [{x << 8 | x: self.one[0] for x in own}]
+        slopes = [{z: [(y, part) for y in own if (part := self.field[z].get(self.units[y] + k * self.clock))]
+                   for z in own} for k in range(last)]  # fmt: skip
+        for k in range(last):
+            total = Series()
+            for before, slope in zip(psi, reversed(slopes[: k + 1]), strict=True):
+                for place, part in before.items():
+                    for y, rate in slope[place & 255]:
+                        key = place & ~255 | y
+                        total[key] = total.get(key, 0) - part * rate
+            share = self.arithmetic.number(Fraction(1, k + 1))
+            psi.append({key: part * share for key, part in self.settle(total).items()})
+        return {v: [{x: part[x << 8 | v] for x in own if x << 8 | v in part} for part in psi] for v in self.v}
+
+    def row(self, kind: str, place: tuple[int, ...], alpha: int) -> Series:
+        """The coefficient of t^alpha of Omega(Phi^-1 d_v, Phi^-1 d_v'), in the components of Omega at the start."""
+        left, right = (self.vertical[self.v[a]] for a in place)
+        row = Series()
+        for i in range(alpha + 1):
+            for (x, a), (y, b) in product(left[i].items(), right[alpha - i].items()):
+                if x != y:
+                    row[self.pair(x, y)] = row.get(self.pair(x, y), 0) + (a * b if x < y else -a * b)
+        return self.settle(row)
+
+    def pair(self, x: int, y: int) -> int:
+        return min(x, y) << 8 | max(x, y)
+
+    def matrix(self, elimination: Elimination) -> list[list[Number]]:
+        """Random combinations of the rows of [Omega(d_q, d_v)] of a random solution."""
+        form = elimination.solution([self.pair(x, y) for x, y in combinations((*self.q, *self.v), 2)])
+        return [[sum([a * form.get(self.pair(q, v), 0) for a, q in zip(weights, self.q, strict=True)]) for v in self.v]
+                for weights in self.question.mixing]  # fmt: skip
+
+
 class Motion(Question):
     """A motion on constraints, and the checks of certificates about its Lagrangians."""
 
@@ -91,3 +166,15 @@ class Motion(Question):
 
     def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
         return MotionExpansion(arithmetic, degree)
+
+
+class Along(Motion):
+    """The claim that brackets along one solution leave 2-forms with vertical vectors in their kernels only."""
+
+    def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
+        last, pairs = document["along"], [*combinations(range(len(self.free)), 2)]
+        check_shape(last, range(1, MAX_ORDER * PACE), "certificate.along")
+        return [("A", pair, j) for j in range(last + 1) for pair in pairs], last
+
+    def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
+        return FlowExpansion(arithmetic, degree)

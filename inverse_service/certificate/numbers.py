@@ -48,6 +48,10 @@ class Residues:
             zeta = (two * three + two + self.i * (two * three - two)) * self.inverse(4)  # e^(pi i/12)
             self.pairs[PI] = self.values["pi"], zeta % prime
 
+    def again(self) -> Residues:
+        """The same, before any formula was read."""
+        return Residues(self.question, self.prime, self.seed, self.choice)
+
     def draw(self) -> int:
         return self.question.generator.randrange(self.prime)
 
@@ -207,10 +211,14 @@ class Balls:
     prime = 0
 
     def __init__(self, question: Question, place: Place, classes: list[int] | None) -> None:
-        self.question, self.place, self.classes = question, place, iter(classes or [])
+        self.question, self.place, self.given, self.classes = question, place, classes, iter(classes or [])
         self.guessing, self.trace = classes is None, list[tuple[bool, bool, arb]]()
         self.known, self.met = dict[int, tuple[str, list[arb]]](), list[int]()
         self.values = {name: self.number(value) for name, value in place.values.items()} | {"pi": arb.pi()}
+
+    def again(self) -> Balls:
+        """The same, before any formula was read."""
+        return Balls(self.question, self.place, self.given)
 
     def draw(self) -> arb:
         return arb(self.question.generator.randrange(-9999, 10_000)) / 1000

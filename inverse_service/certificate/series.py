@@ -90,30 +90,40 @@ class Expansion:
     """
 
     offset = 2  # the total degree of the unknown coefficients of L that are of degree 0
+    clocks = 0  # variables of the series beside those of the question
 
     def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
         self.question, self.arithmetic, self.degree = arithmetic.question, arithmetic, degree
         self.settle: Callable[[Series], Series] = arithmetic.settle
         question, n = self.question, len(self.question.coordinates)
         m, free, transverse = len(question.variables), len(question.free), len(question.bound)
-        self.shift, self.one = 8 * (m + transverse), self.settle({0: arithmetic.number(Fraction(1))})
+        self.shift, self.one = 8 * (m + transverse + self.clocks), self.settle({0: arithmetic.number(Fraction(1))})
         self.all_units = [(1 << 8 * a) | (1 << self.shift) for a in range(m + transverse)]
         self.units, self.mu = self.all_units[:m], range(m, m + transverse)
         self.q, self.v = range(m - free - n, m - free), range(m - free, m)
         self.phi, self.table, self.unknowns = cache(self.curvature), cache(self.condition), cache(self.coefficients)
-        if math.comb(m + degree, degree) * (1 + transverse) > MAX_MONOMIALS:
+        self.expand()
+
+    def expand(self) -> None:
+        """Read f, its variables displaced."""
+        arithmetic, question, degree = self.arithmetic, self.question, self.degree
+        if math.comb(len(self.units) + degree, degree) * (1 + len(self.mu)) > MAX_MONOMIALS:
             raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
         self.names = {name: {0: value} for name, value in arithmetic.values.items()}
         for name, unit in zip(question.variables, self.units, strict=True) if degree else ():
             self.names[name][unit] = arithmetic.number(Fraction(1))
-        self.ties = list[Series]()
-        read = question.read_all(self)
-        self.forces, self.rates = read[:free], read[free:]
-        self.field = [self.one] * question.timed + [self.names[name + "'"] for name in question.coordinates]
-        self.field += self.forces
+        self.read()
         for name, rate, a in zip(question.bound, self.rates, self.mu, strict=True) if degree else ():
             self.names[name + "'"] = self.add([rate, {self.all_units[a]: self.one[0]}])
         self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
+
+    def read(self) -> None:
+        """f, and Gamma by the variables."""
+        self.ties, free = list[Series](), len(self.question.free)
+        found = self.question.read_all(self)
+        self.forces, self.rates = found[:free], found[free:]
+        self.field = [self.one] * self.question.timed + [self.names[name + "'"] for name in self.question.coordinates]
+        self.field += self.forces
 
     def constant(self, value: Fraction) -> Series:
         return self.settle({0: self.arithmetic.number(value)})

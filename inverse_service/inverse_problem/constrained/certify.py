@@ -39,9 +39,11 @@ def of_finding(analysed: AnalysedMotion, found: Finding, with_time: bool) -> dic
     if found.exists is None:
         raise ValueError("only what was settled has a certificate")
     if found.symbol is None:
+        head = _head(analysed, with_time, "not_variational", "nonexistence")
+        if not found.order:
+            return head | {"along": int(str(found.rows[-1][0])[1:].partition("_")[0])}
         rows = [[*row[:-1], list(row[-1])] for row in found.rows if isinstance(row[-1], tuple)]
-        head = _head(analysed, with_time, "not_variational", "nonexistence") | _bivectors(analysed, with_time)
-        return head | {"order": found.order, "rows": rows}
+        return head | _bivectors(analysed, with_time) | {"order": found.order, "rows": rows}
     # The dimension stopped falling between order - 1 and order.
     order, symbol = found.order - 1, found.symbol
     return (

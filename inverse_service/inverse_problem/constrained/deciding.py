@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+import math
+import random
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from flint import nmod_mat
 
+from inverse_service.algebra import series as ps
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.point import Point, Variable
+from inverse_service.algebra.point import Expansion, Point, Variable
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.series_program import SeriesProgram, TooLarge
 from inverse_service.algebra.tower import Tower, draw_point
+from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.kinds import bivectors, constrained
 from inverse_service.inverse_problem.kinds.constrained import Shape
@@ -26,6 +33,8 @@ from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 
 Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
+# With fewer coordinates of D the prolongation alone is as fast. To which j the brackets are tried first.
+_ALONG_FROM, _FIRST_BRACKETS = 6, 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +111,112 @@ def decide_motion(
     """Is the motion that of a regular L(q, v) on the constraints, or of an L(t, q, v)? Two points must agree."""
     limits = Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
     try:
+        progress("brackets along one solution")
+        refused = refused_along_a_solution(analysed, with_time, seed, deadline)
+        if refused is not None:
+            return refused
         return settle(ConstrainedAt(analysed, with_time), seed, limits, progress)
     except TooLarge:
         return Finding(None, 0, "its series are too large")
     except IrreducibleAtoms as problem:
         return Finding(None, 0, problem.detail)
+
+
+def refused_along_a_solution(analysed: AnalysedMotion, with_time: bool, seed: int, deadline: float) -> Finding | None:
+    """A no from the brackets along one solution, by power series in t alone; None where they leave a yes possible.
+
+    Gamma keeps the 2-form Omega of `bivectors`, which vanishes on d/du^alpha ^ d/du^beta. With Phi(t) the derivative of
+    the flow and V_alpha(t) = Phi(t)^-1 d/du^alpha, so Omega(V_alpha(t), V_beta(t)) = 0 at the start, for all t: each
+    coefficient is a linear equation for the values of Omega there. It is a no if every solution of those up to t^j has
+    a vertical vector in its kernel, whether L may depend on t or not. Rows are named as those of `bivectors`, order 0.
+    """
+    free, size = len(analysed.motion.free), len(analysed.names) + len(analysed.motion.free)
+    if free < 2 or size < _ALONG_FROM:
+        return None
+    try:
+        points = [draw_point(analysed.tower, 2 * seed + k) for k in (0, 1)]
+        lasts = {last_bracket(analysed, point, deadline) for point in points}
+    except ps.SingularPoint:
+        return None
+    last = lasts.pop()
+    if lasts or last is None:
+        return None
+    pairs = itertools.product(range(last + 1), itertools.combinations(range(free), 2))
+    rows = tuple((f"B{j}_{alpha}", beta, (0,) * (size + with_time)) for j, (alpha, beta) in pairs)
+    return Finding(False, 0, rows=rows, points=tuple({"prime": point.prime, "seed": seed} for point in points))
+
+
+def last_bracket(analysed: AnalysedMotion, point: Point, deadline: float) -> int | None:
+    """The j up to which the equations have to be taken for a no; None where further ones follow from those before."""
+    size, free = len(analysed.names) + len(analysed.motion.free), len(analysed.motion.free)
+    rows, rank, done, degree = list[list[int]](), 0, -1, _FIRST_BRACKETS
+    while now() < deadline and done < math.comb(size, 2):
+        vectors = _vertical_at_the_start(analysed, point, degree)
+        for j in range(done + 1, degree + 1):
+            for alpha, beta in itertools.combinations(range(free), 2):
+                rows.append(_bracket(vectors[alpha], vectors[beta], j, point.prime))
+            before, matrix = rank, nmod_mat(rows, point.prime)
+            rank = matrix.rank()
+            if _leaves_a_vertical_kernel(matrix, size, free):
+                return j
+            if rank == before:
+                return None
+        done, degree = degree, 2 * degree
+    return None
+
+
+def _bracket(left: Sequence[Sequence[int]], right: Sequence[Sequence[int]], j: int, prime: int) -> list[int]:
+    """The coefficient of t^j of V ^ V', by pairs of coordinates."""
+    pairs = [(left[i], right[j - i]) for i in range(j + 1)]
+    places = itertools.combinations(range(len(left[0])), 2)
+    return [sum(a[x] * b[y] - a[y] * b[x] for a, b in pairs) % prime for x, y in places]
+
+
+def _leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
+    """Whether a random 2-form that solves the rows is zero on some vertical vector and everything."""
+    prime, (basis, nullity) = matrix.modulus(), matrix.nullspace()
+    generator = random.Random(prime)
+    weights = [generator.randrange(prime) for _ in range(nullity)]
+    places = enumerate(itertools.combinations(range(size), 2))
+    form = {pair: sum(int(basis[k, i]) * w for i, w in enumerate(weights)) % prime for k, pair in places}
+    vertical = range(size - free, size)
+    entries = [[(form.get((x, u), 0) - form.get((u, x), 0)) % prime for x in range(size)] for u in vertical]
+    rank: int = nmod_mat(entries, prime).rank()
+    return rank < free
+
+
+def _vertical_at_the_start(analysed: AnalysedMotion, point: Point, degree: int) -> list[list[list[int]]]:
+    """The coefficients of t^0, …, t^degree of each V_alpha, from Psi' = -Psi A, Psi = Phi^-1, A = d Gamma/dx."""
+    slopes, size, prime = _slopes_along(analysed, point, degree), len(analysed.names), point.prime
+    size += len(analysed.motion.free)
+    inverse = [nmod_mat(size, size, [int(x == y) for x in range(size) for y in range(size)], prime)]
+    for k in range(degree):
+        total = inverse[0] * slopes[k]
+        for i in range(1, k + 1):
+            total += inverse[i] * slopes[k - i]
+        inverse.append(total * (-pow(k + 1, -1, prime) % prime))
+    return [[[int(part[x, u]) for x in range(size)] for part in inverse] for u in range(len(analysed.names), size)]
+
+
+def _slopes_along(analysed: AnalysedMotion, point: Point, degree: int) -> list[nmod_mat]:
+    """The coefficients of d Gamma/dx along the solution that starts at the point."""
+    own: list[Symbol | Velocity] = [*map(Symbol, analysed.names), *map(Velocity, analysed.motion.free)]
+    rates = [*map(Velocity, analysed.motion.free), *analysed.velocities, *analysed.forces]
+    solution, prime = {name: [point.variable(name)] for name in own}, point.prime
+    for k in range(degree):
+        found = _coefficients_along(point, solution, k, rates)
+        for name, series in zip(own, found, strict=True):
+            solution[name].append(series[k] * pow(k + 1, -1, prime) % prime)
+    entries = _coefficients_along(point, solution, degree, [differentiate(rate, x) for rate in rates for x in own])
+    return [nmod_mat(len(own), len(own), [entry[k] for entry in entries], prime) for k in range(degree + 1)]
+
+
+def _coefficients_along(
+    point: Point, solution: dict[Symbol | Velocity, list[int]], degree: int, trees: Sequence[Expression]
+) -> list[list[int]]:
+    """The coefficients in t of each tree along a solution that is known to this degree."""
+    expansion = Expansion(point, (TIME,), degree)
+    step = expansion.ring.context.gen(0)
+    for name, known in solution.items():
+        expansion.known[name] = tuple(step**k * value for k, value in enumerate(known))
+    return [[int(sum(part.to_dict().values())) for part in expansion.expand(tree)] for tree in trees]

@@ -29,10 +29,11 @@ def finding_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> 
     ]
     if found.exists is False:
         steps += _bivector_steps(found)
+        how = f"Prolonged to order {found.order}" if found.order else "At a point, by power series along one solution"
         steps.append(
             said(
-                f"Prolonged to order {found.order}, {len(found.rows)} equations leave a rank below {k} in every "
-                "solution: no associated system is variational."
+                f"{how}, {len(found.rows)} equations leave a rank below {k} in every solution: no associated system is "
+                "variational."
             )
         )
     elif found.symbol is not None:

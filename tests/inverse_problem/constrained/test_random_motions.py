@@ -6,12 +6,13 @@ import random
 
 import pytest
 
+from inverse_service.algebra.tower import draw_point
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, substitute
 from inverse_service.inverse_problem.constrained import certify
-from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion, last_bracket
 from inverse_service.inverse_problem.constrained.lagrangian import own_system
 from inverse_service.linear_pde.deciding import Finding
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
@@ -89,3 +90,21 @@ def test_each_no_of_a_random_motion_is_confirmed_by_the_checker(seeds: range) ->
         found = decide_motion(analysed, False, 1, float("inf"), lambda _: None)
         if found.exists is False:
             assert check_certificate(certify.of_finding(analysed, found, False), seed=1).verdict == "valid", seed
+
+
+@pytest.mark.parametrize("seeds", [range(10), MANY])
+def test_brackets_along_one_solution_refuse_only_what_prolongation_refuses(seeds: range) -> None:
+    """And a good part of that: with five coordinates prolongation is as fast, and is not asked to wait for them."""
+    refused = []
+    for seed in seeds:
+        analysed = analyse_motion(random_motion(seed))
+        by_brackets = last_bracket(analysed, draw_point(analysed.tower, seed), float("inf")) is not None
+        assert not (by_brackets and decided(random_motion(seed)).exists), seed
+        refused.append(by_brackets)
+    assert any(refused)
+
+
+def test_no_motion_on_a_level_of_a_momentum_is_refused_by_brackets() -> None:
+    for seed in range(5):
+        analysed = analyse_motion(of_a_lagrangian(seed))
+        assert last_bracket(analysed, draw_point(analysed.tower, seed), float("inf")) is None, seed
