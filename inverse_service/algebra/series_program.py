@@ -250,6 +250,12 @@ class Registers:
     values: Words
     tops: Integers
 
+    def numbers(self, register: int) -> list[int]:
+        """All coefficients of one register, as integers."""
+        stride, inverse = len(self.values) // len(self.tops), pow(1 << 64, -1, self.prime)
+        kept = self.values[register * stride : register * stride + int(self.tops[register]) + 1]
+        return [int(value) * inverse % self.prime for value in kept] + [0] * (stride - len(kept))
+
     def coefficients(self, registers: Integers, last: int) -> tuple[Integers, Integers, Words, Integers]:
         """Starts, places within their degree, values, degrees of those not zero, to degree `last`."""
         stride = len(self.values) // len(self.tops)
@@ -267,12 +273,24 @@ def constants_at(program: SeriesProgram, point: Point) -> Words:
     return np.array([_montgomery(recipe(point, known), point.prime) for recipe in program.recipes], np.uint64)
 
 
-def run(program: SeriesProgram, instructions: Integers, constants: Words, prime: int, order: int) -> Registers:
-    """All registers, their series to this order; SingularPoint where a denominator vanishes."""
-    tables = series_tables(len(program.variables), order)
-    values = np.empty(program.registers * coefficients(tables.size, order), np.uint64)
-    registers = Registers(prime, tables, values, np.full(program.registers, -1, np.int64))
-    return _run(registers, instructions, constants)
+def run(
+    program: SeriesProgram,
+    instructions: Integers,
+    constants: Words,
+    prime: int,
+    order: int,
+    given: Sequence[Sequence[int]] = (),
+) -> Registers:
+    """All registers, their series to this order; SingularPoint where a denominator vanishes.
+
+    The coefficients of the first registers may be `given`, where no instruction writes them.
+    """
+    tables, stride = series_tables(len(program.variables), order), coefficients(len(program.variables), order)
+    values, tops = np.empty(program.registers * stride, np.uint64), np.full(program.registers, -1, np.int64)
+    for place, known in enumerate(given):
+        values[place * stride : (place + 1) * stride] = [_montgomery(value, prime) for value in known[:stride]]
+        tops[place] = order
+    return _run(Registers(prime, tables, values, tops), instructions, constants)
 
 
 def run_again(

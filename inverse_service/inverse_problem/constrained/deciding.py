@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 from flint import nmod_mat
 
-from inverse_service.algebra import series as ps
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.point import Expansion, Point, Variable
+from inverse_service.algebra.point import Point, Variable
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
-from inverse_service.algebra.series_program import SeriesProgram, TooLarge
+from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.series_program import SeriesProgram, TooLarge, constants_at, run
 from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
@@ -136,7 +136,7 @@ def refused_along_a_solution(analysed: AnalysedMotion, with_time: bool, seed: in
     try:
         points = [draw_point(analysed.tower, 2 * seed + k) for k in (0, 1)]
         lasts = {last_bracket(analysed, point, deadline) for point in points}
-    except ps.SingularPoint:
+    except SingularPoint:
         return None
     last = lasts.pop()
     if lasts or last is None:
@@ -202,21 +202,25 @@ def _slopes_along(analysed: AnalysedMotion, point: Point, degree: int) -> list[n
     """The coefficients of d Gamma/dx along the solution that starts at the point."""
     own: list[Symbol | Velocity] = [*map(Symbol, analysed.names), *map(Velocity, analysed.motion.free)]
     rates = [*map(Velocity, analysed.motion.free), *analysed.velocities, *analysed.forces]
-    solution, prime = {name: [point.variable(name)] for name in own}, point.prime
+    solution, prime, field = [[point.variable(name)] for name in own], point.prime, _Along(own, rates, point, degree)
     for k in range(degree):
-        found = _coefficients_along(point, solution, k, rates)
-        for name, series in zip(own, found, strict=True):
-            solution[name].append(series[k] * pow(k + 1, -1, prime) % prime)
-    entries = _coefficients_along(point, solution, degree, [differentiate(rate, x) for rate in rates for x in own])
+        for known, series in zip(solution, field.at(solution, k), strict=True):
+            known.append(series[k] * pow(k + 1, -1, prime) % prime)
+    entries = _Along(own, [differentiate(rate, x) for rate in rates for x in own], point, degree).at(solution, degree)
     return [nmod_mat(len(own), len(own), [entry[k] for entry in entries], prime) for k in range(degree + 1)]
 
 
-def _coefficients_along(
-    point: Point, solution: dict[Symbol | Velocity, list[int]], degree: int, trees: Sequence[Expression]
-) -> list[list[int]]:
-    """The coefficients in t of each tree along a solution that is known to this degree."""
-    expansion = Expansion(point, (TIME,), degree)
-    step = expansion.ring.context.gen(0)
-    for name, known in solution.items():
-        expansion.known[name] = tuple(step**k * value for k, value in enumerate(known))
-    return [[int(sum(part.to_dict().values())) for part in expansion.expand(tree)] for tree in trees]
+class _Along:
+    """The coefficients in t of some trees along a solution, to a degree."""
+
+    __slots__ = ("_given", "_places", "_point", "_series")
+
+    def __init__(self, own: Sequence[Variable], trees: Sequence[Expression], point: Point, degree: int) -> None:
+        self._series, self._point = SeriesProgram((TIME,), degree), point
+        self._series.known.update({name: self._series.register() for name in own})
+        self._places = [self._series.expand(tree) for tree in trees]
+        self._given = np.array(self._series.instructions, np.int64).ravel(), constants_at(self._series, point)
+
+    def at(self, solution: Sequence[Sequence[int]], degree: int) -> list[list[int]]:
+        found = run(self._series, *self._given, self._point.prime, degree, solution)
+        return [found.numbers(place) for place in self._places]
