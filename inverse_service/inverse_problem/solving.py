@@ -54,8 +54,9 @@ _SHORT = 2_000
 _MOST_FOR_FREEDOM = 30_000
 # Rational functions of the velocities, and what is harder to read (`reading_class`).
 _RATIONAL = 2
-# The costs up to which something nicer is searched for where a complete answer is known, and other matrices.
-_QUICK, _CONSTANT_MATRIX = 1.9, 0.5
+# The costs up to which something nicer is searched for where a complete answer is known, where one without H in closed
+# form is, and other matrices.
+_QUICK, _FAIR, _CONSTANT_MATRIX = 1.9, 3.65, 0.5
 
 
 def solve_branches(
@@ -217,11 +218,19 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     if decision.verdict != "variational":
         return autonomous
     complete = _is_complete(autonomous)
-    answer = _by_lagrangian(work, decision, _QUICK if complete else math.inf)
+    answer = _by_lagrangian(work, decision, _highest(autonomous))
     if answer is None or (autonomous.lagrangian is not None and not _is_complete(answer)):
         return autonomous
     nicer = not complete or reading_class(_expression(answer)) < reading_class(_expression(autonomous))
     return answer if nicer else autonomous
+
+
+def _highest(autonomous: Answer) -> float:
+    """Up to which cost a better L(t, q, v) is searched for; the large rows of several velocities have found none."""
+    if autonomous.lagrangian is None:
+        return math.inf
+    one = len(autonomous.lagrangian.multiplier) == 1
+    return _QUICK if _is_complete(autonomous) else math.inf if one else _FAIR
 
 
 def _expression(answer: Answer) -> Expression:
