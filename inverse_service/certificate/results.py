@@ -21,6 +21,7 @@ class Shown:
     verdict: str | None
     question: str
     kind: str = ""
+    around: Any = None  # the domain of the answer around one about a kind
 
 
 def each_branch(result: Any) -> list[Any]:
@@ -72,8 +73,8 @@ def of_kinds(result: Any, system: Question) -> Iterator[Shown]:
     for kind, answer in listed:
         proof = answer.get("certificate") is not None or answer["verdict"] == "undetermined"
         require(proof, "A kind has no proof.")
-        timed = system.contains_time or kind == "time"
-        yield Shown(answer, answer["verdict"], "time_dependent" if timed else "autonomous", kind)
+        asked = "time_dependent" if system.contains_time or kind == "time" else "autonomous"
+        yield Shown(answer, answer["verdict"], asked, kind, result.get("domain") or [])
 
 
 def on_constraints(result: Any, timed: bool, tools: Tools) -> list[Any]:
@@ -113,10 +114,7 @@ def agreed(shown: Shown, system: Question, tools: Tools) -> Any:
         return None
     check_certificate_shape(certificate)
     among, no = certificate.get("among"), shown.verdict == "not_variational"
-    friction = shown.kind in (
-        "rayleigh",
-        "rayleigh_general",
-    )  # with which there may be a Lagrangian where none is without
+    friction = "rayleigh" in shown.kind  # with which there may be a Lagrangian where none is without
     whole = shown.kind in ("", "time") or (no and not friction)
     good = named(among) == shown.kind if among is not None else whole
     good = good and proves(certificate, shown.question, shown.verdict)
@@ -125,19 +123,24 @@ def agreed(shown: Shown, system: Question, tools: Tools) -> Any:
     for key in ("lagrangian", "dissipation"):
         proven = formula_of(certificate, key) if certificate["kind"] == "lagrangian" else None
         require(formula_of(answer, key) == proven, DIFFERENT.format(key))
-    part, held = answer.get("lagrangian"), [read_condition(text) for text in certificate.get("conditions") or []]
-    for holder in (answer, part if isinstance(part, dict) else {}):
-        listed = holder.get("domain")
-        check_shape(listed or [], [TEXT, MAX_LISTED], "domain")
-        told = [text for text in listed or [] if "!=" not in text or {*text} & {*"<>"}]
-        same = listed is None or {*map(read_condition, told)} == {*held}
-        require(same, "The domain of an answer is not that of its certificate.")
+    part, held = answer.get("lagrangian"), {read_condition(text) for text in certificate.get("conditions") or []}
+    holders = (answer, part if isinstance(part, dict) else {})
+    listed = [one for holder in holders if (one := holder.get("domain")) is not None]
+    listed += [[]] * (shown.around is None and answer.get("domain") is None)  # an answer without one holds everywhere
+    same = all(inequalities(one) == held for one in listed) and (listed or held <= inequalities(shown.around))
+    require(same, "The domain of an answer is not that of its certificate.")
     near = certificate.get("near")
     good = answer.get("checked") in (None, "valid") and (answer.get("near") or near) == near
     require(good, "An answer does not show what its certificate says.")
     same = not answer.get("integrals") or answer["integrals"] == certificate.get("integrals")
     require(same, DIFFERENT.format("integrals"))
     return certificate
+
+
+def inequalities(listed: Any) -> set[Any]:
+    """The conditions of a domain without A != 0."""
+    check_shape(listed, [TEXT, MAX_LISTED], "domain")
+    return {read_condition(text) for text in listed if "!=" not in text or {*text} & {*"<>"}}
 
 
 def formula_of(holder: dict[str, Any], key: str) -> tuple[str, ...] | None:

@@ -51,6 +51,8 @@ def test_what_was_not_edited_is_valid_and_says_what_was_not_checked(name: str) -
     ("name", "path", "value"),
     [
         ("branches", ("domain",), []),
+        ("friction", ("domain",), None),
+        ("friction", ("domain",), []),
         ("branches", ("domain", 0), "x < 2"),
         ("branches", ("domain", 0), "x > 1"),
         ("branches", ("verdict",), "variational"),
