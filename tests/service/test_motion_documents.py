@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from inverse_service import check, solve
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_plain
@@ -154,3 +155,13 @@ def test_a_document_that_asks_for_a_search_gets_what_decides_all_at_once() -> No
     found = solve_document(asked, SolveOptions(time_limit=600))
     assert len(found["nonholonomic"]["associated"]) == 3
     assert found["any_associated"]["verdict"] == "variational"
+
+
+@pytest.mark.parametrize("potential", ["sqrt(x)", "x^(4/3)"])
+def test_where_a_motion_is_defined_is_part_of_its_proof(potential: str) -> None:
+    free = f"(x'^2 + y'^2 + z'^2)/2 - {potential}"
+    result = solve({"lagrangian": free, "constraints": "z' = y*x'", "associated": "any"})
+    answer = result["any_associated"]
+    assert answer["certificate"]["conditions"] == ["x > 0"]
+    assert answer["statement"] == "This motion cannot be hamiltonised, by any associated system, where x > 0."
+    assert check(dict(result))["verdict"] == "valid"

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import mpmath
 
+from inverse_service.algebra.components import component
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.real_point import find_real_point, is_defined
+from inverse_service.algebra.real_point import find_real_point, is_defined, requirements
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, variables_of
-from inverse_service.inverse_problem.decision.certify import FORMAT
+from inverse_service.inverse_problem.decision.certify import FORMAT, MOST_CONDITIONS
 from inverse_service.inverse_problem.kinds.bivectors import last_of
 from inverse_service.inverse_problem.kinds.constrained import Shape
 from inverse_service.linear_pde.deciding import Finding
@@ -30,7 +34,7 @@ def of_lagrangian(analysed: AnalysedMotion, lagrangian: Expression, with_time: b
     if table is not None and not is_defined([on], table):
         formulas = [*analysed.velocities, *analysed.forces, on]
         table = find_real_point(formulas, variables_of(analysed.motion), _SEED) or table
-    head = _head(replace(analysed, real_point=table), with_time, "variational", "lagrangian")
+    head = _head(replace(analysed, real_point=table), with_time, "variational", "lagrangian", [lagrangian])
     return head | {"lagrangian": to_text(lagrangian)}
 
 
@@ -67,7 +71,9 @@ def _bivectors(analysed: AnalysedMotion, with_time: bool) -> dict[str, int]:
     return {"bivectors": last} if last else {}
 
 
-def _head(analysed: AnalysedMotion, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+def _head(
+    analysed: AnalysedMotion, with_time: bool, claim: str, kind: str, more: Sequence[Expression] = ()
+) -> dict[str, Any]:
     head = {
         "format": FORMAT,
         "system": _system(analysed),
@@ -75,8 +81,24 @@ def _head(analysed: AnalysedMotion, with_time: bool, claim: str, kind: str) -> d
         "claim": claim,
         "kind": kind,
     }
-    near = _near(analysed)
-    return head | {"near": near} if near else head
+    parts = {"near": _near(analysed), "conditions": _conditions(analysed, more)}
+    return head | {key: part for key, part in parts.items() if part}
+
+
+def _conditions(analysed: AnalysedMotion, more: Sequence[Expression]) -> list[str]:
+    """What cuts out the connected set of D on which the motion, and L on D, are one analytic function each."""
+    motion, table = analysed.motion, analysed.real_point
+    if table is None:
+        return []
+    on: dict[Expression, Expression] = {
+        Velocity(name): w for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)
+    }
+    formulas = [*motion.dependent_velocities, *motion.free_accelerations, *(substitute(tree, on) for tree in more)]
+    try:
+        positive = component(requirements(formulas, table), table, [Symbol(name) for name in motion.parameters])
+    except IrreducibleAtoms:
+        return []
+    return [*dict.fromkeys(map(inequality_text, positive))][:MOST_CONDITIONS]
 
 
 def _system(analysed: AnalysedMotion) -> dict[str, Any]:

@@ -51,7 +51,7 @@ _MOST_COORDINATES = 4
 _MOST_COEFFICIENTS = 5_000
 # Of a relation between a root of a number and those in it: digits compared, coefficients, steps of the search.
 _MANY_DIGITS, _LARGEST, _MOST_STEPS = 60, 1_000, 1_000
-_MOST_CONDITIONS = 100  # that a certificate may have
+MOST_CONDITIONS = 100  # that a certificate may have
 
 
 def of_lagrangian(
@@ -192,7 +192,7 @@ def _head(analysis: Analysis, domain: Domain, with_time: bool, claim: str, kind:
     system = analysis.system
     parts = {
         "near": _near(system, domain.point),
-        "conditions": [*dict.fromkeys(map(inequality_text, domain.positive))][:_MOST_CONDITIONS],
+        "conditions": [*dict.fromkeys(map(inequality_text, domain.positive))][:MOST_CONDITIONS],
         "roots": [*_roots(system), *_signs(analysis, domain), *_nested(analysis)],
     }
     return head | {key: part for key, part in parts.items() if part}

@@ -186,7 +186,9 @@ def _statement(answer: MotionAnswer) -> str:
         time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
         return f"This motion can be hamiltonised, by {by}{time}."
     if answer.verdict == answer.verdict_with_time == "not_variational":
-        return "This motion cannot be hamiltonised, by any associated system."
+        conditions = answer.certificates[0].get("conditions") if answer.certificates else None
+        where = f", where {' and '.join(conditions)}" if conditions else ""
+        return f"This motion cannot be hamiltonised, by any associated system{where}."
     if answer.verdict == "not_variational":
         return "This motion cannot be hamiltonised by any L(q, q'); with a Lagrangian that depends on time it is open."
     return OPEN_MOTION
