@@ -164,6 +164,7 @@ CLOSED = {
     "complex-logarithm": ("x'*log(x'^2+y'^2)/2 - y'*atan(y'/x')", "x y", "", "exp(p_x - 1)*cos(p_y)"),
     "finsler-root": ("x'^2*sqrt(y'/x')", "x y", "", "4/9*sqrt(3*p_y*p_x^3)"),
     "cubic-in-a-root": ("x'^2/2 + x'^(3/2) + x", "x", "", ""),
+    "product-of-squares": ("x*x'^2*y'^2/2", "x y", "", "3*x/(x^2)^(2/3)*(p_x^2*p_y^2)^(1/3)/2"),
     "root-beside-a-square": (
         "log(x' + sqrt(x'^2 + 1))/2 + sqrt(x'^2 + 1)*x'/2 + 3*x'^2/2 - x", "x", "", "",
     ),
@@ -229,7 +230,10 @@ def test_a_function_known_by_its_derivative_may_stand_in_the_hamiltonian() -> No
     assert list(result["integrals"]) == ["F"]
 
 
-@pytest.mark.parametrize("name", ["kepler", "magnetic", "relativistic", "logarithm", "quartic", "damped"])
+SHORT = ["kepler", "magnetic", "relativistic", "logarithm", "quartic", "damped", "product-of-squares"]
+
+
+@pytest.mark.parametrize("name", SHORT)
 def test_the_hamiltonian_is_as_short_as_by_hand(name: str) -> None:
     text, coordinates, parameters, expected = CLOSED[name]
     by_hand = tree(expected, coordinates.split(), parameters, momenta=True)

@@ -201,6 +201,43 @@ def _apart(tree: Expression) -> Expression:
             return inner
 
 
+def squares_together(tree: Expression) -> Expression:
+    """The tree with (u^4/w^2)^(2/3) w^2/u^2 as (u^2)^(1/3) (w^2)^(1/3): even powers under roots and beside them."""
+    inner = rebuild(tree, squares_together)
+    factors = inner.factors if isinstance(inner, Product) else (inner,)
+    table: dict[Expression, Fraction] = {}
+    rest: list[Expression] = []
+    for factor in factors:
+        squares = _squares_under_root(factor)
+        for base, e in squares.items():
+            table[base] = table.get(base, Fraction(0)) + e
+        rest += [] if squares else [factor]
+    if not table:
+        return inner
+    for k, factor in enumerate(rest):
+        match factor:
+            case Power(base, Number(e)) if base in table and _is_square(factor):
+                table[base] += e / 2
+                rest[k] = ONE
+    together = {e: multiply(*(power(base, 2) for base in table if table[base] == e)) for e in table.values()}
+    return multiply(*rest, *(power(product, e) for e, product in together.items()))
+
+
+def _squares_under_root(factor: Expression) -> dict[Expression, Fraction]:
+    """{u: m e} for a root (product of u^(2 m))^e; empty for all else."""
+    match factor:
+        case Power(base, Number(e)) if e.denominator > 1:
+            known: dict[Expression, Fraction] = {}
+            for part in base.factors if isinstance(base, Product) else (base,):
+                match part:
+                    case Power(u, Number(whole)) if _is_square(part):
+                        known[u] = whole * e / 2
+                    case _:
+                        return {}
+            return known
+    return {}
+
+
 def cancelled(sign: int, tree: Expression) -> Expression:
     """The tree with sqrt(u^2) = sign u, atan(tan u) = u and log(exp u) = u, which hold on one branch only; shorter."""
     found = _cancelled(tree, sign)

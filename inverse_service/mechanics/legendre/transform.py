@@ -41,6 +41,7 @@ from inverse_service.mechanics.legendre.forms import (
     sign_part,
     simplified,
     size,
+    squares_together,
     velocities_in,
     without_cancelling,
 )
@@ -218,7 +219,12 @@ def _best(block: Block, points: Sequence[Point], reach: Reach, few: Sequence[Poi
 def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
     """Each branch after shorter forms of it that hold on parts of its domain only; all are checked."""
     for branch in branches:
-        forms: list[Callable[[Expression], Expression]] = [roots_apart, partial(cancelled, 1), partial(cancelled, -1)]
+        forms: list[Callable[[Expression], Expression]] = [
+            roots_apart,
+            squares_together,
+            partial(cancelled, 1),
+            partial(cancelled, -1),
+        ]
         for form in forms:
             other = Branch(tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions)
             if size(other.hamiltonian) < size(branch.hamiltonian):
