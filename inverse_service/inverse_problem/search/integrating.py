@@ -15,14 +15,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from itertools import pairwise
+
+import mpmath
 
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Expansion, Variable, evaluate
+from inverse_service.algebra.real_point import RealTable
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
+from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.expressions.evaluation import evaluate as real_value
+from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, companions, moving_letters
 from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism, tensors_of
@@ -155,3 +161,36 @@ def _constants_of_divergence(
         trace = 2 * sum(connection[i][i] for i in range(material.motion.size))
         rows.append([*along, *(evaluate(to_kernels(c), point) for c in constants), trace % table.prime])
     return small_solution(rows, table.prime)
+
+
+# Of a damping that is seen in numbers: what a larger bound admits are accidents.
+_LARGEST_RATE = 100
+_DIGITS, _SHOWN = 60, 30
+
+
+def hidden_damping(analysis: Analysis) -> Fraction | None:
+    """c where f = h - c v + F(q), h of degree 2 in v, as seen at multiples of v at the real point; else None."""
+    system, table = analysis.system, analysis.real_point
+    if table is None or system.depends_on_time:
+        return None
+    try:
+        with mpmath.workdps(_DIGITS):
+            pairs = zip(system.coordinates, system.accelerations, strict=True)
+            found = {_rate_of(f, Velocity(name), table) for name, f in pairs}
+    except (NoRealValue, KeyError):
+        return None
+    return (found.pop() or None) if len(found) == 1 else None
+
+
+def _rate_of(f: Expression, v: Velocity, table: RealTable) -> Fraction | None:
+    """c where f at once, twice, three and four times all velocities fits a square, -c v and a constant."""
+    first, second, third = (b - a for a, b in pairwise([real_value(f, _quicker(table, k)) for k in range(1, 5)]))
+    rate = (3 * (second - first) / 2 - first) / table[v]
+    near = Fraction(mpmath.nstr(rate, _SHOWN)).limit_denominator(_LARGEST_RATE)
+    defects = (third - 2 * second + first, rate - mpmath.mpf(near.numerator) / near.denominator)
+    return near if max(map(abs, defects)) < mpmath.mpf(10) ** -_SHOWN * (1 + abs(third)) else None
+
+
+def _quicker(table: RealTable, times: int) -> RealTable:
+    """The point with all velocities so many times as large."""
+    return {leaf: value * times if isinstance(leaf, Velocity) else value for leaf, value in table.items()}

@@ -57,7 +57,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import decide
-from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
+from inverse_service.inverse_problem.search.integrating import divergence_factor, hidden_damping, integrating_factor
 from inverse_service.inverse_problem.search.material import Material, coefficient
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.protocol import Found, Smaller
@@ -67,7 +67,7 @@ from inverse_service.linear_pde.deciding import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _LONGEST = 10**6
-_MOST_FACTORED = 500
+_MOST_FACTORED, _MOST_UNDAMPED = 500, 5_000
 _MOST_LETTERS = 6
 
 
@@ -222,17 +222,19 @@ def into_blocks(material: Material, seed: int) -> Iterator[Smaller]:
 
 
 def is_damped(material: Material) -> bool:
-    """Whether L may depend on t, every f_i holds its own velocity, and f is quadratic in the velocities, as for T - V.
-
-    For one coordinate a function of t and x times v^2/2 is known already where there is one.
-    """
+    """Whether L may depend on t, n > 1, each f_i holds its own velocity, and f is of degree 2 in them, as for T - V."""
     motion = material.motion
     if not motion.with_time or motion.size == 1:
         return False
     pairs = zip(motion.velocities, material.analysis.system.accelerations, strict=True)
-    moving = [split_velocities(key)[1] for terms in motion.forces for key in terms]
-    quadratic = all(isinstance(p, Velocity) and 0 < e <= 2 for part in moving for p, e in part)
-    return quadratic and all(any(node == v for node in walk(f)) for v, f in pairs)
+    if not all(any(node == v for node in walk(f)) for v, f in pairs):
+        return False
+    return _is_quadratic(material) or hidden_damping(material.analysis) is not None
+
+
+def _is_quadratic(material: Material) -> bool:
+    moving = [split_velocities(key)[1] for terms in material.motion.forces for key in terms]
+    return all(isinstance(p, Velocity) and 0 < e <= 2 for part in moving for p, e in part)
 
 
 def without_damping(material: Material, seed: int) -> Iterator[Smaller]:
@@ -251,6 +253,10 @@ def _damped(factor: Expression, found: Sequence[Sequence[Expression]]) -> list[E
 
 def _rates(material: Material, seed: int) -> Iterator[tuple[Expression, Expression]]:
     """(c, e^(int c dt)): the coefficient common to all -v_i in f_i, or what the divergence asks for."""
+    hidden = None if _is_quadratic(material) else hidden_damping(material.analysis)
+    if hidden is not None:
+        yield number(hidden), Apply("exp", multiply(number(hidden), TIME))
+        return
     common = _common_coefficient(material)
     factor = integrating_factor(material, common, TIME, seed) if common else None
     if common and factor:
@@ -288,6 +294,10 @@ def _undamped(material: Material, rate: Expression) -> SecondOrderSystem:
     system = material.analysis.system
     pairs = zip(system.coordinates, system.accelerations, strict=True)
     without = tuple(collect(add(f, multiply(rate, Velocity(name)))) for name, f in pairs)
+    with suppress(TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
+        leaves: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), *map(Velocity, system.coordinates)]
+        if not _is_quadratic(material):
+            without = tuple(factored(without, leaves, Budget(_MOST_UNDAMPED, end())))
     return replace(system, accelerations=without)
 
 

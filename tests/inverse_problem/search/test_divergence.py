@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
 
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.search.integrating import divergence_factor, is_free_of_divergence
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.search.integrating import (
+    divergence_factor,
+    hidden_damping,
+    is_free_of_divergence,
+)
 from inverse_service.mechanics.reading import read_system
+from inverse_service.service.documents.documents import solve_document
 from tests.inverse_problem.search.given import material, monomial_of
 
 DAMPED = [
@@ -79,3 +87,29 @@ def test_the_divergence_is_seen_to_vanish_or_not(equations: dict[str, str], free
 
 def test_where_the_divergence_has_no_value_there_is_no_factor() -> None:
     assert divergence_factor(material({"x": "-x' + 0*x/(sin(x)^2+cos(x)^2-1)"}, with_time=True), 3) is None
+
+
+@pytest.mark.parametrize(
+    ("equations", "rate"),
+    [
+        ({"x": "(x'^3 - x'^2 - x'*y')/(x' + y') - sin(y)", "y": "x'^2 - y'"}, 1),
+        ({"x": "-3*x'/2 + sqrt(x'^2 + y'^2)*x'", "y": "-3*y'/2"}, Fraction(3, 2)),
+        ({"x": "-x'", "y": "-2*y'"}, None),
+        ({"x": "x'^3 - x'", "y": "-y'"}, None),
+        ({"x": "x'*y'", "y": "-x"}, None),
+        ({"x": "-x*x' - x'", "y": "-x*y' - y'"}, None),
+    ],
+)
+def test_a_common_damping_beside_a_quotient_of_velocities_is_seen(
+    equations: dict[str, str], rate: Fraction | None
+) -> None:
+    assert hidden_damping(analyse(read_system(list(equations), equations))) == rate
+
+
+@pytest.mark.slow
+def test_a_damped_quotient_of_velocities_is_found() -> None:
+    """e^t (x'^2 sin y + y'^3/x'), its damping hidden in sums over one denominator."""
+    given = solve_document({"lagrangian": "exp(t)*(x'^2*sin(y) + y'^3/x')", "coordinates": ["x", "y"]}, SolveOptions())
+    equations = {name: formula["text"] for name, formula in given["equations"].items()}
+    result = solve_document({"equations": equations}, SolveOptions(time_limit=60))
+    assert "exp(t)" in result["with_time"]["lagrangian"]["text"]
