@@ -163,14 +163,16 @@ def _first_steps(
     formulas: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
 ) -> Outcome | None:
     """The outcome where FEW steps lead elsewhere than MANY over the same time, or pass a wall: what is watched later
-    sees only what steps have met. None where both agree, or where one of them fails, which the run will say itself."""
+    sees only what steps have met. None where both agree, or where the long steps fail, which the run will say itself;
+    where only the short ones meet a wall, the long ones jump over it."""
     bare = Observation(momenta=False, velocities=False)
-    ends = []
+    ends: list[Array] = []
     for count in (FEW, MANY):
         short = replace(grid, step=FEW * grid.step / count, steps=count, record_every=count // FEW)
         found = _run(formulas, choice, begin, short, parameters, bare, None)
         if not found.outcome.completed:
-            return None
+            jumped = bool(ends) and found.outcome.kind == "singular"
+            return replace(found.outcome, step=0, time=grid.begin) if jumped else None
         passed = _wall_passed(formulas, found.positions, parameters)
         if passed is not None:
             return Outcome("singular", 0, grid.begin, *passed, SMALLER_STEP)

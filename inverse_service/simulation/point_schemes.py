@@ -12,7 +12,14 @@ from inverse_service.errors import InputError
 from inverse_service.integrators.tableaux import DOP853_ERRORS, RODAS, TABLEAUX, collocation
 from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.scene import MethodChoice, Observation
-from inverse_service.simulation.watches import SMALLEST, moment_at, rank_watches, resolution_watches, with_clock
+from inverse_service.simulation.watches import (
+    SMALLEST,
+    moment_at,
+    motion_walls,
+    rank_watches,
+    resolution_watches,
+    with_clock,
+)
 
 SMALLEST_NORM = 1e-200  # times the fourth power of a tolerance it is a number still
 FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
@@ -26,7 +33,10 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
         raise InputError(f"Explicit Runge-Kutta methods have order 4, 5 or 8, not {choice.order}.")
     statements, stages, changes = _explicit(f, choice.order)
     ends = ([STEP * force for force in stage[1]] for stage in (stages[0], stages[-1]))
-    watches = resolution_watches(f, changes, *ends) if choice.guard else []
+    # Stages on both sides of a jump of the force can cancel, so that no step ever ends beyond it.
+    names = [symbol(f"{letter}{len(stages) - 1}_{k}") for letter in "xy" for k in range(f.size)]
+    last = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*names, moment_at(number(1.0))], strict=True))
+    watches = [*resolution_watches(f, changes, *ends), *motion_walls(f, last)] if choice.guard else []
     return _point_program(f, observation, statements, changes, watches, len(stages))
 
 

@@ -140,11 +140,15 @@ def resolution_watches(
     ratio = difference / (size + noise + number(SMALLEST))
     after = [x + d for x, d in zip((*f.symbols("q"), *f.symbols("v")), changes, strict=True)]
     point = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*after, moment_at(ONE)], strict=True))
-    walls = [
+    return [*motion_walls(f, point), Watch("resolution", ratio, RESOLUTION, RESOLVE, RESOLVED)]
+
+
+def motion_walls(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
+    """Poles, ends and kinks of the accelerations, watched at a point of q, v and t."""
+    return [
         Watch("sign", wall.formula.subs(point), wall.text, REGULAR_MOTION)
         for wall in f.walls_of(f.problem.accelerations or ())
     ]
-    return [*walls, Watch("resolution", ratio, RESOLUTION, RESOLVE, RESOLVED)]
 
 
 _POSITIVE = ("exp", "cosh")

@@ -362,6 +362,16 @@ def test_a_force_without_a_value_at_the_start_is_named_with_its_time() -> None:
             assert "smaller step" not in method["stopped"]["remedy"]
 
 
+@pytest.mark.parametrize("start", [1, 0.1])
+def test_stages_on_both_sides_of_dry_friction_do_not_cancel(start: float) -> None:
+    """Order 4 of one length never ended a step beyond x' = 0 and slid on for ever; the motion stops there."""
+    system = {"coordinates": ["x"], "equations": {"x": "-sign(x')"}}
+    initial = {"positions": {"x": 1}, "velocities": {"x": start}}
+    found = methods({"system": system, "initial": initial, "step": 0.3, "steps": 20, "methods": ["runge-kutta"]})
+    assert found["runge-kutta"]["outcome"] == "singular"
+    assert found["runge-kutta"]["stopped"]["quantity"] == "x'"
+
+
 @pytest.mark.slow
 def test_a_motion_far_faster_than_its_grid_is_not_called_singular() -> None:
     scene = OSCILLATOR | {"system": {"coordinates": ["x"], "equations": ["x'' = -10^16*x"]}, "step": 1.0, "steps": 3}
