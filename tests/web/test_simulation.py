@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -55,7 +56,10 @@ def test_files_of_the_page_hold_every_recorded_step(client: httpx.Client) -> Non
     assert method["points"]["every"] == 3
     later = client.post("/v1/simulate", json=document, headers={"Prefer": "respond-async"})
     address = later.headers["location"].replace("/v1/jobs", "/results")
-    assert "CSV and NPZ hold every recorded step" in client.get(address).text
+    page = client.get(address).text
+    assert "CSV and NPZ hold every recorded step" in page
+    # What accuracy costs stands beside it.
+    assert re.search(r'<td class="number">[\d.]+ (\u00b5s|ms|s)</td><td><a href="[^"]*csv"', page)
     rows = client.get(f"{address}/data/nonholonomic-0.5.csv").text.splitlines()
     assert rows[0].startswith("t,phi,theta,x,y,v_phi,v_theta,v_x,v_y,p_phi")
     assert len(rows) == 5002

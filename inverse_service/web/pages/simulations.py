@@ -32,6 +32,7 @@ class MethodRow:
     outcome: str
     steps: int
     numbers: list[str]
+    time: str
     why: str
     has_points: bool
 
@@ -120,6 +121,7 @@ def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> Met
         method["outcome"].replace("_", " "),
         method["steps"],
         numbers,
+        duration((method.get("seconds") or {}).get("run")),
         why,
         bool(figures.columns_of(method)),
     )
