@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from fractions import Fraction
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from typing import Any
 
 FORMAT, RESULT_FORMAT = "inverse-service/certificate/2", "inverse-service/result/1"
@@ -89,8 +89,8 @@ def read_tokens(text: Any, where: str) -> tuple[str, ...]:
 
 def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
     """Whether one of the letters stands in an argument, a power or a divisor, so that it may not have all values."""
-    holding, unsafe = [False], [False]
-    for before, token, after in zip(("", *tokens), tokens, (*tokens[1:], ""), strict=False):
+    holding, unsafe, before = [False], [False], ""
+    for token, after in pairwise((*tokens, "")):
         if token == "(":
             holding, unsafe = [*holding, False], [*unsafe, unsafe[-1] or before not in FREE]
         elif token == ")" and len(holding) > 1:
@@ -103,6 +103,7 @@ def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
             if unsafe[-1] or before not in FREE or after[:1] == "^":
                 return True
             holding[-1] = True
+        before = before if token in ("+", "-") and before in ("/", "^") else token  # a divisor may have a sign
     return False
 
 

@@ -177,3 +177,13 @@ def test_the_series_of_a_regular_solution_is_compared(prime: int | None) -> None
 def test_a_series_that_is_no_regular_solution_is_refused(prime: int | None, path: str, value: Any) -> None:
     series = changed(oscillator_series(prime), path, value)
     assert check_certificate(existence("oscillator", 2, [1, 2], [1, 1, 1], series=series), seed=1).verdict == "invalid"
+
+
+def test_ranks_that_a_hidden_zero_makes_smaller_are_not_proven() -> None:
+    """The number is 0, as cos(pi/7) solves 8 c^3 - 4 c^2 - 4 c + 1 = 0; what is left has more multipliers."""
+    zero = "(8*cos(pi/7)^3-4*cos(pi/7)^2-4*cos(pi/7)+1)"
+    right = existence("henon-heiles", 2, [1, 1], [0, 0])
+    for factor, verdict in (("cos(pi/7)", "valid"), (zero, "incomplete")):
+        equations = {"x": f"-x-2*{factor}*x*y", "y": f"-y-{factor}*(x^2-y^2)"}
+        found = check_certificate(right | {"system": {"coordinates": ["x", "y"], "equations": equations}}, seed=1)
+        assert found.verdict == verdict, found.reasons

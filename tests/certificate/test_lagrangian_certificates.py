@@ -105,3 +105,35 @@ def test_a_narrow_domain_is_found_by_the_point_that_the_certificate_names() -> N
 def test_a_lagrangian_that_is_nowhere_defined_is_incomplete() -> None:
     for text in ("x'^2/(x - x)", "x'^2*sqrt(-1 - x^2)", "log(-exp(x))*x'^2", "x'^2/(sin(x)^2+cos(x)^2-1)"):
         assert check_certificate(lagrangian("free", text), seed=1).verdict == "incomplete"
+
+
+def unsolved(equation: str, text: str = "x'^2/2 - x^2/2", **content: object) -> str:
+    document = lagrangian("oscillator", text)
+    document["system"] = {"coordinates": ["x"], "equations": {"x": equation}}
+    found = check_certificate({**document, **content}, seed=1)
+    return " ".join([found.verdict, *found.reasons])
+
+
+@pytest.mark.parametrize("equation", ["x''+x", "-x''-x", "1*(x''+x)", "-(x''+x)"])
+def test_equations_that_are_not_solved_are_those_of_the_lagrangian(equation: str) -> None:
+    assert unsolved(equation).startswith("valid")
+
+
+SIGNED = ["x/-x''", "x/+-(x'')", "2^-x''"]
+
+
+@pytest.mark.parametrize(
+    "equation", ["1/(x''+x)", "sqrt(x''+x)", "(x''+x)^2", "x''^2+x", "log(x'')+x", "x^(x'')", "2/x''*x", *SIGNED]
+)
+def test_accelerations_in_formulas_that_have_not_all_values_are_refused(equation: str) -> None:
+    assert "Accelerations may stand in sums and products only." in unsolved(equation)
+
+
+def test_accelerations_stand_in_equations_and_in_nothing_else() -> None:
+    assert "contains accelerations" in unsolved("x''+x", "x'^2/2 - x^2/2 + 0*x''")
+    assert "does not hold" in unsolved("x''+x+x", "x'^2/2 - x^2/2")
+    assert "The set of the claim is one of" in unsolved("x''+x", conditions=["x'' > 0"], near={"x''": "1"})
+    rows = [["H2", 0, 0, [0, 0]]]
+    for kind in ({"kind": "nonexistence", "claim": "not_variational", "order": 1, "rows": rows},
+                 {"kind": "lagrangian", "among": "natural"}):  # fmt: skip
+        assert "proven variational by an L alone" in unsolved("x''+x", **kind)
