@@ -22,6 +22,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     distinct_nodes,
+    negate,
 )
 
 DIGITS = 60
@@ -211,6 +212,49 @@ def _holds(claim: Claim, point: Point, digits: int = AGREEING_DIGITS) -> bool:
         a is not None and abs(a - b) <= mpf(10) ** -digits * scale
         for a, b, scale in zip(found, expected, scales, strict=True)
     )
+
+
+def signs_of_momenta(
+    claim: Claim, shifts: Mapping[Expression, Expression], positive: Sequence[Expression], points: Sequence[Point]
+) -> tuple[Expression, ...]:
+    """s (p - A) > 0, s = 1 or -1, for momenta p that have this sign where L is defined, if H has values beyond it.
+
+    x' = 4 p^2/9 of p = 3 sqrt(x')/2 has values for p < 0 as well, which belong to another motion.
+    """
+    with mp.workdps(DIGITS):
+        known = [point for point in (_with_momenta(claim, point, []) for point in points) if point is not None]
+        return tuple(
+            tree if sign > 0 else negate(tree)
+            for symbol in claim.momenta
+            if (sign := _sign_at(tree := shifts.get(symbol, symbol), known))
+            and _leaves_the_image(claim, symbol, tree, positive, known)
+        )
+
+
+def _sign_at(tree: Expression, points: Sequence[Point]) -> int:
+    """1 or -1 where it has this sign at all points, else 0."""
+    signs = {int(mp.sign(number)) if (number := value(tree, point)) is not None else 0 for point in points}
+    return signs.pop() if len(signs) == 1 else 0
+
+
+def _leaves_the_image(
+    claim: Claim, symbol: Symbol, tree: Expression, positive: Sequence[Expression], points: Sequence[Point]
+) -> bool:
+    """Whether H and v(p) have values with the other sign of p - A, and p(v(p)) is never p where L is defined."""
+    wrong, near = False, mpf(10) ** -AGREEING_DIGITS
+    for point in points:
+        mirrored: Point = {leaf: point[leaf] for leaf in point if isinstance(leaf, Symbol | Arbitrary)}
+        mirrored[symbol] -= 2 * point[tree]
+        rates = [value(rate, dict(mirrored)) for rate in claim.velocities]
+        if None in rates or value(claim.hamiltonian, dict(mirrored)) is None:
+            continue
+        there: Point = {**mirrored, **dict(zip(map(Velocity, claim.names), rates, strict=True))}
+        found = [(value(p, there), mirrored[name]) for name, p in claim.momenta.items()]
+        is_image = all(a is not None and abs(a - b) <= near * (1 + abs(b)) for a, b in found)
+        if is_image and all(_is_positive(condition, there) for condition in positive):
+            return False
+        wrong = True
+    return wrong
 
 
 def vanishes_at(tree: Expression, points: Sequence[Point]) -> bool:

@@ -52,6 +52,7 @@ from inverse_service.mechanics.legendre.points import (
     is_singular,
     judge,
     sample_points,
+    signs_of_momenta,
     vanishes_at,
 )
 from inverse_service.mechanics.legendre.solving import Reach, block_branches, momentum_shifts
@@ -135,6 +136,7 @@ def legendre(
         return _noted(implicit, _implicit(_no_closed_form(list(found))))
     # Each block needs its own; few points would not show that of one in the presence of another.
     every = [substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
+    every += signs_of_momenta(_claim(closed, names), table, positive, points)
     return replace(on_branch(closed, tuple(dict.fromkeys(conditions)), names), conditions=tuple(every))
 
 
