@@ -111,8 +111,7 @@ def decide_motion(
     """Is the motion that of a regular L(q, v) on the constraints, or of an L(t, q, v)? Two points must agree."""
     limits = Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
     try:
-        progress("brackets along one solution")
-        refused = refused_along_a_solution(analysed, with_time, seed, deadline)
+        refused = refused_along_a_solution(analysed, with_time, seed, deadline, progress)
         if refused is not None:
             return refused
         return settle(ConstrainedAt(analysed, with_time), seed, limits, progress)
@@ -122,7 +121,9 @@ def decide_motion(
         return Finding(None, 0, problem.detail)
 
 
-def refused_along_a_solution(analysed: AnalysedMotion, with_time: bool, seed: int, deadline: float) -> Finding | None:
+def refused_along_a_solution(
+    analysed: AnalysedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
+) -> Finding | None:
     """A no from the brackets along one solution, by power series in t alone; None where they leave a yes possible.
 
     Gamma keeps the 2-form Omega of `bivectors`, which vanishes on d/du^alpha ^ d/du^beta. With Phi(t) the derivative of
@@ -133,8 +134,10 @@ def refused_along_a_solution(analysed: AnalysedMotion, with_time: bool, seed: in
     free, size = len(analysed.motion.free), len(analysed.names) + len(analysed.motion.free)
     if free < 2 or size < _ALONG_FROM:
         return None
+    progress("brackets along one solution")
+    seeds = (2 * seed, 2 * seed + 1)
     try:
-        points = [draw_point(analysed.tower, 2 * seed + k) for k in (0, 1)]
+        points = [draw_point(analysed.tower, drawn) for drawn in seeds]
         lasts = {last_bracket(analysed, point, deadline) for point in points}
     except SingularPoint:
         return None
@@ -143,7 +146,8 @@ def refused_along_a_solution(analysed: AnalysedMotion, with_time: bool, seed: in
         return None
     pairs = itertools.product(range(last + 1), itertools.combinations(range(free), 2))
     rows = tuple((f"B{j}_{alpha}", beta, (0,) * (size + with_time)) for j, (alpha, beta) in pairs)
-    return Finding(False, 0, rows=rows, points=tuple({"prime": point.prime, "seed": seed} for point in points))
+    used = tuple({"prime": point.prime, "seed": drawn} for point, drawn in zip(points, seeds, strict=True))
+    return Finding(False, 0, rows=rows, points=used)
 
 
 def last_bracket(analysed: AnalysedMotion, point: Point, deadline: float) -> int | None:
