@@ -36,6 +36,7 @@ from inverse_service.inverse_problem.outcome import Verdict
 from inverse_service.inverse_problem.special_cases.side_conditions import (
     Ideal,
     all_conditions,
+    has_one_everywhere,
     of_conditions,
     regularity,
 )
@@ -206,6 +207,8 @@ def _with_ideals(question: Question, analysis: Analysis, case: Case) -> Case:
         return replace(case, ideals=_of_rank(question, analysis), unsettled=case.reason or "undetermined")
     if set(asked) == {"not_variational"}:
         return _negative(question, analysis, case)
+    if "not_variational" not in asked and has_one_everywhere(analysis.system):
+        return replace(case, time_settled=True)
     ideals = list(_of_rank(question, analysis))
     sure = {False: False, True: False}
     if case.autonomous == "variational":

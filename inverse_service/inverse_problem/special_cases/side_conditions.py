@@ -19,8 +19,11 @@ from flint import fmpq, fmpq_mpoly
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing, polynomial_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     TIME,
+    ZERO,
     Apply,
     Arbitrary,
     Expression,
@@ -28,13 +31,17 @@ from inverse_service.expressions.tree import (
     Power,
     Symbol,
     Velocity,
+    add,
     children,
+    multiply,
+    negate,
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.elimination import eliminate
 from inverse_service.inverse_problem.explanation.hierarchy import EquationName, hierarchy, local_motion, tensors_at
 from inverse_service.inverse_problem.explanation.negative import exact_equations
+from inverse_service.inverse_problem.search.reductions import decoupled_blocks
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, factors
 from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.euler_lagrange import hessian
@@ -222,3 +229,37 @@ def _denominators(reader: Reader) -> list[Ideal]:
     """Where a denominator of L vanishes identically."""
     found = [Quotient(reader.ring.field, denominator, ()) for denominator in reader.ring.field.denominators]
     return [ideal for quotient in found for ideal in reader.ideals(quotient)]
+
+
+def has_one_everywhere(system: SecondOrderSystem) -> bool:
+    """Whether a theorem gives an L(q, q') for all values of the parameters, with no exception.
+
+    An equation for one coordinate has one, and so has u'' = a u' + b u + c over any algebra R[M], analytic in a, b,
+    c, u, u': a linear form of it that does not degenerate (R[M] has one) is a Lagrangian of the real system. So
+    q'' = A q' + B q + c has one where A and B are polynomials in one real matrix: one is a number times 1, or
+    n = 2 and A B = B A.
+    """
+    blocks = () if system.depends_on_time else decoupled_blocks(system)
+    return bool(blocks) and all(len(block.coordinates) == 1 or _is_over_an_algebra(block) for block in blocks)
+
+
+def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
+    names: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), *map(Velocity, system.coordinates)]
+    rows = [[collect(differentiate(f, name)) for name in names] for f in system.accelerations]
+    if any(node in names or isinstance(node, Arbitrary) for row in rows for entry in row for node in walk(entry)):
+        return False
+    n = len(system.coordinates)
+    stiffness, damping = [row[:n] for row in rows], [row[n:] for row in rows]
+    if _is_scalar(damping) or _is_scalar(stiffness):
+        return True
+    return n == 2 and all(
+        collect(add(*(multiply(damping[i][k], stiffness[k][j]) for k in range(2)),
+                    *(negate(multiply(stiffness[i][k], damping[k][j])) for k in range(2)))) == ZERO
+        for i in range(2) for j in range(2)
+    )  # fmt: skip
+
+
+def _is_scalar(matrix: Sequence[Sequence[Expression]]) -> bool:
+    """Whether it is a number times the unit matrix."""
+    entries = [(i, j, entry) for i, row in enumerate(matrix) for j, entry in enumerate(row)]
+    return all((entry == matrix[0][0]) if i == j else entry == ZERO for i, j, entry in entries)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
+from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.special_cases.cases import condition_texts, equation_texts
+from inverse_service.inverse_problem.special_cases.side_conditions import has_one_everywhere
 from inverse_service.inverse_problem.special_cases.splitting import split
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace
 from inverse_service.inverse_problem.special_cases.tree import Node, special_cases
@@ -54,3 +58,21 @@ def test_sides_are_positive_and_without_a_common_factor() -> None:
     (everywhere,) = split(space, [])
     equations = [6 * a - 4 * b**2, -a - b, a / 2 - 3, a * 0]
     assert equation_texts(everywhere, equations) == ["3*a = 2*b^2", "a + b = 0", "a = 6", "0 = 0"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_the_theorem_says_of_linear_systems_is_what_is_decided(seed: int) -> None:
+    drawn = random.Random(seed)
+    a = [[drawn.choice((-1, 0, 1, 2)) for _ in range(2)] for _ in range(2)]
+    p, q = drawn.choice((0, 1, -3)), drawn.choice((0, 2))
+    b = [[p * (i == j) + q * a[i][j] for j in range(2)] for i in range(2)]
+    texts = [f"{p}*x' + ({q})*y' + ({r})*x + ({s})*y + 1" for (p, q), (r, s) in zip(a, b, strict=True)]
+    system = read_system(["x", "y"], dict(zip("xy", texts, strict=True)), [])
+    assert has_one_everywhere(system)
+    assert decide(system, False).verdict == "variational"
+
+
+def test_the_theorem_needs_matrices_that_commute() -> None:
+    assert not has_one_everywhere(read_system(["x", "y"], {"x": "-a*x' + y", "y": "-c*y' + x"}, ["a", "c"]))
+    assert not has_one_everywhere(read_system(["x", "y"], {"x": "-a*x' + x*y", "y": "-a*y' + x"}, ["a"]))
+    assert has_one_everywhere(read_system(["x", "y"], {"x": "k*x^3*x' - x", "y": "-k*y' + 2"}, ["k"]))

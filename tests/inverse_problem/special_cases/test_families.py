@@ -51,6 +51,12 @@ FAMILIES = {
             (lambda p: p["b"] == p["d"] == 0, "exp(a*t)*v**2 + exp(c*t)*w**2"),
         ),
     ),
+    "damped coupled oscillators without t in L": Family(
+        {"x": "-a*x' + b*y", "y": "-c*y' + d*x"},
+        "abcd",
+        False,
+        lambda p: p["a"] == p["c"] or p["a"] == -p["c"] or p["b"] == p["d"] == 0,
+    ),
     "two-dimensional potentials of degree three (Henon-Heiles)": Family(
         {"x": "-x - 2*a*x*y", "y": "-y - b*x^2 + c*y^2"},
         "abc",
@@ -75,7 +81,6 @@ FAMILIES = {
         False,
         lambda p: p["e"] == 0 or p["a"] == p["b"] == 0,
         ((lambda p: p["e"] == 0 != p["a"] * p["b"], "b*(v**2 - x**2)/2 + a*(w**2 - y**2)/2 + a*b*x*y"),),
-        complete=False,  # the van der Pol oscillator has no Lagrangian in closed form
     ),
     "gyroscopic forces and a potential": Family(
         {"x": "w*y' - k*x", "y": "-u*x' - m*y"},
@@ -83,7 +88,6 @@ FAMILIES = {
         True,
         lambda p: (p["w"] * p["u"] != 0) or p["k"] == p["m"] or p["w"] == p["u"] == 0,
         ((lambda p: p["w"] * p["u"] != 0, "u*(v**2 - k*x**2)/2 + w*(w_**2 - m*y**2)/2 - w*u*y*v"),),
-        complete=False,
     ),
     "a force quadratic in one velocity": Family(
         {"x": "-a*y", "y": "-b*x'^2"},
@@ -107,7 +111,6 @@ FAMILIES = {
         "abk",
         True,
         lambda p: p["a"] * p["b"] * p["k"] == 0,
-        complete=False,
     ),
 }
 
