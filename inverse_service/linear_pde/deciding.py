@@ -66,7 +66,8 @@ class Finding:
 
     `rows` name the prolonged equations used for a no; `symbol` at `degree`, and `history`, D_0, D_1, … at each
     order, are the involution data of a yes; `ranks` those of the matrix and of the others at the generic
-    solution; `points` the primes and seeds used.
+    solution; `points` the primes and seeds used. A no by series along one solution has in `along` the last coefficient
+    that it takes, and no order.
     """
 
     exists: bool | None
@@ -78,6 +79,7 @@ class Finding:
     history: tuple[tuple[int, ...], ...] = ()
     points: tuple[Mapping[str, int], ...] = ()
     ranks: tuple[int, ...] = ()
+    along: int | None = None
 
 
 @dataclass(slots=True)

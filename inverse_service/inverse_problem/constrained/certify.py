@@ -44,8 +44,8 @@ def of_finding(analysed: AnalysedMotion, found: Finding, with_time: bool) -> dic
         raise ValueError("only what was settled has a certificate")
     if found.symbol is None:
         head = _head(analysed, with_time, "not_variational", "nonexistence")
-        if not found.order:
-            return head | {"along": int(str(found.rows[-1][0])[1:].partition("_")[0])}
+        if found.along is not None:
+            return head | {"along": found.along}
         rows = [[*row[:-1], list(row[-1])] for row in found.rows if isinstance(row[-1], tuple)]
         return head | _bivectors(analysed, with_time) | {"order": found.order, "rows": rows}
     # The dimension stopped falling between order - 1 and order.

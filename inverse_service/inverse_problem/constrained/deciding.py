@@ -129,7 +129,7 @@ def refused_along_a_solution(
     Gamma keeps the 2-form Omega of `bivectors`, which vanishes on d/du^alpha ^ d/du^beta. With Phi(t) the derivative of
     the flow and V_alpha(t) = Phi(t)^-1 d/du^alpha, so Omega(V_alpha(t), V_beta(t)) = 0 at the start, for all t: each
     coefficient is a linear equation for the values of Omega there. It is a no if every solution of those up to t^j has
-    a vertical vector in its kernel, whether L may depend on t or not. Rows are named as those of `bivectors`, order 0.
+    a vertical vector in its kernel, whether L may depend on t or not. Rows are named as those of `bivectors`.
     """
     free, size = len(analysed.motion.free), len(analysed.names) + len(analysed.motion.free)
     if free < 2 or size < _ALONG_FROM:
@@ -147,7 +147,7 @@ def refused_along_a_solution(
     pairs = itertools.product(range(last + 1), itertools.combinations(range(free), 2))
     rows = tuple((f"B{j}_{alpha}", beta, (0,) * (size + with_time)) for j, (alpha, beta) in pairs)
     used = tuple({"prime": point.prime, "seed": drawn} for point, drawn in zip(points, seeds, strict=True))
-    return Finding(False, 0, rows=rows, points=used)
+    return Finding(False, 0, rows=rows, points=used, along=last)
 
 
 def last_bracket(analysed: AnalysedMotion, point: Point, deadline: float) -> int | None:

@@ -29,7 +29,8 @@ def finding_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> 
     ]
     if found.exists is False:
         steps += _bivector_steps(found)
-        how = f"Prolonged to order {found.order}" if found.order else "At a point, by power series along one solution"
+        alone = "At a point, by power series along one solution"
+        how = f"Prolonged to order {found.order}" if found.along is None else alone
         steps.append(
             said(
                 f"{how}, {len(found.rows)} equations leave a rank below {k} in every solution: no associated system is "
