@@ -15,9 +15,10 @@ FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})
 class Job(Document):
     """One piece of work. `id` is a hash of engine version, canonical document and options.
 
-    `progress` holds what is known while the job runs (stage, order, family, counts); `result` is
-    there when it is successful, `problem` when it failed. Times are seconds since 1970; `usage`:
-    seconds of wall clock and processor, peak memory in MiB, of the run that gave the answer.
+    `progress` holds what is known while the job runs: stage, order, family, counts; as `so_far` a result
+    that the checker has confirmed while more is sought. `result` is there when it is successful,
+    `problem` when it failed. Times are seconds since 1970; `usage`: seconds of wall clock and
+    processor, peak memory in MiB, of the run that gave the answer.
     """
 
     id: str

@@ -13,13 +13,14 @@ from inverse_service.errors import CertificateRefused, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
 from inverse_service.inverse_problem.decision import certify
+from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.explanation.finding import (
     energy_step,
     hamiltonian_of,
     legendre_steps,
     verification_steps,
 )
-from inverse_service.inverse_problem.outcome import Answer, Step
+from inverse_service.inverse_problem.outcome import Answer, Solution, Step
 from inverse_service.inverse_problem.search.further import is_multiple, with_squared_energies
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome, describe
 from inverse_service.inverse_problem.search.tidy import tidied
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 Progress = Callable[[str], None]
 # The family of Lagrangians that hold squares of energies.
 OF_ENERGIES = "functions of energies"
+# Work that takes longer tells what is confirmed meanwhile, s.
+_AT_ONCE = 0.05
 log = logging.getLogger(__name__)
 
 
@@ -50,12 +53,39 @@ class Work:
     autonomous: Decision | None = None
     reasons: tuple[Step, ...] = ()
     refused: set[tuple[str, bool]] = field(default_factory=set)
+    told: set[bool] = field(default_factory=set)
+    began: float = field(default_factory=now)
 
     def add_seconds(self, stage: str, began: float) -> None:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now() - began
 
     def left(self) -> float:
         return self.deadline - now()
+
+
+def telling(work: Work, decision: Decision) -> Progress:
+    """The progress of a search; one that takes longer tells that there is a Lagrangian, once the checker agrees."""
+
+    def report(stage: str) -> None:
+        if work.options.so_far is not None and not work.told and now() - work.began > _AT_ONCE:
+            work.told.add(False)
+            certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
+            if check(work, certificate).verdict == "valid":
+                tell(work, Answer("variational", certificate=certificate, checked="valid"), decision.with_time)
+        work.progress(stage)
+
+    return report
+
+
+def tell(work: Work, answer: Answer, with_time: bool) -> None:
+    """Say a confirmed answer while there is more to find: that one exists at most once, and one Lagrangian."""
+    found = answer.lagrangian
+    if work.options.so_far is None or (found is not None and (True in work.told or now() - work.began < _AT_ONCE)):
+        return
+    work.told.add(found is not None)
+    answer = replace(answer, positive=domain_of(work.analysis).positive if found is None else found.positive)
+    system, plain, timed = work.analysis.system, None if with_time else answer, answer if with_time else None
+    work.options.so_far(Solution(system, plain, timed, None))
 
 
 def is_confirmed(work: Work, tree: Expression, with_time: bool) -> bool:
@@ -77,6 +107,7 @@ def is_confirmed(work: Work, tree: Expression, with_time: bool) -> bool:
 def completed(work: Work, answer: Answer, others: Found | None, with_time: bool) -> Answer:
     """With the Hamiltonian, and those Lagrangians besides its own that were found and the checker confirms."""
     assert answer.lagrangian is not None
+    tell(work, answer, with_time)
     began = now()
     work.progress("Hamiltonian")
     names = work.analysis.system.coordinates

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from inverse_service.expressions.tree import Expression
+
+if TYPE_CHECKING:
+    from inverse_service.inverse_problem.outcome import Solution
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +21,8 @@ class SolveOptions:
     ends as undetermined. `ansatz`: terms that a Lagrangian is first looked for in. `given`: the equations as they were
     written, one tree for each that vanishes along the motion, accelerations unsolved: their own multiplier is tried
     first. `series_order`: up to which order the multiplier is expanded where no closed form is found; None leaves the
-    choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out.
+    choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out. `so_far`: told an answer that the
+    checker has confirmed, while there is more to find.
     """
 
     time_dependent: bool | None = None
@@ -26,3 +32,4 @@ class SolveOptions:
     given: tuple[Expression, ...] = ()
     series_order: int | None = None
     conditions: bool = True
+    so_far: Callable[[Solution], None] | None = None

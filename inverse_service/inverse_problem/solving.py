@@ -11,7 +11,15 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, walk
-from inverse_service.inverse_problem.confirming import Progress, Work, check, completed, confirmed, is_confirmed
+from inverse_service.inverse_problem.confirming import (
+    Progress,
+    Work,
+    check,
+    completed,
+    confirmed,
+    is_confirmed,
+    telling,
+)
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.certify import domain_of
@@ -74,6 +82,7 @@ def solve_branches(
             f"at most {MOST_BRANCHES} are solved: write the formulas of one"
         )
         return (_unreduced(system, options, None, reason),)
+    options = options if len(branches) == 1 else replace(options, so_far=None)
     end, solutions = now() + options.time_limit, []
     for place, branch in enumerate(branches):
         share = (end - now()) / (len(branches) - place)
@@ -331,7 +340,7 @@ def _searched(work: Work, decision: Decision, highest: float) -> SearchOutcome:
             decision.with_time,
             work.options.seed,
             math.inf,
-            work.progress,
+            telling(work, decision),
             work.options.ansatz,
             lambda tree: is_confirmed(work, tree, decision.with_time),
             highest,

@@ -27,20 +27,22 @@ REASONS = {
     CertificateRefused: "The independent checker refused the certificate of this answer, so there is none; that is a "
     "fault of the program.",
 }
+Progress = Callable[[Any], None]
 ENDED: tuple[type[Exception], ...] = tuple(REASONS)
 log = logging.getLogger(__name__)
 
 
-def solve_document(
-    document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
-) -> dict[str, Any]:
+def solve_document(document: Any, options: SolveOptions, progress: Progress | None = None) -> dict[str, Any]:
     """The result of a document of any kind. Raises InputError for one that cannot be accepted.
+
+    `progress` receives the name of each stage, and as {"so_far": ...} an answer that is confirmed while more is sought.
 
     Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault` names the error.
     """
     try:
         ready = prepared(document)
-        found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, progress))
+        told = None if progress is None else lambda report: progress(_outward(ready, report))
+        found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, told))
     except ENDED as error:
         if is_forward(document):
             raise
@@ -48,6 +50,10 @@ def solve_document(
     if isinstance(found.get("system"), dict):
         found["system"]["given"] = _as_given(document)
     return found
+
+
+def _outward(ready: Prepared, report: Any) -> Any:
+    return {key: ready.outward(part) for key, part in report.items()} if isinstance(report, dict) else report
 
 
 def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dict[str, Any]:
@@ -111,7 +117,7 @@ class UseCases:
     look: Callable[[Any], Any]
     parse: Callable[[Any], ParseAnswer]
     system: Callable[[Any], SecondOrderSystem]
-    solve: Callable[[Any, SolveOptions, Callable[[str], None] | None], dict[str, Any]]
+    solve: Callable[[Any, SolveOptions, Progress | None], dict[str, Any]]
 
 
 def use_cases(document: Any) -> UseCases:

@@ -20,8 +20,11 @@ if TYPE_CHECKING:
     from inverse_service.expressions.tree import Expression
     from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
     from inverse_service.inverse_problem.options import SolveOptions
+    from inverse_service.inverse_problem.outcome import Solution
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
+# Stages are told by name, an answer so far as {"so_far": result}.
+Progress = Callable[[Any], None]
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
 SHARE_OF_SOLVER = 0.8
 # What the solver may take where special cases or kinds are wanted too.
@@ -31,9 +34,7 @@ QUICKLY = 2.0
 FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
 
 
-def solve_document(
-    document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
-) -> dict[str, Any]:
+def solve_document(document: Any, options: SolveOptions, progress: Progress | None = None) -> dict[str, Any]:
     """The result document of a System document, its certificates checked.
 
     `options.time_limit` is the time for all of it; `time_dependent` is taken from the document.
@@ -53,7 +54,8 @@ def solve_document(
         series_order=schema.series_order,
     )
     kinds, factor = _kinds(schema, system), _clock(schema, system)
-    solution, *others = solve_branches(system, asked, progress)
+    so_far = None if progress is None else lambda solution: _tell(solution, schema, progress)
+    solution, *others = solve_branches(system, dataclasses.replace(asked, so_far=so_far), progress)
     result = translate.to_result(solution, schema, others)
     limit = now() + SHARE_OF_SOLVER * (end - now())
     # What follows is loaded when asked for, so that others start sooner.
@@ -73,6 +75,15 @@ def solve_document(
     if schema.special_cases:
         result = with_special_cases(result, system, asked, (end, progress))
     return ordered(checked(result, end - now()))
+
+
+def _tell(solution: Solution, schema: SystemDocument, progress: Progress) -> None:
+    """Report a confirmed answer of which more is sought, compared with the document as every answer."""
+    found = checked(translate.to_result(solution, schema), 1.0)
+    if found["verdict"] == "variational":
+        lean = dict.fromkeys(("conditions", "certificate", "advice", "provenance"))
+        more = {"explanation": [], "searching": True, "system": found["system"] | {"given": None}}
+        progress({"so_far": found | lean | more})
 
 
 def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
@@ -95,7 +106,7 @@ def with_special_cases(
     result: ResultDocument,
     system: SecondOrderSystem,
     asked: SolveOptions,
-    limits: tuple[float, Callable[[str], None] | None],
+    limits: tuple[float, Progress | None],
 ) -> ResultDocument:
     """The result with the tree of special cases, found in the time that is left."""
     # Loaded when asked for, so that others start sooner.

@@ -21,7 +21,7 @@ def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(report, Mapping):
         return {**before, **{str(key): value for key, value in report.items()}}
     text = str(report)
-    kept = {key: before[key] for key in ("question", "counts") if key in before}
+    kept = {key: before[key] for key in ("question", "counts", "so_far") if key in before}
     if order := ORDER.match(text):
         return {**kept, "stage": "prolongation", "order": int(order[1]), "counts": _counted(before, "prolongations")}
     if family := FAMILY.match(text):
@@ -72,7 +72,9 @@ class EventLog:
             progress = described(value, self._latest[job.id])
             progress["elapsed"] = round(time.monotonic() - began, 3)
             self._latest[job.id] = progress
-            self._append(job, "progress", progress)
+            # An answer so far is written once: with the report that brings it.
+            shown = progress if isinstance(value, Mapping) else {k: v for k, v in progress.items() if k != "so_far"}
+            self._append(job, "progress", shown)
 
     def end(self, job: Job) -> None:
         """Nothing more comes from this attempt; the store knows how it ended."""

@@ -108,6 +108,11 @@ def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Ma
     return guard(_page, store, id, job, look, check)
 
 
+def so_far_task(job: Mapping[str, Any], visitor: Visitor, waited: int) -> Outcome:
+    """The page of a job that has a confirmed answer while more is sought."""
+    return guard(_so_far, job, visitor, waited)
+
+
 def embed_task(store: str, id: str, visitor: Visitor) -> Outcome:
     """The short page of a solved system that other pages show in a frame."""
     return guard(_embedded, store, id, visitor)
@@ -188,6 +193,13 @@ def _embedded(store: str, id: str, visitor: Visitor) -> HTMLResponse:
     lines = answers.equations_of(found["system"]) if found.get("system") else []
     title = answers.title_of(found) if "verdict" in found else "Equations of motion"
     return page("embed.html", active="", equations=lines, glance=answers.glance_of(found), title=title, id=id)
+
+
+def _so_far(job: Mapping[str, Any], visitor: Visitor, waited: int) -> HTMLResponse:
+    VISITOR.set(visitor)
+    found = job["progress"]["so_far"]
+    lines, (answer, _) = answers.equations_of(found["system"]), answers.shown_of(found, found)
+    return page("working.html", active="", job=job, asked=[], waited=waited, equations=lines, main=answer)
 
 
 def _file(store: str, id: str, label: str, ending: str) -> bytes | None:

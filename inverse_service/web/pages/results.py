@@ -33,6 +33,7 @@ from inverse_service.web.pages.result_tasks import (
     own_lagrangian_task,
     page_task,
     picture_task,
+    so_far_task,
 )
 from inverse_service.web.problems import Refusal
 
@@ -40,6 +41,8 @@ router = APIRouter()
 IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 # A short job's result comes with its first page; a longer one's page shows its progress.
 PATIENCE = 1.5
+# What is confirmed by then is shown while the rest is sought.
+SOON = 0.3
 ASKED = 20  # lines of a question
 OPEN = frozenset(("accepted", "running"))
 
@@ -220,9 +223,11 @@ async def finished(request: Request, identifier: str, patience: float) -> Answer
     if answer.value["status"] not in OPEN or not patience:
         return answer
     engine, viewer = request.app.state.engine, viewer_of(request)
-    job = await engine.job(identifier, viewer)
-    if job is not None:
-        await engine.wait(job, viewer, patience)
+    job, end = await engine.job(identifier, viewer), time.monotonic() + patience
+    while job is not None and job.is_open and (left := end - time.monotonic()) > 0:
+        if "so_far" in (engine.supervisor.events.latest(identifier) or {}) and time.time() - job.created > SOON:
+            break
+        job = await engine.wait(job, viewer, min(left, SOON / 3))
     return await finished(request, identifier, 0)
 
 
@@ -267,6 +272,13 @@ def asked_of(document: Any) -> list[str]:
 
 async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
     """The page of a job by its status."""
+    if job["status"] in OPEN and "so_far" in (job["progress"] or {}):
+        about = (job, VISITOR.get(), int(time.time() - job["created"]))
+        engine: Engine = request.app.state.engine
+        told = await engine.run_quick(client_of(request), so_far_task, *about, seconds=LONG_DEADLINE)
+        if told.status == "done":
+            early: HTMLResponse = told.value
+            return early
     if job["status"] in OPEN:
         stored = await stored_job(request, job["id"])
         asked = asked_of(json.loads(stored.document)) if stored is not None else []
@@ -274,7 +286,7 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
     if job["status"] != "successful":
         problem = reading_back.problem_of(job["problem"], {}) if job["problem"] else None
         return page("ended.html", 200, active="", job=job, problem=problem)
-    engine: Engine = request.app.state.engine
+    engine = request.app.state.engine
     look = Look(VISITOR.get(), str(request.base_url).rstrip("/"), engine.settings.time_limit)
     found: HTMLResponse = await made(request, job["id"], page_task, job, look, check)
     return found

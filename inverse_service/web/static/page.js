@@ -358,7 +358,15 @@ function following(place) {
       done();
       return;
     }
-    if (said.status === "running") place.querySelector("h1").textContent = "Working on it";
+    // A confirmed answer while more is sought: the page shows it.
+    const told = said.so_far && (said.so_far.lagrangian ? "found" : "exists");
+    if (told && told !== place.dataset.told && place.dataset.told !== "found") {
+      source.close();
+      done();
+      return;
+    }
+    const heading = place.querySelector("h1");
+    if (said.status === "running" && heading) heading.textContent = "Working on it";
     const shown = progressText(said.progress ?? (said.status ? null : said));
     if (shown) text.textContent = shown;
   };
