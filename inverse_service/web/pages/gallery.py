@@ -42,6 +42,23 @@ REFERRED = {
     "flow": "https://mathoverflow.net/questions/{}",
 }
 
+# What the name of a system says of its body, as bodies.html draws it; the first that fits.
+BODIES = (
+    ("double-pendulum", "double-pendulum"), ("elastic-pendulum", "elastic-pendulum"), ("cart", "cart-pendulum"),
+    ("pendula", "two-pendula"), ("pendulum", "pendulum"), ("kepler", "orbit"), ("poynting", "orbit"), ("hill", "orbit"),
+    ("masses", "masses"), ("two-body", "masses"), ("chain", "masses"), ("toda", "masses"), ("disk", "disk"),
+    ("inclined-knife-edge", "inclined-knife-edge"), ("knife-edge-inclined", "inclined-knife-edge"),
+    ("knife-edge", "knife-edge"), ("sleigh", "knife-edge"), ("robot", "robot"), ("carriage", "carriage"),
+    ("nonholonomic-particle", "particle"), ("magnetic", "charge"), ("charged", "charge"), ("sphere", "sphere"),
+    ("ballistics", "projectile"), ("quadrotor", "projectile"), ("drag-2d", "projectile"),
+    ("oscillator", "spring"), ("sho", "spring"), ("duffing", "spring"), ("van-der-pol", "spring"),
+)  # fmt: skip
+
+
+def body_of(name: str) -> str:
+    """The drawing of a system of this name; empty where the name tells of no body."""
+    return next((body for words, body in BODIES if f"-{words}-" in f"-{name}-"), "")
+
 
 @dataclass(frozen=True, slots=True)
 class Line:
@@ -55,6 +72,7 @@ class Line:
     note: str = ""
     source: Markup | str = ""
     text: str = ""
+    body: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +85,7 @@ class Card:
     constraints: list[Markup]
     associated: list[tuple[str, Line]]
     plane: tuple[str, str] | None
+    body: str
 
 
 @router.get("/gallery")
@@ -102,7 +121,7 @@ def _card(entry: dict[str, Any], associated: list[tuple[str, Line]]) -> Card:
     constraints = [typesetting.formula(f"{text} = 0", names) for text in document["constraints"]]
     lagrangian = typesetting.formula(document["lagrangian"], names)
     plane = plane_of(entry["name"]) if has_thumbnail(entry["name"]) else None
-    return Card(entry["name"], entry["title"], lagrangian, constraints, associated, plane)
+    return Card(entry["name"], entry["title"], lagrangian, constraints, associated, plane, body_of(entry["name"]))
 
 
 @lru_cache(maxsize=1)
@@ -135,6 +154,7 @@ def _line(entry: dict[str, Any], formulas: bool = False) -> Line:
         entry.get("note", ""),
         referenced(entry.get("source", "")),
         text_of(entry["document"]),
+        body_of(entry["name"]),
     )
 
 

@@ -22,6 +22,7 @@ from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.calls import call, read_form
 from inverse_service.web.pages.forms import Form
+from inverse_service.web.pages.gallery import body_of
 from inverse_service.web.pages.preview import preview_task
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_tasks import part_task
@@ -115,6 +116,7 @@ def simulate_page(form: SceneForm, problem: reading_back.Problem | None = None, 
         status,
         active="/simulate",
         form=form,
+        body=body_of(form.system),
         systems=systems,
         methods=METHODS,
         observables=OBSERVABLES,

@@ -51,7 +51,7 @@ def test_another_system_to_simulate_is_one_click_in_the_list(visit: Visit, plain
     at.go("/simulate")
     at.page.get_by_text("Another system").click()
     at.page.get_by_role("link", name="Knife edge on a horizontal plane").click()
-    expect(at.page.locator("#scene h2")).to_have_text("Knife edge on a horizontal plane")
+    expect(at.page.locator("#picture-title")).to_have_text("Knife edge on a horizontal plane")
 
 
 @pytest.mark.parametrize("scripts", [True, False])

@@ -161,7 +161,7 @@ def test_what_is_wrong_with_a_scene_is_told_on_the_form(visit: Visit) -> None:
 
 def test_the_gallery_draws_the_paths_of_the_systems(visit: Visit) -> None:
     visit.go("/gallery")
-    picture = visit.page.locator("img.thumbnail[src*='vertically-rolling-disk']")
+    picture = visit.page.locator("img.thumbnail[src*='generic-class-one']")
     picture.scroll_into_view_if_needed()
     request = visit.page.context.request
     answer = request.get(visit.address + "/gallery/vertically-rolling-disk.svg", timeout=40_000)
@@ -171,10 +171,10 @@ def test_the_gallery_draws_the_paths_of_the_systems(visit: Visit) -> None:
     for name, lines in (("disk-paths", 4), ("disk-energy", 3), ("disk-constraints", 3)):
         figure = request.get(f"{visit.address}/gallery/figures/{name}.svg", timeout=40_000)
         assert len(lines_of(figure.text())) == lines
-    group = visit.page.locator("details", has=visit.page.locator("img[src*='sketches/sho.svg']"))
+    group = visit.page.locator("details", has=visit.page.locator("img[src*='sketches/painleve-i.svg']"))
     group.evaluate("node => (node.open = true)")
     group.scroll_into_view_if_needed()
-    sketch = visit.page.locator("img[src*='sketches/sho.svg']")
+    sketch = visit.page.locator("img[src*='sketches/painleve-i.svg']")
     expect(sketch).to_have_js_property("naturalWidth", 150)
     assert request.get(f"{visit.address}/gallery/sketches/none.svg").status == 404
     visit.page.get_by_role("link", name="Open the scene: Rolling disk, \u03b1 = 0: energy error").click()

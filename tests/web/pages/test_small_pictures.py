@@ -11,6 +11,8 @@ import pytest
 
 from inverse_service import catalogue
 from inverse_service.web.pages.figures import small_picture
+from inverse_service.web.pages.gallery import BODIES, body_of
+from inverse_service.web.pages.rendering import environment
 from inverse_service.web.pages.starts import _drawn, sketch
 
 T = [math.tau * k / 50 for k in range(51)]
@@ -83,3 +85,28 @@ def test_every_system_has_a_sketch(name: str) -> None:
     svg = sketch(name)
     assert svg is not None
     assert len(svg) < 1_600
+
+
+@pytest.mark.parametrize(
+    ("name", "body"),
+    [
+        ("vertically-rolling-disk", "disk"),
+        ("two-wheeled-carriage", "carriage"),
+        ("inclined-knife-edge", "inclined-knife-edge"),
+        ("knife-edge-second", "knife-edge"),
+        ("damped-double-pendulum", "double-pendulum"),
+        ("pendulum-on-viscous-cart", "cart-pendulum"),
+        ("kepler-polar", "orbit"),
+        ("sho", "spring"),
+        ("shock", ""),
+        ("douglas-iiib", ""),
+    ],
+)
+def test_a_system_is_drawn_as_the_body_of_its_name(name: str, body: str) -> None:
+    assert body_of(name) == body
+
+
+def test_every_body_has_a_drawing_of_its_own() -> None:
+    drawings = environment().get_template("bodies.html").module.drawings
+    assert {body for _, body in BODIES} == set(drawings)
+    assert len(set(drawings.values())) == len(drawings)
