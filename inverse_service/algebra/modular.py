@@ -15,6 +15,7 @@ Montgomery form: x stands for x R modulo P, R = 2^64; a product costs three mult
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable, Iterable
 from fractions import Fraction
@@ -34,12 +35,15 @@ _BITS = 61
 
 
 @lru_cache(maxsize=256)
-def safe_prime(seed: int, residues: frozenset[int] = frozenset()) -> int:
-    """A random safe prime of 61 bits modulo which 2 … 13 and all of `residues` (primes) are residues."""
-    generator = random.Random(f"prime {seed}")
-    low, high = 2 ** (_BITS - 1) // _MODULUS, 2**_BITS // _MODULUS
+def safe_prime(seed: int, residues: frozenset[int] = frozenset(), order: int = 2) -> int:
+    """A random safe prime of 61 bits modulo which 2 … 13 and all of `residues` (primes) are residues.
+
+    `order` divides the number of points of the circle, which is the prime and one.
+    """
+    generator, modulus = random.Random(f"prime {seed}"), math.lcm(_MODULUS, order)
+    low, high = 2 ** (_BITS - 1) // modulus, 2**_BITS // modulus
     while True:
-        candidate = generator.randrange(low, high) * _MODULUS - 1
+        candidate = generator.randrange(low, high) * modulus - 1
         if not _is_safe_prime(candidate):
             continue
         if all(is_positive(ell, candidate) for ell in residues):

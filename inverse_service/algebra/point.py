@@ -34,12 +34,14 @@ class Point:
     `signs` gives for a variable the sign of the residue symbol that its value is to have (the sign
     of the variable at the real point that stands for the domain of the answer); `salts` choose
     among the random values of single variables and of the free generators that contain them.
+    The square roots of the prime numbers in `flipped` have the other sign: a conjugate of what is meant.
     """
 
     prime: int
     seed: int
     signs: Mapping[Variable, int] = field(default_factory=dict)
     salts: Mapping[Variable, int] = field(default_factory=dict)
+    flipped: frozenset[int] = frozenset()
     variables: dict[Variable, int] = field(default_factory=dict)
     atoms: dict[Expression, int] = field(default_factory=dict)
 
@@ -130,12 +132,20 @@ def _evaluate(expression: Expression, point: Point, known: dict[Expression, int]
                 product = product * evaluate(factor, point, known) % prime
             return product
         case Power(base, Number(exponent)):
-            return power_value(evaluate(base, point, known), exponent, prime)
+            return _flip(base, exponent, point) * power_value(evaluate(base, point, known), exponent, prime) % prime
         case Apply():
             return point.atom(expression)
         case Arbitrary(name, arguments, orders):
             return point.jet(name, tuple(evaluate(argument, point, known) for argument in arguments), orders)
     raise TypeError(f"{type(expression).__name__} is not a kernel")
+
+
+def _flip(base: Expression, exponent: Fraction, point: Point) -> int:
+    """The sign of a square root of a number at a conjugate point."""
+    if not point.flipped or exponent.denominator != 2 or not isinstance(base, Number):
+        return 1
+    odd = [ell for k in base.value.as_integer_ratio() for ell, times in prime_factors(k) if times % 2]
+    return -1 if len(point.flipped.intersection(odd)) % 2 else 1
 
 
 def power_value(base: int, exponent: Fraction, prime: int) -> int:
@@ -179,7 +189,8 @@ class Expansion:
             case Product(factors):
                 return self._product(factors)
             case Power(base, Number(exponent)):
-                return self._power(self.expand(base), exponent)
+                found = self._power(self.expand(base), exponent)
+                return found if _flip(base, exponent, self.point) > 0 else ps.scale(found, ring.prime - 1)
             case Apply(function, argument):
                 return self._apply(expression, function, self.expand(argument))
             case Arbitrary(name, arguments, orders):

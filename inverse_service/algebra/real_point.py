@@ -13,7 +13,7 @@ from fractions import Fraction
 import mpmath
 
 from inverse_service.algebra.point import Variable
-from inverse_service.algebra.tower import RADIAN
+from inverse_service.algebra.tower import RADIAN, Combination
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate, evaluate_once
 from inverse_service.expressions.tree import (
@@ -43,6 +43,7 @@ _SCALES = ("1.7", "0.9", "0.4", "0.1", "5", "0.01", "30")
 _LARGEST = 10_000
 # By how much a point is inside, where there is one.
 _MARGIN = Fraction(1, 4)
+_FINEST = 720  # of parts of pi
 _TINY = mpmath.mpf(10) ** -12
 
 RealTable = dict[Expression, mpmath.mpf]
@@ -127,21 +128,29 @@ def _may_be_tiny(expression: Expression) -> bool:
     return isinstance(expression, Power) or (isinstance(expression, Apply) and expression.function in ("exp", "cosh"))
 
 
-def turns(table: RealTable | None, atom: Expression, linear: Sequence[tuple[Expression, Fraction]]) -> Fraction:
-    """(atom - sum a_j u_j)/pi at the real point: what an arctangent relation leaves open."""
+def turns(
+    table: RealTable | None, atom: Expression, known: Combination, constants: Sequence[Expression]
+) -> Combination | None:
+    """What an arctangent relation leaves open: atom - sum a_j u_j as a combination of pi and constant arctangents.
+
+    None where it is none. IrreducibleAtoms where there is no real point.
+    """
     if table is None:
         raise IrreducibleAtoms("an arctangent depends on other angles and no real point of f was found")
     with mpmath.workdps(_DIGITS):
         total = evaluate(atom, table)
-        for u, a in linear:
+        for u, a in known:
             total -= evaluate(u, table) * a.numerator / a.denominator
-        steps = total / mpmath.pi * 12
-        nearest = int(mpmath.nint(steps))
-        if abs(steps - nearest) > _TINY:
-            raise IrreducibleAtoms(
-                "an arctangent is a constant, or holds one, that is no multiple of pi/12: write a letter for it"
-            )
-    return Fraction(nearest, 12)
+        if abs(total) < _TINY:
+            return ()
+        part = Fraction(int(mpmath.nint(total / mpmath.pi * 10**20)), 10**20).limit_denominator(_FINEST)
+        if abs(total / mpmath.pi * part.denominator - part.numerator) < _TINY:
+            return ((PI, part),)
+        values = [total, *(evaluate(u, table) for u in constants), +mpmath.pi]
+        found = mpmath.pslq(values, tol=mpmath.mpf(10) ** -30, maxcoeff=1000, maxsteps=10_000) if constants else None
+    if not found or not found[0]:
+        return None
+    return tuple((u, Fraction(-a, found[0])) for u, a in zip((*constants, PI), found[1:], strict=True) if a)
 
 
 def requirements(formulas: Iterable[Expression], table: RealTable) -> list[Expression]:

@@ -18,12 +18,13 @@ from flint import nmod_mat
 
 from inverse_service.algebra.kernels import is_even_root, is_root
 from inverse_service.algebra.modular import is_positive, prime_factors, reconstruct
-from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, number_value
+from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, number_value, variables_in
 from inverse_service.algebra.series import SingularPoint, derivative, value_at_point
 from inverse_service.algebra.tower import (
     RADIAN,
     AngleRule,
     ArctangentRule,
+    Combination,
     ExponentialRule,
     LogarithmRule,
     Requirement,
@@ -34,22 +35,39 @@ from inverse_service.algebra.tower import (
     replay,
 )
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import ONE, PI, Apply, Expression, Number, Power, add, distinct_nodes, power
+from inverse_service.expressions.tree import (
+    ONE,
+    PI,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    add,
+    distinct_nodes,
+    power,
+)
 
 # A residue of 61 bits is a fraction below the bound by chance with probability 10^-6.
 _COEFFICIENT_BOUND = 10**6
+
+
+class IrrationalRatio(IrreducibleAtoms):
+    """Some arguments have constant ratios modulo the prime."""
 
 
 @dataclass(slots=True)
 class Samples:
     """Points of one prime at which all rules of a tower hold, used to find linear relations.
 
-    `pending` are signs of quantities some of whose atoms have no rule yet.
+    `pending` are signs of quantities some of whose atoms have no rule yet. Points have by turns conjugates of the
+    square roots of the primes in `flips`: a relation with rational coefficients holds for all conjugates.
     """
 
     tower: Tower
     points: list[Point] = field(default_factory=list)
     pending: list[Requirement] = field(default_factory=list)
+    flips: tuple[int, ...] = ()
 
     def values(self, expression: Expression) -> list[int]:
         return [evaluate(expression, point) for point in self.points]
@@ -76,7 +94,7 @@ class Samples:
         if len(columns) in pivots:
             return None
         if rank < len(columns):
-            raise IrreducibleAtoms("arguments of exponentials, logarithms or angles have irrational ratios")
+            raise IrrationalRatio("arguments of exponentials, logarithms or angles have irrational ratios")
         solution = [reconstruct(int(reduced[i, len(columns)]), self.prime, _COEFFICIENT_BOUND) for i in range(rank)]
         return None if any(a is None for a in solution) else [a for a in solution if a is not None]
 
@@ -84,7 +102,9 @@ class Samples:
         """Enough points for a linear system of so many unknowns, with all rules so far replayed."""
         prime = self.points[0].prime if self.points else draw_point(self.tower, 7).prime
         while len(self.points) < columns + 6:
-            self.points.append(draw_point(self.tower, 1000 + len(self.points), prime))
+            count = len(self.points)
+            flipped = frozenset(ell for k, ell in enumerate(self.flips) if (count >> k) % 2)
+            self.points.append(draw_point(self.tower, 1000 + count, prime, flipped))
 
     def admit_pending(self) -> None:
         """From now on the signs hold of those pending quantities that have a value by now."""
@@ -102,8 +122,9 @@ class Samples:
 
 
 _CONSTANT_BOUND = 10**8
-# (atom, sum a_j u_j) -> (atom - sum)/pi at a real point: what an arctangent relation leaves open.
-Turns = Callable[[Expression, Sequence[tuple[Expression, Fraction]]], Fraction]
+_MOST_PARTS = 5040
+# (atom, sum a_j u_j, constants) -> atom - sum at a real point, in pi and the constants.
+Turns = Callable[[Expression, Combination, Sequence[Expression]], Combination | None]
 
 
 def build_tower(
@@ -119,7 +140,7 @@ def build_tower(
     from the first point on at which they have a meaning.
     """
     names = (*variables, PI) if _needs_pi(expressions) else tuple(variables)
-    tower = Tower(names, real_signs, residues=_root_primes(expressions))
+    tower = Tower(names, real_signs, residues=_root_primes(expressions), parts_of_pi=_parts_of_pi(expressions))
     samples = Samples(tower)
     if known is not None:
         tower.scales, tower.default_scale = dict(known.scales), 1
@@ -144,6 +165,14 @@ def _needs_pi(expressions: Sequence[Expression]) -> bool:
     """Whether pi occurs, or may: two arctangents often differ by a part of pi."""
     nodes = distinct_nodes(expressions)
     return any(node == PI or (isinstance(node, Apply) and node.function == "atan") for node in nodes)
+
+
+def _parts_of_pi(expressions: Sequence[Expression]) -> int:
+    """The common denominator of the fractions of pi that are written."""
+    found = [f.value.denominator for node in distinct_nodes(expressions) if isinstance(node, Product)
+             and PI in node.factors for f in node.factors if isinstance(f, Number)]  # fmt: skip
+    whole = math.lcm(*found)
+    return whole if whole <= _MOST_PARTS else 1
 
 
 def _root_primes(expressions: Sequence[Expression]) -> frozenset[int]:
@@ -176,11 +205,37 @@ def _admit(atom: Expression, tower: Tower, samples: Samples, turns: Turns) -> No
         return
     samples.ensure(len(tower.rules) + 4)
     work = {"exp": _exponential_rule, "log": _logarithm_rule, "atan": _arctangent_rule}.get(atom.function, _angle_rule)
-    rule = work(atom, tower, samples, turns)
+    try:
+        rule = work(atom, tower, samples, turns)
+    except IrrationalRatio:
+        samples.flips = _square_roots(atom.argument, *(u for kind in _KINDS for u in _free(tower, kind)))
+        if not samples.flips:
+            raise
+        samples.points.clear()
+        samples.ensure(len(tower.rules) + 4)
+        rule = work(atom, tower, samples, turns)
+        samples.flips = ()
+        samples.points.clear()
     samples.ensure(len(tower.rules) + 4)
     tower.rules.append(rule)
     for point in samples.points:
         replay(rule, point, tower.scale)
+
+
+_KINDS: tuple[type[Rule], ...] = (ExponentialRule, LogarithmRule, AngleRule, ArctangentRule)
+
+
+def _square_roots(*trees: Expression) -> tuple[int, ...]:
+    """The primes under square roots of numbers, where no other roots of constants occur."""
+    found: dict[int, None] = {}
+    for node in distinct_nodes(trees):
+        if not is_root(node) or not isinstance(node, Power) or variables_in(node):
+            continue
+        base, exponent = node.base, node.exponent
+        if not (isinstance(base, Number) and isinstance(exponent, Number) and exponent.value.denominator == 2):
+            return ()
+        found |= {ell: None for k in base.value.as_integer_ratio() for ell, _ in prime_factors(k)}
+    return tuple(found)[:3]
 
 
 def _free(tower: Tower, kind: type[Rule]) -> list[Expression]:
@@ -305,19 +360,26 @@ def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[Express
 
 
 def _arctangent_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
-    basis = _free(tower, AngleRule) + _free(tower, ArctangentRule)
-    columns = [_flat(samples.gradients(u)) for u in basis]
+    columns = {u: _flat(samples.gradients(u)) for u in _free(tower, AngleRule) + _free(tower, ArctangentRule)}
+    basis = [u for u, column in columns.items() if any(column)]
+    constants = [u for u in _free(tower, ArctangentRule) if u not in basis]
     w = samples.values(atom.argument)
     factor = [pow(1 + x * x, -1, samples.prime) for x in w]
     gradient = samples.gradients(atom.argument)
     target = [x * k % samples.prime for row, k in zip(gradient, factor, strict=True) for x in row]
-    if not any(target):
-        return ArctangentRule(atom, False, (), turns(atom, ()))
-    solution = samples.solve(columns, target)
+    solution = samples.solve([columns[u] for u in basis], target) if any(target) else [Fraction(0)] * len(basis)
     if solution is None:
         return ArctangentRule(atom, True)
     linear = tuple((u, a) for u, a in zip(basis, solution, strict=True) if a)
-    return ArctangentRule(atom, False, linear, turns(atom, linear))
+    rest = turns(atom, linear, constants)
+    if rest is None and linear:
+        raise IrreducibleAtoms(
+            "an arctangent differs from others by a constant that is not known: write a letter for it"
+        )
+    if rest is None:
+        return ArctangentRule(atom, True)  # a constant that no other one gives
+    found = dict(rest)
+    return ArctangentRule(atom, False, linear + tuple(p for p in rest if p[0] != PI), found.get(PI, Fraction(0)))
 
 
 def _finish_scales(tower: Tower) -> None:

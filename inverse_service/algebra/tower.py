@@ -21,7 +21,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service.algebra.kernels import is_root
-from inverse_service.algebra.modular import is_positive, positive_power, safe_prime
+from inverse_service.algebra.modular import is_positive, positive_power, prime_factors, safe_prime
 from inverse_service.algebra.point import Point, Variable, constant_value, evaluate, number_value
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
@@ -41,8 +41,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 
-# cos and sin of k pi/12 are made from the positive roots of 2 and 3.
-_TWELFTH = 12
 # The angle of one radian, when constants such as cos(1) occur.
 RADIAN = Symbol("radian")
 Combination = tuple[tuple[Expression, Fraction], ...]
@@ -122,7 +120,7 @@ class AngleRule:
         prime = point.prime
         if self.free:
             return circle_power(_random_turn(point, self.angle), scale(self.angle), prime)
-        total = circle_twelfth(self.turns, prime)
+        total = circle_turn(self.turns, prime)
         for angle, factor in self.angles:
             total = circle_product(total, self._scaled(point, angle, factor, scale), prime)
         if self.radians:
@@ -204,9 +202,12 @@ def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int,
 
 def _random_turn(point: Point, angle: Expression) -> tuple[int, int]:
     """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is no square."""
-    t = point.draw_free(angle)
-    factor = pow(1 + t * t, -1, point.prime)
-    return (1 - t * t) * factor % point.prime, 2 * t * factor % point.prime
+    return _circle_point(point.draw_free(angle), point.prime)
+
+
+def _circle_point(t: int, prime: int) -> tuple[int, int]:
+    factor = pow(1 + t * t, -1, prime)
+    return (1 - t * t) * factor % prime, 2 * t * factor % prime
 
 
 def _arctangent_turn(atom: Expression, point: Point) -> tuple[int, int]:
@@ -218,17 +219,44 @@ def _arctangent_turn(atom: Expression, point: Point) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=1024)
-def circle_twelfth(turns: Fraction, prime: int) -> tuple[int, int]:
-    """(cos, sin) of pi * turns for multiples of pi/12."""
-    steps = turns * _TWELFTH
-    if steps.denominator != 1:
-        what = "is no multiple of pi/12 and its sine and cosine are not computed with"
-        raise IrreducibleAtoms(f"the angle {turns} pi {what}: write a letter for each, or roots where they are such")
-    half = pow(2, -1, prime)
-    root2, root3 = (positive_power(k, Fraction(1, 2), prime) for k in (2, 3))
-    third = (half, root3 * half % prime)
-    minus_quarter = (root2 * half % prime, -root2 * half % prime)
-    return circle_power(circle_product(third, minus_quarter, prime), steps.numerator % (2 * _TWELFTH), prime)
+def circle_turn(turns: Fraction, prime: int) -> tuple[int, int]:
+    """(cos, sin) of pi turns, where twice the denominator divides prime + 1, the order of the circle."""
+    whole, total = 2 * turns.denominator, (1, 0)
+    if (prime + 1) % whole:
+        raise IrreducibleAtoms(f"the angle {turns} pi is too fine a part of pi: write a letter for its sine and cosine")
+    for ell, k in prime_factors(whole):
+        rest = whole // ell**k
+        total = circle_product(
+            total, circle_power(_unit(ell, k, prime), turns.numerator * pow(rest, -1, ell**k), prime), prime
+        )
+    return total
+
+
+@lru_cache(maxsize=1024)
+def _unit(ell: int, k: int, prime: int) -> tuple[int, int]:
+    """(cos, sin) of 2 pi/ell^k, the ones for which the roots of 2, 3, 5, … that they give are the positive ones."""
+    most = next(m for m in range(k, 64) if (prime + 1) % ell ** (m + 1))
+    order = ell**most
+    t = next(t for t in range(2, 999) if _order_is_multiple(t, ell, prime))
+    start = circle_power(_circle_point(t, prime), (prime + 1) // order, prime)
+    found = next(
+        z for a in range(1, order) if a % ell and _is_principal(z := circle_power(start, a, prime), ell, order, prime)
+    )
+    return circle_power(found, ell ** (most - k), prime)
+
+
+def _order_is_multiple(t: int, ell: int, prime: int) -> bool:
+    return circle_power(_circle_point(t, prime), (prime + 1) // ell, prime) != (1, 0)
+
+
+def _is_principal(turn: tuple[int, int], ell: int, order: int, prime: int) -> bool:
+    """Whether sqrt(2)/2, sqrt(3)/2, or by Gauss the root of a larger prime, follows from a turn by 2 pi/order."""
+    if ell == 2:
+        half = positive_power(2, Fraction(-1, 2), prime)
+        return circle_power(turn, order // 8, prime) == (half, half)
+    powers = [circle_power(turn, order // ell * a, prime)[ell // 2 % 2] for a in range(1, ell)]
+    total = sum(value * (1 if is_positive(a, ell) else -1) for a, value in enumerate(powers, 1))
+    return total % prime == positive_power(ell, Fraction(1, 2), prime)
 
 
 # In the search for relations an angle may be any of these fractions of a free one.
@@ -250,6 +278,7 @@ class Tower:
     scales: dict[Expression, int] = field(default_factory=dict)
     default_scale: int = _SEARCH_SCALE
     residues: frozenset[int] = frozenset()
+    parts_of_pi: int = 1
 
     def scale(self, angle: Expression) -> int:
         """The denominator of a free angle's generator."""
@@ -291,15 +320,15 @@ def _collect(expression: Expression, found: dict[Expression, None]) -> None:
         found[expression] = None
 
 
-def draw_point(tower: Tower, seed: int, prime: int | None = None) -> Point:
+def draw_point(tower: Tower, seed: int, prime: int | None = None, flipped: frozenset[int] = frozenset()) -> Point:
     """A random point at which every atom has a value and every sign is as in the tower.
 
     The prime is chosen again with each seed unless given. IrreducibleAtoms when no point is found.
     """
     stages = _stages(tower, tower.variables)
     for attempt in range(_DRAWS // 64):
-        modulus = prime or safe_prime(seed * 1009 + attempt, tower.residues)
-        point = _meet(tower, stages, modulus, seed * _DRAWS + attempt, {}, 0)
+        modulus = prime or safe_prime(seed * 1009 + attempt, tower.residues, 2 * tower.parts_of_pi)
+        point = _meet(tower, stages, modulus, seed * _DRAWS + attempt, {}, 0, flipped)
         if point is not None:
             return point
     raise IrreducibleAtoms("no point was found at which all roots exist together")
@@ -337,16 +366,22 @@ def _stages(tower: Tower, moving: Iterable[Variable]) -> list[_Stage]:
 
 
 def _meet(
-    tower: Tower, stages: Sequence[_Stage], prime: int, seed: int, given: Mapping[Variable, int], first: int
+    tower: Tower,
+    stages: Sequence[_Stage],
+    prime: int,
+    seed: int,
+    given: Mapping[Variable, int],
+    first: int,
+    flipped: frozenset[int] = frozenset(),
 ) -> Point | None:
     """A point with these numbers, the variables of each stage drawn, from one salt on, until its requirements hold."""
     salts = dict(given)
-    point = _replayed(tower, prime, seed, salts)
+    point = _replayed(tower, prime, seed, salts, flipped)
     for stage in stages:
         for salt in stage.draws:
             if salt:
                 salts.update(dict.fromkeys(stage.names, first + salt))
-                point = _replayed(tower, prime, seed, salts)
+                point = _replayed(tower, prime, seed, salts, flipped)
             if point is not None and all(_holds(p, sign, point) for p, sign in stage.requirements):
                 break
         else:
@@ -369,9 +404,11 @@ def moved_point(tower: Tower, place: Point, moving: Sequence[Variable], number: 
     raise IrreducibleAtoms("no other point was found at which all roots exist together")
 
 
-def _replayed(tower: Tower, prime: int, seed: int, salts: Mapping[Variable, int]) -> Point | None:
+def _replayed(
+    tower: Tower, prime: int, seed: int, salts: Mapping[Variable, int], flipped: frozenset[int]
+) -> Point | None:
     """The point with all atoms valued, or None where one has no value."""
-    point = Point(prime, seed, tower.real_signs, dict(salts))
+    point = Point(prime, seed, tower.real_signs, dict(salts), flipped)
     try:
         for rule in tower.rules:
             replay(rule, point, tower.scale)

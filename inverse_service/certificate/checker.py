@@ -318,7 +318,8 @@ class Question:
 
     def prime(self) -> int:
         """A random prime of 61 bits modulo which all numbers have the roots that the plan takes of them."""
-        step = 24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm])
+        fine = [2 * pair.scale for pair in self.plan.pairs if pair.number < 0]
+        step = math.lcm(24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine)
         roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
         if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:  # a text could hold all such primes
             raise Ended("incomplete", "Roots of numbers are too many: too few primes have them all.")

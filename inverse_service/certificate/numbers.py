@@ -38,15 +38,28 @@ class Residues:
         self.values = {name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))}
         self.pairs = list[tuple[int, int]]()  # of a pair (l, e) the values of l and of r, where r^N = e
         if self.plan.pairs:
-            self.i, powers = self.roots(-1, 2)[0], range(1, self.plan.turns)
-            self.turn = next(z for z in self.roots(1, self.plan.turns) if all(pow(z, k, prime) != 1 for k in powers))
+            self.i, turns = self.roots(-1, 2)[0], self.plan.turns
+            self.turn = next(z for z in self.roots(1, turns) if self.has_order(z, turns))
             for pair in self.plan.pairs:
                 free = self.generator.randrange(1, prime), self.generator.randrange(1, prime)
                 number = (free[0], self.roots(pair.number, pair.scale)[0]) if pair.number > 1 else (1, free[1])
                 self.pairs.append(number if pair.number else free)
             two, three = (pow(self.pairs[k][1], self.plan.pairs[k].scale // 2, prime) for k in (TWO, THREE))
             zeta = (two * three + two + self.i * (two * three - two)) * self.inverse(4)  # e^(pi i/12)
-            self.pairs[PI] = self.values["pi"], zeta % prime
+            parts = self.plan.pairs[PI].scale
+            fine = next(z for z in self.roots(zeta % prime, parts // 12) if self.has_order(z, 2 * parts))
+            self.pairs[PI] = self.values["pi"], fine
+            for k, pair in enumerate(
+                self.plan.pairs
+            ):  # sqrt q, or i sqrt q, is a sum of powers of e^(2 pi i/q) (Gauss)
+                if pair.number > 3 and pair.scale % 2 == 0 and parts % (q := pair.number) == 0:
+                    gauss = sum([pow(fine, 2 * parts // q * a, prime) * fmpz(a).jacobi(q) for a in range(1, q)])
+                    square = gauss * (1 if q % 4 == 1 else self.inverse(self.i)) % prime
+                    found = [r for r in self.roots(q, pair.scale) if pow(r, pair.scale // 2, prime) == square]
+                    self.pairs[k] = self.pairs[k][0], found[0]
+
+    def has_order(self, value: int, order: int) -> bool:
+        return all(pow(value, order // int(q), self.prime) != 1 for q, _ in fmpz(order).factor())
 
     def again(self) -> Residues:
         """The same, before any formula was read."""

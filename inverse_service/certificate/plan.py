@@ -12,7 +12,7 @@ from flint import arb, fmpq, fmpz, fmpz_mat
 
 from .formulas import MAX_POWER, Ended
 
-MAX_SPLIT, MAX_CHOICES, MAX_SCALE, MAX_RELATED, MAX_SEARCHES = 1024, 64, 4096, 24, 12
+MAX_SPLIT, MAX_CHOICES, MAX_SCALE, MAX_TURNS, MAX_RELATED, MAX_SEARCHES = 1024, 64, 4096, 720, 24, 12
 MAX_SIZE = arb(2) ** 20_000  # of numbers that are written as fractions
 SPARE = 4  # points more than there are independent atoms
 ONE, TURN, PI, TWO, THREE = 0, 1, 2, 3, 4  # the pairs (1, e), (i, e^i), (pi i, -1), (log 2, 2), (log 3, 3)
@@ -167,7 +167,7 @@ class Plan:
         scales = {j: math.lcm(self.pairs[j].scale, a.denominator) for j, a in parts.items()}
         roots = [j for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number]
         split = math.prod([scales.get(j, self.pairs[j].scale) for j in roots])
-        bounds = ((12 if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE) for j in scales)
+        bounds = ((MAX_TURNS if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE) for j in scales)
         good = split <= MAX_SPLIT and all(scale <= most for scale, most in zip(scales.values(), bounds, strict=True))
         if good and all(abs(a) * scales[j] <= MAX_POWER for j, a in parts.items()):
             self.split, self.turns = split, math.lcm(self.turns, *[scales[j] for j in roots if j in scales])
@@ -192,10 +192,10 @@ class Plan:
         """Of a logarithm that is imaginary, the multiple of pi is the only one in a ball at the place."""
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
         if logarithm and imaginary:
-            parts = {j: a for j, a in parts.items() if j != PI}
+            part = math.lcm(12, parts.pop(PI, Fraction(1)).denominator) * times
             rest = exact - sum([self.values[j][0] * fmpq(a.numerator, a.denominator) for j, a in parts.items()])
-            whole = (rest / arb.pi() * (12 * times)).unique_fmpz()
+            whole = (rest / arb.pi() * part).unique_fmpz()
             if whole is None:
                 raise Ended("incomplete", "The branch of an arctangent could not be told.")
-            parts, times = parts | {PI: Fraction(int(whole), 12 * times)}, 24 * times
+            parts, times = parts | {PI: Fraction(int(whole), part)}, 2 * part
         return Entry(0, tuple((j, a) for j, a in parts.items() if a), times)

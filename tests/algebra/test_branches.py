@@ -17,7 +17,7 @@ from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
-from inverse_service.expressions.tree import Apply, Expression, Number, Symbol, number, walk
+from inverse_service.expressions.tree import PI, Apply, Expression, Number, Symbol, number, walk
 
 X, Y = Symbol("x"), Symbol("y")
 
@@ -56,13 +56,13 @@ def test_the_sign_of_zero_is_refused() -> None:
     assert real_sign(tree("x-2*y"), {X: mpf(1), Y: mpf(1)}) == -1
 
 
-def test_turns_are_twelfths_of_pi_or_refused() -> None:
-    table = {X: mpf("0.7")}
-    assert turns(table, tree("atan(1/x)"), [(tree("atan(x)"), Fraction(-1))]) == Fraction(1, 2)
-    with pytest.raises(IrreducibleAtoms, match="pi/12"):
-        turns(table, tree("atan(2)"), [])
+def test_what_is_left_of_arctangents_is_told_in_pi_and_constant_ones() -> None:
+    table, two = {X: mpf("0.7")}, tree("atan(2)")
+    assert turns(table, tree("atan(1/x)"), ((tree("atan(x)"), Fraction(-1)),), []) == ((PI, Fraction(1, 2)),)
+    assert turns(table, two, (), []) is None
+    assert turns(table, tree("atan(3)"), (), [two]) == ((two, Fraction(-1)), (PI, Fraction(3, 4)))
     with pytest.raises(IrreducibleAtoms, match="real point"):
-        turns(None, tree("atan(1)"), [])
+        turns(None, tree("atan(1)"), (), [])
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from inverse_service.algebra.tower import (
     atoms_in_order,
     circle_power,
     circle_product,
-    circle_twelfth,
+    circle_turn,
     draw_point,
 )
 from inverse_service.errors import IrreducibleAtoms
@@ -111,7 +111,16 @@ def test_many_roots_of_different_variables_find_a_point_at_once() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["log(x-x)", "log(1/(x-x))", "exp(1/(y-y))", "sin(1/(x-x))", "sqrt(x-x)", "sqrt(-1-x^2)", "1/sqrt(x-x)", "atan(2)"],
+    [
+        "log(x-x)",
+        "log(1/(x-x))",
+        "exp(1/(y-y))",
+        "sin(1/(x-x))",
+        "sqrt(x-x)",
+        "sqrt(-1-x^2)",
+        "1/sqrt(x-x)",
+        "sin(atan(x)/2)",
+    ],
 )
 def test_what_has_no_value_or_no_reduction_is_refused_with_a_sentence(text: str) -> None:
     with pytest.raises(IrreducibleAtoms) as caught:
@@ -131,27 +140,38 @@ def test_a_root_of_an_exponential_is_an_exponential() -> None:
 @pytest.mark.parametrize("steps", range(-25, 26))
 def test_angles_of_a_twelfth_of_pi_lie_on_the_circle_and_add(steps: int) -> None:
     prime = safe_prime(1)
-    cosine, sine = circle_twelfth(Fraction(steps, 12), prime)
+    cosine, sine = circle_turn(Fraction(steps, 12), prime)
     assert (cosine * cosine + sine * sine) % prime == 1
-    assert circle_power(circle_twelfth(Fraction(1, 12), prime), steps, prime) == (cosine, sine)
+    assert circle_power(circle_turn(Fraction(1, 12), prime), steps, prime) == (cosine, sine)
 
 
 def test_known_angles_have_their_known_cosines_and_sines() -> None:
     prime = safe_prime(1)
     half, root3 = pow(2, -1, prime), positive_power(3, Fraction(1, 2), prime)
-    assert circle_twelfth(Fraction(1), prime) == (prime - 1, 0)
-    assert circle_twelfth(Fraction(1, 2), prime) == (0, 1)
-    assert circle_twelfth(Fraction(1, 3), prime) == (half, root3 * half % prime)
+    assert circle_turn(Fraction(1), prime) == (prime - 1, 0)
+    assert circle_turn(Fraction(1, 2), prime) == (0, 1)
+    assert circle_turn(Fraction(1, 3), prime) == (half, root3 * half % prime)
 
 
-def test_finer_angles_are_refused() -> None:
-    with pytest.raises(IrreducibleAtoms, match="pi/12"):
-        circle_twelfth(Fraction(1, 5), safe_prime(1))
+@pytest.mark.parametrize("parts", [5, 7, 9, 16, 17, 180, 360])
+def test_parts_of_pi_add_and_are_of_the_order_that_they_should_be(parts: int) -> None:
+    prime = safe_prime(1, order=2 * parts)
+    turn = circle_turn(Fraction(1, parts), prime)
+    assert circle_power(turn, parts, prime) == (prime - 1, 0)
+    for k in (2, 3, parts - 1):
+        assert circle_power(turn, k, prime) == circle_turn(Fraction(k, parts), prime)
+    third = circle_turn(Fraction(1, 3), prime)
+    assert circle_product(turn, third, prime) == circle_turn(Fraction(1, parts) + Fraction(1, 3), prime)
+
+
+def test_angles_that_are_finer_than_the_prime_has_are_refused() -> None:
+    with pytest.raises(IrreducibleAtoms, match="too fine a part of pi"):
+        circle_turn(Fraction(1, 10007), safe_prime(1))
 
 
 def test_powers_on_the_circle_are_repeated_products() -> None:
     prime = safe_prime(1)
-    turn = circle_twelfth(Fraction(5, 12), prime)
+    turn = circle_turn(Fraction(5, 12), prime)
     product = (1, 0)
     for k in range(6):
         assert circle_power(turn, k, prime) == product

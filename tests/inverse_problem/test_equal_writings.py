@@ -100,6 +100,16 @@ x^y == exp(y*log(x))
 sqrt(x^4+2*x^2+1) == x^2+1
 exp(sqrt(2)*x)^2 == exp(sqrt(8)*x)
 sqrt(sqrt(x)*sqrt(x)) == sqrt(x)
+x^sqrt(2)*x^(1-sqrt(2)) == x
+(x^sqrt(2))^sqrt(2) == x^2
+x^((1+sqrt(5))/2)*x^((1-sqrt(5))/2) == x
+exp(sqrt(2)*x)*exp(sqrt(3)*x) == exp((sqrt(2)+sqrt(3))*x)
+cos(pi/5) == (1+sqrt(5))/4
+tan(pi/8) == sqrt(2)-1
+8*sin(pi/7)*sin(2*pi/7)*sin(3*pi/7) == sqrt(7)
+tan(3*pi/11)+4*sin(2*pi/11) == sqrt(11)
+sin(20*pi/180) == cos(7*pi/18)
+sin(x+pi/5) == sin(x)*cos(pi/5)+cos(x)*sin(pi/5)
 """.strip().splitlines()
 
 # Identities that need the sign of something under a root, parts of pi, or fine fractions of an angle.
@@ -113,6 +123,10 @@ sin(atan(1/x)) == cos(atan(x))
 sin(atan(x)+atan(1/x)) == 1
 exp(atan(x)) == exp(pi/2)*exp(-atan(1/x))
 sin(x+atan(1)) == (sin(x)+cos(x))/sqrt(2)
+atan(2)+atan(1/2) == pi/2
+4*atan(1/5)-atan(1/239) == pi/4
+sin(x+atan(3/4)) == (4*sin(x)+3*cos(x))/5
+atan(tan(4*pi/5)) == -pi/5
 asin(1/2) == pi/6
 acos(0) == pi/2
 asin(2*x*sqrt(1-x^2)) == 2*asin(x)
@@ -149,13 +163,10 @@ sqrt((x+1+log(6))^2) == x+1+log(2)+log(3)
 
 # True identities that the reduction of atoms does not reach; it must say so and never be wrong.
 UNREACHED = """
-x^sqrt(2)*x^(1-sqrt(2)) == x
 log(2+sqrt(3)) == 2*log((sqrt(3)+1)/sqrt(2))
-cos(pi/5) == (1+sqrt(5))/4
 cos(pi/8) == sqrt(2+sqrt(2))/2
+sin(acos(x)/2) == sqrt((1-x)/2)
 sqrt(2+sqrt(2))*sqrt(2-sqrt(2)) == sqrt(2)
-exp(sqrt(2)*x)*exp(sqrt(3)*x) == exp((sqrt(2)+sqrt(3))*x)
-atan(2)+atan(1/2) == pi/2
 """.strip().splitlines()
 
 
