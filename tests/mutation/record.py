@@ -28,6 +28,18 @@ class Record:
             stream.write(json.dumps({**entry, "said": said}) + "\n")
 
 
+def examined() -> dict[str, str]:
+    """What kind of change was found harmless, by the key of its mutant: a survivor that is here was worked out by hand.
+
+    The files, one for a module, have a line for each, with the reason: `same` (no document is treated otherwise),
+    `stricter` (more is refused, nothing else accepted), `chance` (random points, their number or size: the bounds of
+    FORMAT.md hold), `effort` (limits of time and size), `words` (messages).
+    """
+    files = (Path(__file__).parent / "examined").glob("*.ndjson")
+    lines = [line for file in files for line in file.read_text(encoding="utf-8").splitlines()]
+    return {one["key"]: one["kind"] for one in map(json.loads, lines)}
+
+
 def keys(source: str, every: Sequence[Mutant]) -> dict[Mutant, str]:
     """A name for each mutant that does not change while its function, or outside of them its statement, stays."""
     texts, lines = dict(_functions(ast.parse(source))), source.splitlines()

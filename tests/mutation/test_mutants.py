@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,11 +12,13 @@ from pathlib import Path
 import pytest
 
 from inverse_service.algebra import modular
+from tests.certificate.documents import lagrangian
 from tests.mutation.__main__ import TESTS, chosen_mutants
 from tests.mutation.children import answers
 from tests.mutation.mutants import mutants, mutated
-from tests.mutation.record import Record
-from tests.mutation.trial import KILLED, ROOT, SURVIVED, path_of
+from tests.mutation.record import Record, examined
+from tests.mutation.replay import PACKAGE, Replay, document
+from tests.mutation.trial import KILLED, QUICK, ROOT, SURVIVED, path_of
 from tests.mutation.warm import plain
 
 SOURCE = '''
@@ -157,3 +160,24 @@ def test_a_function_behind_a_cache_or_a_property_is_changed_where_it_is() -> Non
         plain(len)
     with pytest.raises(TypeError, match="compiled"):
         plain(modular.multiply)
+
+
+def test_what_was_examined_by_hand_has_its_reason() -> None:
+    found = examined()
+    assert {*found.values()} <= {"same", "stricter", "chance", "effort", "words"}
+    for file in (Path(__file__).parent / "examined").glob("*.ndjson"):
+        assert all(len(json.loads(line)["why"]) > 10 for line in file.read_text(encoding="utf-8").splitlines())
+
+
+def test_a_document_notices_a_mutant_that_gives_it_another_verdict() -> None:
+    """A mutant that never refuses is noticed by a false claim; one of a function that nothing runs is not."""
+    false = json.dumps(lagrangian("oscillator", "x'^2/2"))
+    known = document("check_certificate", false)
+    assert known is not None
+    assert known.verdict == "invalid"
+    every = mutants(path_of(f"{PACKAGE}formulas").read_text(encoding="utf-8"))
+    wanted = [one for one in every if one.function == "require"]
+    said = dict(Replay("formulas", [known], 60.0).said(wanted, 1))
+    assert {one.rule: said[one].split(" by ")[0] for one in wanted}["condition never"] == KILLED
+    unmet = [one for one in every if one.function == "is_root"][:2]
+    assert {said for _, said in Replay("formulas", [known], 60.0).said(unmet, 1)} == {QUICK}

@@ -134,10 +134,10 @@ def put(module: str, source: ast.Module, function: str) -> None:
 
 
 def plain(place: object) -> FunctionType:
-    """The function behind a property, a method of a class or a cache; TypeError for machine code."""
+    """The function behind a property, cached or not, a method of a class or a cache; TypeError for machine code."""
     if hasattr(place, "py_func"):
         raise TypeError(f"{place} is compiled")
-    for name in ("fget", "__func__", "__wrapped__"):
+    for name in ("fget", "func", "__func__", "__wrapped__"):
         place = getattr(place, name, place)
     if not isinstance(place, FunctionType):
         raise TypeError(f"{place} has no code that could be changed")
