@@ -237,12 +237,12 @@ def test_the_form_shows_faults_with_what_was_typed_escaped(client: httpx.Client)
 
 
 def test_files_of_pages_are_kept_forever_under_the_hash_of_their_content(client: httpx.Client) -> None:
-    style = re.search(r'href="(/static/[0-9a-f]+/style\.css)"', client.get("/").text)
-    assert style is not None
-    response = client.get(style[1])
+    script = re.search(r'src="(/static/[0-9a-f]+/page\.js)"', client.get("/").text)
+    assert script is not None
+    response = client.get(script[1])
     assert "immutable" in response.headers["cache-control"]
-    assert client.get(style[1], headers={"If-None-Match": response.headers["etag"]}).status_code == 304
-    assert client.get("/static/0/style.css").headers["cache-control"] == "no-cache"
+    assert client.get(script[1], headers={"If-None-Match": response.headers["etag"]}).status_code == 304
+    assert client.get("/static/0/page.js").headers["cache-control"] == "no-cache"
     problem(client.get("/static/0/..%2F..%2Fsettings.py"), 404)
     problem(client.get("/static/0/secret"), 404)
 

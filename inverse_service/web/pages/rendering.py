@@ -25,7 +25,7 @@ from inverse_service.machine_code import store
 from inverse_service.service.documents.text_page import guessed_words
 from inverse_service.service.jobs.kinds import KINDS
 from inverse_service.web.clients import client_of, require_client
-from inverse_service.web.pages.assets import address
+from inverse_service.web.pages.assets import address, style, style_hash
 from inverse_service.web.problems import Refusal
 
 THEMES = ("light", "dark")
@@ -105,8 +105,8 @@ WORTH_COMPRESSING = 2_000
 OPTIONS: dict[str, Any] = {"autoescape": True, "auto_reload": False, "trim_blocks": True, "lstrip_blocks": True}
 TEMPLATE = "template"
 POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; font-src 'self'; img-src 'self' data: blob:; "
-    "connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+    f"default-src 'none'; script-src 'self'; style-src 'self' '{style_hash()}'; font-src 'self'; "
+    "img-src 'self' data: blob:; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
 
 
@@ -140,7 +140,7 @@ def environment() -> Environment:
         **OPTIONS,
     )
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
-    found.globals |= {"address": address, "navigation": shown}
+    found.globals |= {"address": address, "style": style, "navigation": shown}
     found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: greek_letter(word[0]) or word[0], name)
     found.filters["guessed_words"] = guessed_words
     found.filters["short_number"] = short_number

@@ -42,7 +42,7 @@ IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 # A short job's result comes with its first page; a longer one's page shows its progress.
 PATIENCE = 1.5
 # What is confirmed by then is shown while the rest is sought.
-SOON = 0.3
+SOON = 0.2
 ASKED = 20  # lines of a question
 OPEN = frozenset(("accepted", "running"))
 
@@ -227,7 +227,7 @@ async def finished(request: Request, identifier: str, patience: float) -> Answer
     while job is not None and job.is_open and (left := end - time.monotonic()) > 0:
         if "so_far" in (engine.supervisor.events.latest(identifier) or {}) and time.time() - job.created > SOON:
             break
-        job = await engine.wait(job, viewer, min(left, SOON / 3))
+        job = await engine.wait(job, viewer, min(left, SOON / 2))
     return await finished(request, identifier, 0)
 
 

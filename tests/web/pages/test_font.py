@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import html
 import re
 from importlib import resources
@@ -11,7 +13,9 @@ from fontTools.ttLib import TTFont
 from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.assets import address
 from inverse_service.web.pages.glossary import TERMS
+from inverse_service.web.pages.rendering import page
 
 STATIC = resources.files("inverse_service.web") / "static"
 FONT = TTFont(str(STATIC / "stix-two-math.woff2"))
@@ -42,3 +46,13 @@ def test_the_font_can_stretch_brackets_and_roots_and_carries_its_licence() -> No
     variants = FONT["MATH"].table.MathVariants.VertGlyphCoverage.glyphs
     assert {FONT.getBestCmap()[ord(sign)] for sign in "()\u221a"} <= set(variants)
     assert "SIL OPEN FONT LICENSE" in (STATIC / "stix-two-math.LICENSE").read_text()
+
+
+def test_the_policy_names_the_style_sheet_that_stands_in_the_page() -> None:
+    """A browser applies it only where the digest of what stands between the tags is in the policy."""
+    found = page("missing.html", 404, active="", title="Nothing", detail="here")
+    text = bytes(found.body).decode()
+    inside = text.partition("<style>")[2].partition("</style>")[0]
+    digest = base64.b64encode(hashlib.sha256(inside.encode()).digest()).decode()
+    assert f"'sha256-{digest}'" in found.headers["content-security-policy"]
+    assert address("stix-two-math.woff2") in inside
