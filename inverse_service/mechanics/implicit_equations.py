@@ -175,20 +175,21 @@ def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequen
     if len(equations) != len(coordinates):
         raise _wrong_number(len(equations), coordinates)
     ring = OpaqueRing([c for equation in equations for c in equation.coefficients.values()])
-    order = [atom for equation in equations for atom in atoms_of(equation.rest)]
+    atoms = (atom for equation in equations for atom in atoms_of(equation.rest))
+    places = {atom: place for place, atom in enumerate(atoms)}
     rows = [_row(ring, equation, coordinates) for equation in equations]
     pattern = [[k for k, entry in enumerate(row) if not entry.numerator.is_zero()] for row in rows]
     row_of = _matched(pattern, equations, coordinates)
-    solved: dict[int, Expression] = {}
+    solved: dict[str, Expression] = {}
     for block in components({column: pattern[row_of[column]] for column in range(len(pattern))}):
         chosen = [row_of[column] for column in block]
-        rests = [_with_known(equations[row], coordinates, solved) for row in chosen]
+        rests = [_with_known(equations[row], solved) for row in chosen]
         inverse = _inverse(ring, [[rows[row][column] for column in block] for row in chosen])
         if inverse is None:
             raise _singular([coordinates[column] for column in block])
         for place, column in enumerate(block):
-            solved[column] = _solution(ring, inverse[place], rests, order)
-    return tuple(solved[column] for column in range(len(coordinates)))
+            solved[coordinates[column]] = _solution(ring, inverse[place], rests, places)
+    return tuple(solved[name] for name in coordinates)
 
 
 def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str]) -> list[OpaqueFraction]:
@@ -218,14 +219,10 @@ def _matched(
     return found
 
 
-def _with_known(equation: LinearEquation, coordinates: Sequence[str], solved: dict[int, Expression]) -> Expression:
+def _with_known(equation: LinearEquation, solved: Mapping[str, Expression]) -> Expression:
     """The rest of the equation with the accelerations of earlier blocks put in."""
-    terms = [equation.rest]
-    for column, acceleration in solved.items():
-        coefficient = equation.coefficients.get(coordinates[column])
-        if coefficient is not None:
-            terms.append(_scaled(coefficient, acceleration))
-    return add(*terms)
+    known = [(solved[name], c) for name, c in equation.coefficients.items() if name in solved]
+    return add(equation.rest, *(_scaled(coefficient, acceleration) for acceleration, coefficient in known))
 
 
 def _scaled(coefficient: Expression, expression: Expression) -> Expression:
@@ -245,22 +242,25 @@ def _inverse(ring: OpaqueRing, matrix: list[list[OpaqueFraction]]) -> list[list[
 
 
 def _solution(
-    ring: OpaqueRing, inverse_row: Sequence[OpaqueFraction], rests: Sequence[Expression], order: Sequence[Expression]
+    ring: OpaqueRing,
+    inverse_row: Sequence[OpaqueFraction],
+    rests: Sequence[Expression],
+    places: Mapping[Expression, int],
 ) -> Expression:
     """-Σ inverse_j rest_j: as it stands, or put over one denominator where that is not much longer."""
     parts = [(entry, rest) for entry, rest in zip(inverse_row, rests, strict=True) if not entry.numerator.is_zero()]
     plain = add(*(_scaled(multiply(MINUS_ONE, ring.tree(entry)), rest) for entry, rest in parts))
     if all(isinstance(ring.tree(entry), Number) and len(parts) == 1 for entry, _ in parts):
         return plain
-    gathered = _gathered(plain, order)
+    gathered = _gathered(plain, places)
     return gathered if 2 * _size(gathered) <= 3 * _size(plain) else plain
 
 
-def _gathered(plain: Expression, order: Sequence[Expression]) -> Expression:
+def _gathered(plain: Expression, places: Mapping[Expression, int]) -> Expression:
     """The same over one denominator, in lowest terms; as it is where that would be too large."""
     if max(expanded_terms(plain)) > _EXPANDED_TERMS:
         return plain
-    ring = OpaqueRing([plain], order)
+    ring = OpaqueRing([plain], places)
     try:
         return ring.tree(ring.fraction(plain))
     except (LimitError, ZeroDivisionError):

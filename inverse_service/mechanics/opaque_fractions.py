@@ -7,7 +7,8 @@ in these polynomials is true, but a polynomial that is not zero may still be the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -49,18 +50,18 @@ class OpaqueFraction:
 class OpaqueRing:
     """Polynomials over the rationals in the atoms of some trees.
 
-    Symbols come first, velocities last, each in the order in which they appear in `order` and then
-    in the trees: so printed products look like R sin(phi) phi'.
+    Symbols come first, velocities last, each by its number in `places` and then as they appear in
+    the trees: so printed products look like R sin(phi) phi'.
     """
 
     __slots__ = ("_context", "_index", "atoms")
 
-    def __init__(self, trees: Iterable[Expression], order: Sequence[Expression] = ()) -> None:
+    def __init__(self, trees: Iterable[Expression], places: Mapping[Expression, int] | None = None) -> None:
         found: dict[Expression, None] = {}
         for tree in trees:
             found.update(dict.fromkeys(atoms_of(tree)))
-        places = {atom: place for place, atom in enumerate(order)}
-        self.atoms = tuple(sorted(found, key=lambda atom: (_rank(atom), places.get(atom, len(places)))))
+        known = places or {}
+        self.atoms = tuple(sorted(found, key=lambda atom: (_rank(atom), known.get(atom, math.inf))))
         self._index = {atom: place for place, atom in enumerate(self.atoms)}
         names = tuple(f"a{place}" for place in range(max(1, len(self.atoms))))
         self._context = flint.fmpq_mpoly_ctx.get(names, flint.Ordering.lex)

@@ -14,15 +14,18 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate_once
 from inverse_service.expressions.tree import (
     PI,
+    Apply,
     Arbitrary,
     Expression,
     Number,
+    Power,
     Product,
     Sum,
     Symbol,
     Velocity,
     distinct_nodes,
     negate,
+    walk,
 )
 
 DIGITS = 60
@@ -71,13 +74,14 @@ def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = 
     found: list[Point] = []
     in_all = 0
     with mp.workdps(DIGITS):
+        least = mpf("0.05")
         for attempt in range(_ATTEMPTS):
             width = mpf(_WIDTHS[attempt // 2 % len(_WIDTHS)])
             in_quadrant = attempt % 2 == 0
             if in_quadrant and in_all == _MOST_POSITIVE:
                 continue
             point = {
-                leaf: _draw_between(source, *boxes[leaf]) if leaf in boxes else _draw(source, width, in_quadrant)
+                leaf: _draw_between(source, *boxes[leaf]) if leaf in boxes else _draw(source, width, least, in_quadrant)
                 for leaf in leaves
             }
             point.update({call: point[canonical] for call, canonical in calls.items()})
@@ -100,8 +104,8 @@ def _leaves(trees: Sequence[Expression]) -> tuple[list[Expression], dict[Express
     return [*drawn, *dict.fromkeys(calls.values())], calls
 
 
-def _draw(source: random.Random, width: Real, positive: bool) -> Real:
-    size = width * (mpf(source.randrange(1, 10**18)) / 10**18 + mpf("0.05"))
+def _draw(source: random.Random, width: Real, least: Real, positive: bool) -> Real:
+    size = width * (mpf(source.randrange(1, 10**18)) / 10**18 + least)
     return size if positive or source.random() < 0.5 else -size
 
 
@@ -221,14 +225,42 @@ def signs_of_momenta(
 
     x' = 4 p^2/9 of p = 3 sqrt(x')/2 has values for p < 0 as well, which belong to another motion.
     """
+    every = _is_polynomial_in_velocities(claim.lagrangian) and not any(map(_holds_velocities, positive))
+    bounded = {p: tree for p, tree in claim.momenta.items() if not (every and _is_affine(tree))}
+    if not bounded:
+        return ()
     with mp.workdps(DIGITS):
         known = [point for point in (_with_momenta(claim, point, []) for point in points) if point is not None]
         return tuple(
             tree if sign > 0 else negate(tree)
-            for symbol in claim.momenta
+            for symbol in bounded
             if (sign := _sign_at(tree := shifts.get(symbol, symbol), known))
             and _leaves_the_image(claim, symbol, tree, positive, known)
         )
+
+
+def _is_polynomial_in_velocities(tree: Expression) -> bool:
+    """Whether no function and no power but integral ones holds velocities: all values of these are allowed."""
+    for node in distinct_nodes((tree,)):
+        match node:
+            case Power(_, Number(exponent)) if exponent > 0 and exponent.denominator == 1:
+                continue
+            case Power() | Apply() | Arbitrary() if _holds_velocities(node):
+                return False
+    return True
+
+
+def _is_affine(tree: Expression) -> bool:
+    """Whether a polynomial in the velocities is of degree 1, so that it takes all values."""
+    for node in distinct_nodes((tree,)):
+        factors = node.factors if isinstance(node, Product) else (node, node) if isinstance(node, Power) else ()
+        if sum(map(_holds_velocities, factors)) > 1:
+            return False
+    return _holds_velocities(tree)
+
+
+def _holds_velocities(tree: Expression) -> bool:
+    return any(isinstance(node, Velocity) for node in walk(tree))
 
 
 def _sign_at(tree: Expression, points: Sequence[Point]) -> int:
