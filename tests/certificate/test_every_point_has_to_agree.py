@@ -1,0 +1,85 @@
+"""An elimination proves something only if it is the same at all points, and a symbol only if it is involutive."""
+
+from __future__ import annotations
+
+import itertools
+import random
+import time
+from typing import Any
+
+import pytest
+
+from inverse_service.certificate import checker
+from inverse_service.certificate.checker import CheckResult, Question, certified, check_certificate
+from inverse_service.certificate.formulas import Ended
+from tests.certificate.documents import Document, changed, existence, lagrangian, system
+
+PENDULUM = existence("van-der-pol", 2, [1, 2], [1, 1, 1])
+
+
+def asked() -> Question:
+    return Question((random.Random(1), time.thread_time() + 60), system("free"))
+
+
+def test_a_coefficient_is_left_out_in_balls_only_if_it_is_zero_at_every_point() -> None:
+    scripts = [[("row", 5, frozenset(others))] for others in ({1, 2}, {2, 3}, {4})]
+    assert asked().agreed(scripts) == [("row", 5, frozenset({1, 2, 3, 4}))]
+
+
+@pytest.mark.parametrize("other", [[("row", 6, frozenset[int]())], [("other", 5, frozenset[int]())], []])
+def test_other_pivots_at_another_point_settle_nothing(other: list[Any]) -> None:
+    with pytest.raises(Ended, match="different pivots") as end:
+        asked().agreed([[("row", 5, frozenset[int]())], other])
+    assert end.value.args[0] == "incomplete"
+
+
+def with_sizes(monkeypatch: pytest.MonkeyPatch, document: Document, *sizes: list[int]) -> CheckResult:
+    """The verdict where the symbol has these sizes, at one point after the other."""
+    found, plain = itertools.cycle(sizes), checker.symbol_of
+    monkeypatch.setattr(checker, "symbol_of", lambda *parts: (next(found), plain(*parts)[1]))
+    return check_certificate(document, seed=1)
+
+
+def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    claimed = changed(PENDULUM, "symbol.prolonged", 2)
+    found = with_sizes(monkeypatch, claimed, [1, 2, 1, 0])
+    assert found == CheckResult("invalid", ("The symbol is not involutive.",))
+
+
+def test_a_symbol_of_other_dimensions_at_another_point_settles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert with_sizes(monkeypatch, PENDULUM, [1, 1, 1, 0], [1, 2, 1, 0]).verdict == "incomplete"
+
+
+class Unlucky(random.Random):
+    """Draws the same numbers for the first directions."""
+
+    left = 4
+
+    def randrange(self, *bounds: Any) -> int:
+        if bounds == (1, 1 << 20) and self.left:
+            self.left -= 1
+            return 7
+        return super().randrange(*bounds)
+
+
+def test_directions_are_drawn_again_until_they_are_independent() -> None:
+    tools = Unlucky(1), time.thread_time() + 60
+    assert "involutive" in certified(existence("free", 1, [1, 2], [1, 1, 1]), tools)
+    assert tools[0].left == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "by"),
+    [
+        ([], "x'"),
+        (["x'", "x'"], "x'"),
+        (["x'"], "x"),
+        (["x'"], "z"),
+        (["x", "y", "z", "x'", "y'", "z'", "x'"], "x'"),
+        (["w"], "w"),
+    ],
+)
+def test_an_integral_is_one_of_its_own_arguments(arguments: list[str], by: str) -> None:
+    integrals = {"F": {"arguments": arguments, "derivatives": {by: "1"}}}
+    document = lagrangian("free", f"x'^2 + F({', '.join(arguments)})", integrals=integrals)
+    assert check_certificate(document, seed=1).verdict == "invalid"

@@ -1,0 +1,69 @@
+"""What Lemma 2 of FORMAT.md asks of primes, and which choices of the roots are tried."""
+
+from __future__ import annotations
+
+import random
+import time
+from typing import Any
+
+import pytest
+from flint import fmpz
+
+from inverse_service.certificate.checker import Question
+from inverse_service.certificate.formulas import Ended, Reader, read_tokens
+from inverse_service.certificate.plan import PI, Pair, Plan
+
+
+def question(formula: str = "x", near: str = "2") -> Any:
+    """About one equation, with this formula read beside it."""
+    tools = (random.Random(1), time.thread_time() + 60)
+    asked = Question(tools, {"coordinates": ["x"], "equations": {"x": "0"}}, True, {"near": {"x": near, "x'": "3"}})
+    tokens = read_tokens(formula, "formula")
+    asked.prepare(lambda ring: [Reader(ring, tokens).value], [tokens])
+    return asked
+
+
+def planned(turn: int, roots: int, primes: dict[int, int]) -> Any:
+    """Where e^(pi i/turn), roots of this degree of a function, and those of prime numbers are needed."""
+    asked = question()
+    asked.plan = Plan([[]], 192)
+    asked.plan.pairs = [Pair(False, False, 1), Pair(True, False, 1), Pair(True, False, -1, turn),
+                        *(Pair(False, True, q, n) for q, n in primes.items()), Pair(True, True, 0, roots)]  # fmt: skip
+    assert asked.plan.pairs[PI].scale == turn
+    return asked
+
+
+def test_a_prime_has_61_bits_and_all_roots_that_are_needed() -> None:
+    asked = planned(36, 5, {2: 2, 3: 2, 7: 4})
+    for _ in range(12):
+        prime = asked.prime()
+        assert 1 << 60 < prime < 1 << 61
+        assert fmpz(prime).is_prime()
+        assert all((prime - 1) % n == 0 for n in (24, 2 * 36, 2 * 5))
+        assert all(pow(q, (prime - 1) // n, prime) == 1 for q, n in ((2, 2), (3, 2), (7, 4)))
+
+
+def test_no_prime_is_drawn_where_fewer_than_one_in_2_to_the_18_has_all_roots() -> None:
+    square_roots = {2: 2, 3: 2, 5: 2, 7: 2}
+    assert planned(720, 11, square_roots).prime()  # one in 253440
+    for asked in (planned(720, 11, square_roots | {13: 2}), planned(12, 1, square_roots | {5: 24, 7: 24, 11: 24})):
+        with pytest.raises(Ended, match="too few primes"):
+            asked.prime()
+
+
+@pytest.mark.parametrize(
+    ("formula", "choices"),
+    [
+        ("sqrt(x^2)", 2),
+        ("(x^3)^(1/3)", 3),
+        ("(x^5)^(1/5)", 5),
+        ("sqrt(x^2)*sqrt(x'^2)", 4),
+        ("sqrt(x^2 + sqrt(x))", 4),
+        ("sqrt(x)*sqrt(x'^2 + 1)", 1),
+        ("(x)^(1/3)*sqrt(x)", 1),
+    ],
+)
+def test_one_choice_of_the_roots_is_enough_only_where_they_are_seen_to_be_independent(
+    formula: str, choices: int
+) -> None:
+    assert len(question(formula).plan.choices) == choices
