@@ -77,16 +77,17 @@ def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token
         prime = Token("prime", "'" * order, first.column, False, Fraction(order))
         return [Token("name", above.name.text, first.column, first.space_before), prime], after
     if role is None and by in names.coordinates and names.role(tokens[slash + 1].text) is None:
-        raise _of_what(above, by, names.coordinates)
+        raise _of_what(above, by, names.coordinates, (first, tokens[after - 1]))
     return (_call([above.name], below.name, above.order), after) if role in ("function", "parameter") else None
 
 
-def _of_what(above: _Part, by: str, coordinates: Sequence[str]) -> InputError:
-    """The refusal of dV/dx where nothing says what V depends on."""
+def _of_what(above: _Part, by: str, coordinates: Sequence[str], ends: tuple[Token, Token]) -> InputError:
+    """The refusal of dV/dx, from the first to the last token of it, where nothing says what V depends on."""
     name = above.name or Token("name", "V", 1)
     slope = f"diff({name.text}({', '.join(coordinates)}), {', '.join([by] * above.order)})"
     primed = f"{name.text}{above.order * chr(39)}({by}) or " if len(coordinates) == 1 and above.order < 3 else ""
-    return refusal(f"a derivative of {name.text} by {by} occurs", name.column, f"write {primed}{slope}", (slope,))
+    span = (ends[0].column, ends[1].column + len(ends[1].text))
+    return refusal(f"a derivative of {name.text} by {by} occurs", name.column, f"write {primed}{slope}", (slope,), span)
 
 
 def _of_bracket(tokens: list[Token], place: int, names: Names) -> tuple[list[Token], int] | None:

@@ -309,7 +309,8 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinat
     if by in coordinates:
         meant = f"diff({token.text}({by}), {by})"
         instead = f'write {meant}; a constant of this name? add it to "parameters"'
-        raise refusal(f"a derivative of {token.text} by {by} occurs", token.column, instead, (meant,)).at(pointer)
+        called = (f"{token.text}({by})",)
+        raise refusal(f"a derivative of {token.text} by {by} occurs", token.column, instead, called).at(pointer)
     if token.text == "j" and not token.space_before and place and line[place - 1].kind == "number":
         what, instead = REFUSED_UNLESS_DECLARED["i"]
         raise refusal(f"j {what}; it occurs", token.column, instead).at(pointer)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -232,6 +233,27 @@ def test_the_advice_stops_nobody_who_means_it(document: dict[str, Any], f: str) 
 )
 def test_what_no_writer_means_as_a_constant_is_asked_back(equations: str, meant: str) -> None:
     assert meant in refused(guess(equations)).detail
+
+
+@pytest.mark.parametrize(
+    ("equations", "chosen"),
+    [
+        ("x'' = -dV/dx - x", "x'' = -diff(V(x), x) - x"),
+        ("x'' = -(dV / dx)/m", "x'' = -(diff(V(x), x))/m"),
+        ("x'' = -d^2V/dx^2*3", "x'' = -diff(V(x), x, x)*3"),
+        ("x'' = -\u2202V/\u2202x", "x'' = -diff(V(x), x)"),
+        ("x'' = -diff(V, x)", "x'' = -diff(V(x), x)"),
+        ("x''[t] == -D[V, x]", "x''[t] == -D[V(x), x]"),
+        ("x'' = -V_x", "x'' = -diff(V(x), x)"),
+    ],
+)
+def test_the_slope_that_is_offered_stands_in_the_place_of_the_whole_quotient(equations: str, chosen: str) -> None:
+    error = refused(guess(equations))
+    assert error.column is not None
+    name = re.match(r"\w+", equations[error.column - 1 :])
+    start, end = error.span or (error.column, error.column + len(name[0] if name else ""))
+    assert equations[: start - 1] + error.instead[0] + equations[end - 1 :] == chosen
+    assert parse_document(guess(chosen))["equations"]["x"]["text"]
 
 
 @pytest.mark.parametrize(
