@@ -20,6 +20,7 @@ await page.type("#equations", "x'' = -x - 0.1*x'");
 await page.waitForSelector("#glance [data-settled]");
 await press("Find out");
 await page.waitForSelector(".verdict.variational");
+await page.waitForSelector("#own-lagrangian"); // the verdict may come before the rest
 await page.type("#own-lagrangian", "exp(t/10)*(x'^2 - x^2)/2");
 await press("Does it give these equations?");
 await page.waitForSelector("#own [role=status]");
