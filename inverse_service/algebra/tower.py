@@ -381,6 +381,9 @@ def _meet(
         for salt in stage.draws:
             if salt:
                 salts.update(dict.fromkeys(stage.names, first + salt))
+                bare = Point(prime, seed, tower.real_signs, dict(salts), flipped)
+                if not all(_holds(p, sign, bare) for p, sign in stage.requirements if _has_no_atoms(p)):
+                    continue  # the rules are not needed to see that
                 point = _replayed(tower, prime, seed, salts, flipped)
             if point is not None and all(_holds(p, sign, point) for p, sign in stage.requirements):
                 break
@@ -415,6 +418,11 @@ def _replayed(
     except (SingularPoint, ValueError, ZeroDivisionError):
         return None
     return point
+
+
+@lru_cache(maxsize=1024)
+def _has_no_atoms(expression: Expression) -> bool:
+    return not any(isinstance(node, Apply) for node in walk(expression))
 
 
 def _holds(expression: Expression, sign: int, point: Point) -> bool:
