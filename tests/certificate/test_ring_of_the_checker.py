@@ -1,0 +1,103 @@
+"""The ring of the checker: numbers, roots and their choices, huge powers, functions; and what balls add to it."""
+
+from __future__ import annotations
+
+from functools import reduce
+
+import pytest
+
+from inverse_service.certificate.checker import Question, check_certificate, check_result
+from tests.certificate.documents import Document
+from tests.certificate.test_known_attacks import of_lagrangian, result_of
+from tests.certificate.test_second_attack import FLAT, times
+
+ZERO = reduce(lambda cosine, _: f"(2*{cosine}^2-1)", range(9), "cos(pi/1024)")  # cos(pi/2): too fine for the ring
+
+
+def verdicts(document: Document, seeds: int) -> set[str]:
+    return {check_certificate(document, seed=seed).verdict for seed in range(seeds)}
+
+
+TRUE = [
+    "cos(pi/5)-(1+sqrt(5))/4",
+    "8*sin(pi/7)*sin(2*pi/7)*sin(3*pi/7)-sqrt(7)+0*sqrt(5)",
+    "tan(3*pi/11)+4*sin(2*pi/11)-(11^(1/6))^3",
+    "sin(pi/24)^2-(1-cos(pi/12))/2+0*log(5)",
+    "sin(pi/2)-1",
+    "sqrt(x^2)^2-x^2+0*y^(1/3)",
+    "cos(5*atan(x)/2)^2+sin(5*atan(x)/2)^2-1",
+]
+
+
+@pytest.mark.parametrize("zero", TRUE)
+def test_parts_of_pi_and_roots_are_the_same_number_for_every_prime(zero: str) -> None:
+    assert verdicts(times(f"({zero})*exp(x)", near={"x": "2", "y": "3"}), 4) == {"valid"}
+
+
+@pytest.mark.parametrize("number", ["log(5)^2-5+0*cos(pi/5)*sqrt(5)", "cos(pi/5)+1", "cos(pi/25)-cos(pi/5)"])
+def test_numbers_that_have_the_same_prime_are_not_equal(number: str) -> None:
+    assert verdicts(times(f"({number})*exp(x)"), 2) == {"invalid"}
+
+
+def test_a_logarithm_is_no_number() -> None:
+    assert verdicts(times("log(x)-1", near={"x": "2"}), 1) == {"invalid"}
+    assert verdicts(times("log(x)-log(y)", near={"x": "2", "y": "3"}), 1) == {"invalid"}
+
+
+FEW = {
+    "square roots": ["(sqrt({0}^2)-{0})", {"x": "-2", "y": "-3", "x'": "-1"}],
+    "fourth roots": ["(({0}^4)^(1/4)-{0})*(({0}^4)^(1/2)+{0}^2)", {"x": "-2"}],
+    "cube roots": ["(({0}^3)^(2/3)+{0}*({0}^3)^(1/3)+{0}^2)", {"x": "2", "y": "3"}],
+    "roots of roots": ["(sqrt(1+2*sqrt({0})+{0})+1+sqrt({0}))", {"x": "2", "y": "3"}],
+}
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_what_is_zero_for_most_choices_of_the_roots_is_not_zero(name: str) -> None:
+    factor, near = FEW[name]
+    document = times("*".join(factor.format(name) for name in near), near=near)
+    assert verdicts(document, 2) == {"invalid"}
+
+
+def test_a_power_at_the_bound_is_a_product_and_one_beyond_it_is_no_number() -> None:
+    assert verdicts(of_lagrangian("x^4096-x^2048*x^2048", "0", FLAT), 1) == {"valid"}
+    assert verdicts(of_lagrangian("x^4097", "0", FLAT, near={"x": "1/2"}), 1) == {"invalid"}
+
+
+def test_no_prime_makes_a_huge_power_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The author knows the prime here: what Fermat says of it holds of no generator of the ring."""
+    prime = next(one for one in range(2**60 + 1, 2**61, 24) if all(pow(a, one - 1, one) == 1 for a in (2, 3, 5, 7)))
+    monkeypatch.setattr(Question, "prime", lambda question: prime)
+    assert verdicts(of_lagrangian(f"x^{prime - 1}-1", "0", FLAT, near={"x": "1/2"}), 1) == {"invalid"}
+
+
+@pytest.mark.parametrize("power", ["x^5000", "x^5000*exp(x)", "1/x*0"])
+def test_a_huge_power_of_zero_and_a_pole_have_no_value(power: str) -> None:
+    document = of_lagrangian("0", "0", f"{FLAT}+y'*({power}-{power})*exp(y)", near={"x": "0"})
+    assert verdicts(document, 1) == {"incomplete"}
+
+
+def test_a_power_of_zero_has_a_value() -> None:
+    assert verdicts(of_lagrangian("2*x*exp(x^2)", "0", f"{FLAT}+exp(x^2)", near={"x": "0", "y": "0"}), 1) == {"valid"}
+
+
+def test_a_hessian_that_is_zero_but_not_seen_to_be_is_not_proven_regular() -> None:
+    assert verdicts(of_lagrangian("0", "0", f"{ZERO}*x'^2+y'^2"), 1) == {"incomplete"}
+
+
+def test_a_function_at_arguments_that_are_equal_but_not_seen_to_be_has_one_value() -> None:
+    named = {"parameters": ["a"], "functions": {"A": ["r"]}}
+    assert verdicts(of_lagrangian("0", "0", f"(A(a)-A(a+{ZERO}))*x'^2+y'^2", **named), 1) == {"incomplete"}
+    assert verdicts(of_lagrangian("0", "0", f"(A(a)+A(a+{ZERO}))*x'^2+y'^2", **named), 1) == {"incomplete"}
+
+
+def test_derivatives_of_a_function_are_the_same_wherever_they_stand() -> None:
+    proof = of_lagrangian("A'(x)*exp(x)+A(x)*exp(x)", "0", f"{FLAT}+A(x)*exp(x)", functions={"A": ["r"]})
+    assert check_result(result_of(proof) | {"domain": []}, seed=1).verdict == "valid"
+
+
+def test_a_logarithm_has_no_value_where_its_argument_is_negative() -> None:
+    proof = of_lagrangian("1/x", "0", f"{FLAT}+log(x)", near={"x": "2"})
+    assert check_result(result_of(proof) | {"domain": []}, seed=1).verdict == "invalid"
+    stated = proof | {"conditions": ["x > 0"]}
+    assert check_result(result_of(stated) | {"domain": ["x > 0"]}, seed=1).verdict == "valid"
