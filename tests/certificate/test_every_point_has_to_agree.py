@@ -12,7 +12,7 @@ import pytest
 from inverse_service.certificate import checker
 from inverse_service.certificate.checker import CheckResult, Question, certified, check_certificate
 from inverse_service.certificate.formulas import Ended
-from tests.certificate.documents import Document, changed, existence, lagrangian, system
+from tests.certificate.documents import Document, changed, existence, lagrangian, nonexistence, system
 
 PENDULUM = existence("van-der-pol", 2, [1, 2], [1, 1, 1])
 
@@ -48,6 +48,15 @@ def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.Monk
 
 def test_a_symbol_of_other_dimensions_at_another_point_settles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert with_sizes(monkeypatch, PENDULUM, [1, 1, 1, 0], [1, 2, 1, 0]).verdict == "incomplete"
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [("cos(pi/61)", "valid"), ("{zero}", "incomplete")])
+def test_rows_that_a_hidden_zero_makes_dependent_refute_nothing(factor: str, verdict: str) -> None:
+    """The number is 0, which is not seen for so fine a part of pi: the system is that of free motion."""
+    zero = "(1+2*(" + "+".join(f"cos({k}*2*pi/61)" for k in range(1, 31)) + "))"
+    equations = {"x": f"{factor.format(zero=zero)}*(x^2+y^2)", "y": "0"}
+    document = changed(nonexistence("douglas-IIIb", 2), "system.equations", equations)
+    assert check_certificate(document, seed=1).verdict == verdict
 
 
 class Unlucky(random.Random):

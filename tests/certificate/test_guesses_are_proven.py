@@ -1,4 +1,4 @@
-"""How atoms come from others is guessed: what is guessed right makes true documents valid, what is not proves nothing."""
+"""How atoms come from others is guessed: a right guess makes true documents valid, a wrong one proves nothing."""
 
 from __future__ import annotations
 
