@@ -23,19 +23,20 @@ def verdict(difference: str) -> str:
         "exp((sqrt(2) + sqrt(3))*x) - exp(sqrt(2)*x)*exp(sqrt(3)*x)",
         "x^(1/2)*(x + 1)^(1/3)*x^(1/3) - x^(5/6)*(x + 1)^(1/3)",
         "x*tan(atan(x)/2) - sqrt(1 + x^2) + 1",
+        "log(x^2) - 2*log(x)",
     ],
 )
 def test_what_is_guessed_right_makes_a_true_document_valid(difference: str) -> None:
     assert verdict(difference) == "valid"
 
 
-@pytest.mark.parametrize("difference", ["x^(1/5000) - 1", "cos(1) - 5/4", "exp(1) - 2", "x^(1/5000) - x^(1/5001)"])
+@pytest.mark.parametrize("difference", ["x^(1/5000) - 1", "2^(1/29) - 1", "cos(1) - 5/4", "exp(1) - 2"])
 def test_what_is_no_relation_is_taken_for_none(difference: str) -> None:
     assert verdict(difference) != "valid"
 
 
 @pytest.mark.parametrize(
-    ("formula", "degree"), [("x*sin(pi/36)", 72), ("x*2^(1/16)", 32), ("x*3^(1/16)", 32), ("x*5^(1/16)", 32)]
+    ("formula", "degree"), [("x*sin(pi/36)", 72), ("x*2^(1/9)", 18), ("x*3^(1/9)", 18), ("x*5^(1/9)", 18)]
 )
 def test_primes_have_the_roots_of_numbers_that_a_formula_holds(formula: str, degree: int) -> None:
     asked = question(formula)

@@ -67,3 +67,9 @@ def test_one_choice_of_the_roots_is_enough_only_where_they_are_seen_to_be_indepe
     formula: str, choices: int
 ) -> None:
     assert len(question(formula).plan.choices) == choices
+
+
+def test_a_root_of_a_function_counts_with_its_degree_and_has_its_roots_of_unity() -> None:
+    plan = question("(x^3)^(1/3)").plan
+    assert plan.split == 3
+    assert plan.turns % 3 == 0
