@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
-from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate.checker import Question, check_certificate
+from inverse_service.certificate.formulas import Reader, read_tokens
+from inverse_service.certificate.series import Count
 from tests.certificate.documents import changed, lagrangian, nonexistence
 from tests.certificate.test_known_attacks import TIMED, certificate, integral, of_lagrangian
 
@@ -64,3 +68,31 @@ def test_an_object_has_up_to_a_thousand_members(count: int, verdict: str) -> Non
 def test_a_lagrangian_may_hold_a_function_known_by_its_derivative(force: str, verdict: str) -> None:
     document = of_lagrangian(force, "0", "x'^2/2+y'^2/2-F(t)*x'", integrals=integral("exp(t^2)"), **TIMED)
     assert check_certificate(document, seed=1).verdict == verdict
+
+
+@pytest.mark.parametrize(("force", "verdict"), [("exp(x^2)", "valid"), ("exp(x^2)+y/10^20", "invalid")])
+def test_a_function_known_by_its_derivative_holds_its_own_arguments_only(force: str, verdict: str) -> None:
+    document = of_lagrangian(force, "0", "x'^2/2+y'^2/2+F(x)", integrals=integral("exp(x^2)", "x"))
+    assert check_certificate(document, seed=1).verdict == verdict
+
+
+DEGREES = {
+    "x*y": (2, 0, 2, 0), "0.75": (0, 0, 2, 3), "x/0.75": (1, 0, 4, 2), "x+0.75": (1, 0, 5, 3), "0.75+x": (1, 0, 5, 3),
+    "1/x+1/y": (1, 2, 4, 4), "1/x^3+y": (4, 3, 6, 4), "x^5+y+1": (5, 0, 8, 1), "x^5": (5, 0, 5, 0),
+    "x^(-5)": (0, 5, 0, 5), "(x/y)^3": (3, 3, 3, 3), "x^4096": (4096, 0, 4096, 0), "x^9999": (4097, 0, 4097, 0),
+    "x^0": (0, 0, 0, 0), "pi*A(x)": (2, 0, 2, 0), "exp(x)": (1, 1, 1, 1), "sqrt(x)": (1, 1, 1, 1),
+    "sqrt(x^3*y^5)": (8, 8, 1, 1), "log(x^3*y^5)": (1, 0, 1, 1), "(x^3+y)^(2/3)": (8, 8, 1, 1),
+    "sin(x)": (2, 2, 2, 2), "atan(x)": (1, 0, 1, 1), "exp(5*log(x))": (5, 5, 1, 1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", DEGREES)
+def test_degrees_and_bits_of_numerator_and_denominator_are_counted(text: str) -> None:
+    """Lemma 2 needs them: those of a product add, those of a sum are brought to one denominator, powers multiply."""
+    system = {"coordinates": ["x", "y"], "equations": {"x": "0", "y": "0"}, "functions": {"A": ["r"]}}
+    asked, formula = (
+        Question((random.Random(1), 1e9), system, claim={"near": {"x": "2", "y": "3"}}),
+        read_tokens(text, ""),
+    )
+    asked.prepare(lambda ring: Reader(ring, formula).value, [formula])
+    assert Reader(Count(asked), formula).value == DEGREES[text]

@@ -8,7 +8,7 @@ import pytest
 
 from inverse_service.certificate.checker import Question, check_certificate, check_result
 from tests.certificate.documents import Document
-from tests.certificate.test_known_attacks import of_lagrangian, result_of
+from tests.certificate.test_known_attacks import certificate, of_lagrangian, result_of
 from tests.certificate.test_second_attack import FLAT, times
 
 ZERO = reduce(lambda cosine, _: f"(2*{cosine}^2-1)", range(9), "cos(pi/1024)")  # cos(pi/2): too fine for the ring
@@ -101,3 +101,15 @@ def test_a_logarithm_has_no_value_where_its_argument_is_negative() -> None:
     assert check_result(result_of(proof) | {"domain": []}, seed=1).verdict == "invalid"
     stated = proof | {"conditions": ["x > 0"]}
     assert check_result(result_of(stated) | {"domain": ["x > 0"]}, seed=1).verdict == "valid"
+
+
+def test_a_function_at_zero_is_not_the_same_at_one() -> None:
+    document = times("A(x-x)-A(1)+0*exp(x)", functions={"A": ["r"]})
+    assert verdicts(document, 1) == {"invalid"}
+
+
+def test_high_coefficients_of_exponentials_are_computed() -> None:
+    """Of order six: a row that follows from nothing leaves a regular multiplier, and that is what is said."""
+    rows = [["H3", 0, 1, [4, 0, 0, 0]]]
+    document = certificate({"x": "y*exp(x)", "y": "sin(x)"}, "nonexistence", order=4, rows=rows)
+    assert check_certificate(document, seed=1).reasons == ("The rows leave a regular multiplier g(p).",)
