@@ -48,3 +48,8 @@ def test_where_only_the_point_itself_can_be_reached_nothing_is_settled(formula: 
     """At x = 0 alone x seems to be 0, so that the relations that are guessed are none."""
     document = lagrangian("free", f"x'^2/2 + 0*{formula}", near={"x": "0"}, conditions=["1/10^40 - x^2 > 0"])
     assert check_certificate(document, seed=1).verdict == "incomplete"
+
+
+def test_a_zero_that_is_not_seen_refutes_nothing() -> None:
+    zero = "+".join(f"2*cos({k}*2*pi/61)" for k in range(1, 31))
+    assert verdict(f"1 + {zero}") == "incomplete"
