@@ -39,7 +39,7 @@ HEAD = {
     "claim": "not_variational",
     "kind": "nonexistence",
 }
-# Of every kind of formula, and one with the time.
+# Of every kind of formula, one with the time, and one with a parameter and more than eight variables.
 MOTIONS = (
     SLEIGH,
     {
@@ -52,7 +52,14 @@ MOTIONS = (
         "equations": {"x": "t*y'^2", "y": "x'/(t + z)"},
         "velocities": {"z": "y*x' + t*y'"},
     },
+    {
+        "coordinates": ["x", "y", "z", "u", "w"],
+        "parameters": ["c"],
+        "equations": {"x": "y'*z'/c", "y": "c*x'^2*t", "z": "x*u'*z", "u": "z'^2 + w"},
+        "velocities": {"w": "u*x' + c*y'^2"},
+    },
 )
+PARAMETER = "5/3"
 
 
 def certificate_of(document: Document) -> Document:
@@ -76,7 +83,7 @@ def brackets(system: Document, last: int) -> tuple[list[sympy.Symbol], list[list
     """By SymPy: the variables and t, and (ad Gamma)^j d/du^i for each i and j."""
     names = [*system["coordinates"], *(f"D{name}" for name in system["equations"])]
     *own, clock = (sympy.Symbol(name) for name in (*names, "t"))
-    table = dict(zip((*names, "t"), (*own, clock), strict=True))
+    table = dict(zip((*names, "t"), (*own, clock), strict=True)) | {"c": sympy.Rational(PARAMETER)}
     first = len(system["coordinates"])
     motion = sympy.Matrix([*own[first:], *(sympy.sympify(text, locals=table) for text in texts(system))])
 
@@ -92,7 +99,7 @@ def brackets(system: Document, last: int) -> tuple[list[sympy.Symbol], list[list
     return [*own, clock], found
 
 
-@pytest.mark.parametrize("system", MOTIONS, ids=["sleigh", "every-kind-of-formula", "with-time"])
+@pytest.mark.parametrize("system", MOTIONS, ids=["sleigh", "every-kind-of-formula", "with-time", "large"])
 def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(system: Document) -> None:
     """Phi(t)^-1 d/du = sum_j t^j/j! (ad Gamma)^j d/du."""
     last, generator = 3, random.Random(5)
@@ -100,6 +107,7 @@ def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(syste
     values = [sympy.Rational(generator.randint(3, 9), 7) for _ in variables]
     given = dict(zip(map(str, variables), map(str, values), strict=True))
     near = {f"{name[1:]}'" if name[0] == "D" else name: value for name, value in given.items()}
+    near |= dict.fromkeys(system.get("parameters", ()), PARAMETER)
     asked = Along((random.Random(1), time.thread_time() + 60), system, True, HEAD | {"along": last, "near": near})
     asked.prepare(lambda ring: None)
     with ctx.workprec(192):

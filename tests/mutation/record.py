@@ -32,8 +32,9 @@ def examined() -> dict[str, str]:
     """What kind of change was found harmless, by the key of its mutant: a survivor that is here was worked out by hand.
 
     The files, one for a module, have a line for each, with the reason: `same` (no document is treated otherwise),
-    `stricter` (more is refused, nothing else accepted), `chance` (random points, their number or size: the bounds of
-    FORMAT.md hold), `effort` (limits of time and size), `words` (messages).
+    `stricter` (more is refused, nothing else accepted), `sound` (more is accepted, by rows that are true too),
+    `chance` (random points, their number or size: the bounds of FORMAT.md hold), `effort` (limits of time and size),
+    `words` (messages).
     """
     files = (Path(__file__).parent / "examined").glob("*.ndjson")
     lines = [line for file in files for line in file.read_text(encoding="utf-8").splitlines()]
