@@ -35,7 +35,9 @@ from inverse_service.inverse_problem.search.sampling import (
     Sampler,
     letter_table,
     monomial_values,
+    products_of_values,
     table_at,
+    values_at,
 )
 from inverse_service.inverse_problem.search.terms import Monomial
 
@@ -81,9 +83,9 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
 
 def _independent(points: SamplePoints, terms: Sequence[Monomial]) -> list[Monomial]:
     """The terms without those that are combinations of earlier ones at these points."""
-    table = table_at(points, letters_of(terms), len(terms) + _SPARE_EQUATIONS, with_third=True)
-    values = monomial_values(table, letters_of(terms), terms)
-    return [terms[k] for k in pivots(values, points.prime)]
+    letters = letters_of(terms)
+    rows = values_at(points, letters, len(terms) + _SPARE_EQUATIONS)
+    return [terms[k] for k in pivots(products_of_values(rows, letters, terms, points.prime), points.prime)]
 
 
 def helmholtz_matrix(

@@ -178,6 +178,16 @@ class SamplePoints:
             row.append(found)
         return row if place.drift else None
 
+    def values(self, k: int, kernels: Sequence[Expression]) -> list[int] | None:
+        """The values of all letters at a point, without derivatives; None where one has none or vanishes."""
+        place, known = self.place(k), dict[Expression, int]()
+        check(1 + len(kernels))
+        try:
+            found = [evaluate(kernel, place.point, known) for kernel in kernels]
+        except (SingularPoint, ValueError):
+            return None
+        return found if place.drift and all(found) else None
+
     def _letter(self, place: _AtPoint, kernel: Expression, order: int) -> LetterValues | None:
         # Only the variables of the letter are displaced: most letters have one.
         names: set[Variable] = set(variables_in(kernel))

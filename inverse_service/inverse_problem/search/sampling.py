@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, power
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
-from inverse_service.inverse_problem.search.sample_points import Drawn, KnownTower, LetterValues, SamplePoints
+from inverse_service.inverse_problem.search.sample_points import Drawn, KnownTower, SamplePoints
 from inverse_service.inverse_problem.search.terms import Monomial
 
 Words = npt.NDArray[np.uint64]
@@ -176,18 +176,8 @@ def table_at(
 ) -> LetterTable:
     """The same for given points."""
     kernels, order = tuple(to_kernels(letter) for letter in letters), 3 if with_third else 2
-    numbers: list[int] = []
-    rows: list[list[LetterValues]] = []
-    for k in itertools.count():
-        if len(rows) == count:
-            break
-        check()
-        if k >= _ATTEMPTS * count:
-            raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
-        row = known.letters(k, kernels, order)
-        if row is not None:
-            numbers.append(k)
-            rows.append(row)
+    found = _first(lambda k: known.letters(k, kernels, order), count)
+    numbers, rows = [k for k, _ in found], [row for _, row in found]
     n, shape = len(known.forces), (count - first, len(letters))
     arrays = [
         np.array([[letter[column] for letter in row] for row in rows[first:]], np.uint64).reshape(*shape, *(n,) * rank)
@@ -197,18 +187,48 @@ def table_at(
     return LetterTable(known, tuple(numbers[first:]), values, *arrays)
 
 
+def values_at(known: SamplePoints, letters: Sequence[Expression], count: int) -> list[list[int]]:
+    """The values of the letters alone, at the points that `table_at` takes."""
+    kernels = tuple(to_kernels(letter) for letter in letters)
+    return [row for _, row in _first(lambda k: known.values(k, kernels), count)]
+
+
+_T = TypeVar("_T")
+
+
+def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
+    """The first points at which there is something, with it."""
+    found: list[tuple[int, _T]] = []
+    for k in itertools.count():
+        if len(found) == count:
+            break
+        check()
+        if k >= _ATTEMPTS * count:
+            raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
+        row = at(k)
+        if row is not None:
+            found.append((k, row))
+    return found
+
+
 def monomial_values(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
     """The value of each candidate at each sample, (samples, candidates), in Montgomery form."""
+    return products_of_values(table.values, letters, candidates, table.prime)
+
+
+def products_of_values(
+    rows: Sequence[Sequence[int]], letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int
+) -> Words:
+    """The same from the values of the letters at each sample."""
     index = {letter: k for k, letter in enumerate(letters)}
     pairs: dict[tuple[Expression, Fraction], int] = {}
     starts, places = [0], []
     for candidate in candidates:
         places += [pairs.setdefault(item, len(pairs)) for item in candidate]
         starts.append(len(places))
-    prime, radix = table.prime, (1 << 64) % table.prime
+    radix = (1 << 64) % prime
     powers = [
-        [positive_power(sample[index[letter]], e, prime) * radix % prime for letter, e in pairs]
-        for sample in table.values
+        [positive_power(sample[index[letter]], e, prime) * radix % prime for letter, e in pairs] for sample in rows
     ]
     modulus, negative_inverse, one, _ = modular.constants(prime)
     result = np.full((len(powers), len(candidates)), one, np.uint64)

@@ -210,6 +210,7 @@ def _raised(material: Material, key: Monomial, slope: Terms) -> list[Monomial]:
     """B v^(j-1) with dB/dx = T for a residual T v^j, and T v^j / F for a term F of df/dv."""
     motion = material.motion
     x, velocity = motion.coordinates[0], motion.velocities[0]
+    divisors = [split_velocities(part) for part in slope]
     found: dict[Monomial, None] = {}
     for term in {**along(motion, {key: Fraction(1)}), **multiply_terms({key: Fraction(1)}, slope)}:
         position, moving = split_velocities(term)
@@ -218,7 +219,12 @@ def _raised(material: Material, key: Monomial, slope: Terms) -> list[Monomial]:
             found.update(dict.fromkeys([lowered, *(times(m, lowered) for m in antiderivatives(position, x))]))
         if motion.with_time and _is_polynomial(moving, velocity, _HIGHEST):
             found.update(dict.fromkeys(times(m, moving) for m in antiderivatives(position, TIME)))
-        found.update(dict.fromkeys(times(term, part, -1) for part in slope))
+        quotients = ((part, times(moving, power, -1)) for part, power in divisors)
+        found.update(
+            (times(position, part, -1) | rest, None)
+            for part, rest in quotients
+            if _is_polynomial(rest, velocity, _HIGHEST)
+        )
     return list(found)
 
 
