@@ -16,6 +16,7 @@ from inverse_service.mechanics.document_names import GUESS, Declared, known_name
 from inverse_service.service.documents.text_page import QUESTIONS as QUESTION
 from inverse_service.service.documents.text_page import answers_of, regular_where
 from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.documents import right_side
 from inverse_service.web.pages.glossary import Term, terms_of
 from inverse_service.web.pages.rendering import duration
 
@@ -228,7 +229,7 @@ def own_of(check: Mapping[str, Any], names: Names) -> OwnLagrangian:
     lines: list[Markup] = []
     reasons = list(check["reasons"])
     if check["verdict"] != "valid":
-        names, alone = _with_those_of(check["lagrangian"], names)
+        names, alone = _with_those_of(right_side(check["lagrangian"]), names)
         reasons += (
             [f"{', '.join(alone)}: not in the equations, so of any value."] if alone and check["residual"] else []
         )

@@ -32,6 +32,7 @@ LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
 _CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})")
 _IDENTIFIER = re.compile(r"^\\?\w+")
+_LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
 _FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
 
 
@@ -92,7 +93,7 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
     if coordinates := _names(fields["coordinates"]):
         document["coordinates"] = coordinates
     if nonholonomic:
-        document["lagrangian"] = fields["lagrangian"]
+        document["lagrangian"] = right_side(fields["lagrangian"])
         # Without constraints there are no associated systems, though one of them is always ticked on the form.
         if constraints:
             document["constraints"] = constraints
@@ -102,6 +103,12 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
         document |= {"kinds": kinds} if (kinds := _names(fields["kinds"])) else {}
         document |= {"clock": fields["clock"]} if fields["clock"] else {}
     return document | _declared(fields) | _questions(fields)
+
+
+def right_side(lagrangian: str) -> str:
+    """What `L = ...` says L is, with blanks for the left side so that places stay."""
+    found = _LEFT_SIDE.match(lagrangian)
+    return " " * found.end() + lagrangian[found.end() :] if found else lagrangian
 
 
 def _declared(fields: Mapping[str, str]) -> dict[str, Any]:

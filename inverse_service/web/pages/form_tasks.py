@@ -15,7 +15,7 @@ from inverse_service.service.jobs.outcome import Outcome, faults_of
 from inverse_service.service.jobs.tasks import guard, use_cases
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.answers import OWN, OwnLagrangian, glance_of, own_of
-from inverse_service.web.pages.documents import document_of, document_of_fields, fields_from, fields_of
+from inverse_service.web.pages.documents import document_of, document_of_fields, fields_from, fields_of, right_side
 from inverse_service.web.pages.forms import Form, form_of
 from inverse_service.web.pages.typesetting import names_of
 
@@ -69,7 +69,7 @@ def own_task(fields: Fields, text: str) -> Outcome:
 def _own(fields: Fields, text: str) -> OwnLagrangian:
     try:
         document = split_options(document_of_fields(fields))[0]
-        found = use_cases().check_document(write_json({"system": document, "lagrangian": text}))
+        found = use_cases().check_document(write_json({"system": document, "lagrangian": right_side(text)}))
         names = names_of(use_cases().understand_document(document))
     except InputError as error:
         reasons = [reading_back.without_keys(one.detail) for one in faults_of(error)]

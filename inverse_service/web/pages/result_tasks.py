@@ -24,7 +24,7 @@ from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.tasks import guard, use_cases
 from inverse_service.web.pages import answers, constrained, figures, reading_back, simulations, typesetting
-from inverse_service.web.pages.documents import lean_fields, question_address
+from inverse_service.web.pages.documents import lean_fields, question_address, right_side
 from inverse_service.web.pages.glossary import TERMS
 from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
 
@@ -219,7 +219,7 @@ def _file(store: str, id: str, label: str, ending: str) -> bytes | None:
 def _own_lagrangian(store: str, id: str, text: str) -> dict[str, Any]:
     given = _result(store, id)["system"]["given"]
     try:
-        found = use_cases().check_document(write_json({"system": given, "lagrangian": text}))
+        found = use_cases().check_document(write_json({"system": given, "lagrangian": right_side(text)}))
     except InputError as error:
         reason = reading_back.without_keys(error.detail)
         found = {"verdict": "unread", "reasons": [reason], "residual": None, "equations": None}

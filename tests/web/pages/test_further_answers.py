@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import httpx
 
-from inverse_service.web.pages.documents import document_of_fields, fields_from, fields_of, question_address
+from inverse_service.web.pages.documents import document_of_fields, fields_from, fields_of, question_address, right_side
+from inverse_service.web.pages.form_tasks import echo_task
 from inverse_service.web.pages.forms import Form
 
 DAMPED = {
@@ -50,3 +51,27 @@ def test_a_link_with_kinds_fills_the_boxes(service: str) -> None:
     page = httpx.get(f"{service}/?equations=x''=-x&kinds=finsler&clock=x").text
     assert 'value="finsler" checked' in page
     assert 'id="clock" name="clock" value="x"' in page
+
+
+def test_a_lagrangian_may_begin_with_its_letter_and_places_stay() -> None:
+    for left in ("L = ", "\\mathcal{L}=", "\\mathcal L ="):
+        assert right_side(left + "x'^2/2 - L*x") == " " * len(left) + "x'^2/2 - L*x"
+    for other in ("L*x'^2/2", "L_0 = x'^2", "L == x'^2", "x'^2/2 = L"):
+        assert right_side(other) == other
+    empty = dict.fromkeys(fields_of(Form({}, {})), "")
+    fields = empty | {"kind": "nonholonomic", "lagrangian": "L = x'^2/2 - m*(x"}
+    echo = echo_task(fields).value
+    assert [(place.column, place.marked) for place in echo["problem"].places] == [(16, "(")]
+
+
+def test_an_own_lagrangian_may_begin_with_its_letter(service: str) -> None:
+    with httpx.Client(base_url=service, timeout=120) as client:
+        found = client.post(
+            "/v1/solve", json={"equations": "x'' = -x", "parameters": "guess"}, headers={"Prefer": "wait=20"}
+        )
+        address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        for left in ("", "L = "):
+            page = client.get(f"/results/{address}", params={"lagrangian": f"{left}m*(x'^2 - x^2)/2"}).text
+            assert "Yes: the Euler-Lagrange equations of this L are these equations." in page
+        page = client.get(f"/results/{address}", params={"lagrangian": "L = x'^2/2 - x^2"}).text
+    assert "No: this L has other equations." in page
