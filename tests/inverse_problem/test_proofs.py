@@ -124,7 +124,7 @@ def test_a_lagrangian_is_a_theorem_for_each_coordinate() -> None:
     ("equations", "reason"),
     [
         ({"x": "x'^2*y'", "y": "y'^2*x' + x"}, ""),
-        ({"x": "-atan(2)*x + atan(x)"}, "the answer has no certificate"),
+        ({"x": "-sin(asin(x)/2)"}, "the answer has no certificate"),
         ({"x": "-log(x + 3000)"}, "the Lagrangian holds integrals"),
     ],
 )

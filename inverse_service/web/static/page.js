@@ -341,11 +341,18 @@ function following(place) {
   const clock = place.querySelector("[data-seconds]");
   const began = Date.now() - 1000 * Number(clock.dataset.seconds);
   const ticking = setInterval(() => (clock.textContent = `${Math.round((Date.now() - began) / 1000)} s`), 1000);
+  let leaving = false;
   const done = () => {
     clearInterval(ticking);
-    location.reload();
+    if (!leaving) location.reload();
   };
   const source = new EventSource(place.dataset.events);
+  // A reload would call Back back. Who is still here after a while, as after a download, goes on.
+  addEventListener("beforeunload", () => {
+    leaving = true;
+    source.close();
+    setTimeout(() => location.reload(), 5000);
+  }, { once: true });
   const look = (event) => {
     let said = {};
     try {

@@ -133,6 +133,19 @@ def leave(page: Page) -> None:
     raise AssertionError("The page goes on and on by itself.")
 
 
+def cleared(page: Page) -> None:
+    """Forget drafts, once the page of open work has become its result, which takes up to three pages."""
+    for _ in range(4):
+        try:
+            page.evaluate("sessionStorage.clear()")
+            return
+        except Error as error:
+            if "destroyed" not in str(error):
+                raise
+            page.wait_for_load_state()
+    raise AssertionError("The page goes on and on by itself.")
+
+
 def visited(page: Page, address: str) -> Iterator[Visit]:
     """A page as if nobody had used it; at the end its console was silent and no request left the host."""
     seen = Seen()
@@ -147,7 +160,7 @@ def visited(page: Page, address: str) -> Iterator[Visit]:
     yield Visit(page, address, seen)
     # Drafts of forms are kept as long as a window; the next visitor has a new one.
     if page.url.startswith(address):
-        page.evaluate("sessionStorage.clear()")
+        cleared(page)
     # What still runs on the page ends here, within what is looked at.
     leave(page)
     for event, listener in listeners.items():
