@@ -133,6 +133,11 @@ def leave(page: Page) -> None:
     raise AssertionError("The page goes on and on by itself.")
 
 
+def whole(page: Page) -> None:
+    """Wait until the page of open work, which shows what is confirmed so far, has become the result."""
+    expect(page.locator("[data-told]")).to_have_count(0, timeout=60_000)
+
+
 def cleared(page: Page) -> None:
     """Forget drafts, once the page of open work has become its result, which takes up to three pages."""
     for _ in range(4):

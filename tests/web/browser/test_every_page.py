@@ -8,7 +8,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Request, expect
 
-from .conftest import Look, Pages, Scheme, Visit, visited
+from .conftest import Look, Pages, Scheme, Visit, visited, whole
 
 PAGES = ("/", "/?kind=nonholonomic", "/simulate", "/gallery", "/batch", "/learn", "/docs", "/results/none")
 # The default suite looks at each page once; test_every_state.py looks at all of them in all ways.
@@ -57,6 +57,7 @@ def test_axe_finds_nothing_on_a_result(coloured: Visit, scheme: Scheme) -> None:
     coloured.go(f"/?example={RESULTS[scheme]}")
     coloured.page.get_by_role("button", name="Find out").click()
     expect(coloured.page.locator(".verdict")).to_be_visible()
+    whole(coloured.page)
     open_all(coloured)
     assert violations(coloured) == []
     assert not is_too_wide(coloured)

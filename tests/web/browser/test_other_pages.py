@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
-from .conftest import Visit
+from .conftest import Visit, whole
 from .test_every_page import violations
 
 
@@ -17,6 +17,7 @@ def test_a_system_of_the_gallery_is_solved(visit: Visit) -> None:
     visit.page.get_by_role("link", name="Solve: counterexample to Proposition 3 as printed").click()
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.locator(".verdict.variational").first).to_be_visible()
+    whole(visit.page)
     visit.go("/gallery")
     visit.page.get_by_text("One coordinate (").click()
     visit.page.get_by_role("link", name="duffing").click()
@@ -40,6 +41,7 @@ def test_a_batch_is_uploaded_and_its_lines_lead_to_results(
     expect(at.page.locator("tbody tr").nth(3)).to_contain_text("Line 4")
     at.page.get_by_role("link", name="n2", exact=True).click()
     expect(at.page.locator(".verdict.variational").first).to_be_visible()
+    whole(at.page)
 
 
 def test_a_batch_that_is_no_document_is_refused_with_a_sentence(visit: Visit) -> None:
@@ -56,6 +58,7 @@ def test_a_lesson_can_be_changed_and_asked(visit: Visit) -> None:
     expect(visit.page.locator("#understood-2 .formula")).to_have_count(1)
     visit.page.get_by_role("button", name="Friction: is there an L?").click()
     expect(visit.page.locator(".verdict.variational").first).to_be_visible()
+    whole(visit.page)
 
 
 def test_the_rolling_disk_moves_under_the_slider_and_by_itself(visit: Visit) -> None:

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, expect
 
 from tests.conftest import running_service
 
-from .conftest import WIDE, Look, Visit, new_page
+from .conftest import WIDE, Look, Visit, new_page, whole
 from .test_every_page import is_too_wide, violations
 
 EXERCISE = "/?equations=x''+%3D+-9*x&reveal=hint,answer"
@@ -71,6 +71,7 @@ def test_two_results_are_compared_side_by_side(light: Visit) -> None:
         light.page.get_by_role("button", name="Find out").click()
         light.page.wait_for_url("**/results/*")  # loaded: its script keeps the question
         expect(light.page.locator(".verdict").first).to_be_visible()
+        whole(light.page)
         paths.append(light.page.url.removeprefix(light.address))
     light.page.get_by_role("link", name="Compare with another").click()
     light.page.get_by_label("Second result").fill(light.address + paths[0])
@@ -91,6 +92,7 @@ def test_other_sites_frame_an_answer_only_where_they_are_listed(visit: Visit) ->
     visit.go("/?equations=x''+%3D+-3*x")
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.locator(".verdict").first).to_be_visible()
+    whole(visit.page)
     answer = httpx.get(visit.page.url + "/embed", timeout=30)
     assert "frame-ancestors 'self'" in answer.headers["content-security-policy"]
     assert "<nav" not in answer.text
@@ -126,6 +128,7 @@ def test_a_browser_frames_an_answer_on_a_listed_origin_and_on_no_other(
         page.goto(address + "/?equations=x''+%3D+-3*x")
         page.get_by_role("button", name="Find out").click()
         expect(page.locator(".verdict").first).to_be_visible(timeout=60_000)
+        whole(page)
         result = page.url
         (tmp_path / "course.html").write_text(f'<iframe src="{result}/embed"></iframe>')
         (tmp_path / "whole.html").write_text(f'<iframe src="{result}"></iframe>')

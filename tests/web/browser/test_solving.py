@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, Route, expect
 
-from .conftest import Look, Pages, Visit, new_page
+from .conftest import Look, Pages, Visit, new_page, whole
 
 FIRST_DISK = "phi'' = 0\ntheta'' = 0\nx'' = -R*sin(phi)*phi'*theta'\ny'' = R*cos(phi)*phi'*theta'"
 NAMES = [f"x{k}" for k in range(8)]
@@ -61,6 +61,7 @@ def test_without_scripts_the_form_is_echoed_by_a_button_and_solved(plain: Visit)
     expect(plain.page.get_by_label("Equations", exact=True)).to_have_value("x'' = -x'\ny'' = -y")
     plain.page.get_by_role("button", name="Find out").click()
     expect(plain.page.locator(".verdict.variational").first).to_be_visible()
+    whole(plain.page)
 
 
 @pytest.mark.parametrize("scripts", [True, False])
@@ -97,6 +98,7 @@ def test_latex_and_documents_can_be_typed_or_uploaded(visit: Visit, tmp_path: Pa
     expect(visit.page.locator("#understood dd").nth(0)).to_contain_text("w")
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.locator(".verdict.variational").first).to_be_visible()
+    whole(visit.page)
     expect(visit.page.locator("main")).to_contain_text("Hamiltonian")
 
 
@@ -106,6 +108,7 @@ def test_from_the_start_page_to_the_proof_for_the_rolling_disk(visit: Visit) -> 
     expect(visit.page.get_by_label("Equations", exact=True)).to_have_value(re.compile("phi'' = 0\ntheta'' = 0"))
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.locator(".verdict.not_variational")).to_be_visible()
+    whole(visit.page)
     steps = visit.page.locator(".proof > li")
     assert steps.count() >= 5
     matrix = visit.page.locator("#matrix-Phi mtable")
@@ -125,6 +128,7 @@ def test_the_result_can_be_taken_along_and_its_link_stays(visit: Visit) -> None:
     visit.go("/?example=vertically-rolling-disk-second")
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.locator(".verdict.variational").first).to_be_visible()
+    whole(visit.page)
     for name, words in (
         ("LaTeX", r"\dot{\phi}"),
         ("Python", "Client("),
@@ -143,6 +147,7 @@ def test_the_result_can_be_taken_along_and_its_link_stays(visit: Visit) -> None:
     assert link is not None
     visit.go(link)
     expect(visit.page.locator(".verdict.variational").first).to_be_visible()
+    whole(visit.page)
     visit.page.get_by_role("link", name="Change the system").click()
     expect(visit.page.get_by_label("Equations", exact=True)).to_have_value(re.compile(r"tan\(phi\)"))
 
@@ -165,6 +170,7 @@ def test_the_page_of_open_work_becomes_its_result_by_itself(visit: Visit) -> Non
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.get_by_role("progressbar")).to_be_visible()
     expect(visit.page.locator(".verdict.undetermined")).to_be_visible(timeout=18_000)
+    whole(visit.page)
     expect(visit.page.locator(".verdict")).to_contain_text("limit")
     visit.page.get_by_role("button", name=re.compile(r"Ask again with \d+ s")).click()
     expect(visit.page.get_by_role("progressbar")).to_be_visible()
@@ -187,6 +193,7 @@ def test_keys_alone_suffice(visit: Visit) -> None:
     visit.page.keyboard.type("x'' = -4*x")
     visit.page.keyboard.press("Control+Enter")
     expect(visit.page.locator(".verdict.variational").first).to_be_visible()
+    whole(visit.page)
 
 
 def test_an_unknown_result_is_told_so(visit: Visit) -> None:
@@ -241,7 +248,7 @@ def test_what_was_typed_survives_back_reload_and_the_other_tab(visit: Visit) -> 
     expect(box).to_have_value("x'' = -x - x'/7")
     visit.page.get_by_role("button", name="Find out").click()
     expect(visit.page.locator(".verdict.variational").first).to_be_visible()
-    expect(visit.page.locator("[data-told]")).to_have_count(0)  # the page of open work has become the result
+    whole(visit.page)
     visit.page.go_back()
     expect(box).to_have_value("x'' = -x - x'/7")
 
@@ -305,6 +312,7 @@ def test_a_printed_result_is_light_and_whole(browser: Browser, service: str) -> 
     page.goto(f"{service}/?example=vertically-rolling-disk-first")
     page.get_by_role("button", name="Find out").click()
     expect(page.locator(".verdict")).to_be_visible()
+    whole(page)
     page.emulate_media(media="print", color_scheme="dark")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from .conftest import Look, new_page
+from .conftest import Look, new_page, whole
 from .test_every_page import Axe
 
 pytestmark = pytest.mark.slow
@@ -36,6 +36,7 @@ def student(page: Page, scripts: bool) -> None:
         expect(page.locator("#glance [data-settled]")).to_be_visible(timeout=PATIENCE)
     page.get_by_role("button", name="Find out").click()
     expect(page.locator(".verdict.variational").first).to_be_visible(timeout=PATIENCE)
+    whole(page)
     page.get_by_label("Your L", exact=True).fill("exp(t/10)*(x'^2 - x^2)/2")
     page.get_by_role("button", name="Does it give these equations?").click()
     expect(page.locator("#own")).to_contain_text("Yes", timeout=PATIENCE)
@@ -46,6 +47,7 @@ def double_pendulum(page: Page, scripts: bool) -> None:
     page.get_by_role("link", name="Double pendulum").click()
     page.get_by_role("button", name="Find out").click()
     expect(page.locator(".verdict.variational").first).to_be_visible(timeout=PATIENCE)
+    whole(page)
     page.get_by_role("link", name="Simulate this").click()
     if scripts:
         expect(page.get_by_label("Shown as")).to_have_value("double-pendulum", timeout=PATIENCE)
@@ -80,6 +82,7 @@ def tool_author(page: Page, scripts: bool) -> None:
     expect(page.locator("main")).to_contain_text("2 of 2", timeout=PATIENCE)
     page.get_by_role("link", name="x'' = -x").first.click()
     expect(page.locator(".verdict.variational").first).to_be_visible(timeout=PATIENCE)
+    whole(page)
 
 
 LOADED = "[...document.images].every(one => one.loading === 'lazy' || (one.complete && one.naturalWidth > 0))"
