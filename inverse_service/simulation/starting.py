@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inverse_service.codegen.algebra import ZERO, Formula, real_value
 from inverse_service.errors import InputError
@@ -21,6 +22,12 @@ _SAMPLES, _NEAR = 256, 20.0
 
 Numbers = dict[str, float]
 OFF_CONSTRAINTS = 1e-9
+# Distances at which a power of the distance is read off, their ratio in decades, and what counts as a power below 1: in
+# doubles a smooth force shows 1, a jump 0, and round-off two powers that differ.
+NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
+FLAT, STRAIGHT, SAME_POWER = 0.02, 0.97, 0.02
+LATER = 1e-3
+BY_SLOPES = ("stiff",)
 BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time where the force depends on t"
 
 
@@ -44,8 +51,8 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parame
     if choice.method in POINT_METHODS:
         if start.velocities is None:
             raise InputError("Runge-Kutta methods start from velocities: give velocities instead of momenta.")
-        table = {**parameters, **q, **_named("v", start.velocities)}
-        return Initial({**q, **_named("v", start.velocities)}, missing=undefined_force(f, f.accelerations, table))
+        state = {**q, **_named("v", start.velocities)}
+        return Initial(state, missing=no_one_motion(f, choice, {**parameters, **state}))
     discrete = start.convention == "discrete_constraint"
     if start.momenta is not None and choice.method != "modified" and not discrete:
         guess = _named("d", start.velocities) if start.velocities is not None else None
@@ -143,6 +150,49 @@ def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, 
             quantity = f"the force on {name} at the start, t = {begin:.12g}, which has no value"
             return Outcome("off_domain", 0, begin, quantity, None, BEGIN_ELSEWHERE)
     return None
+
+
+def no_one_motion(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> Outcome | None:
+    """The outcome where an acceleration has no value at the start, or is no Lipschitz function there.
+
+    x'' = sqrt(x) has the motions x = 0 and x = (t - s)^4/144 for t > s, one for each s, from x = x' = 0. Where the
+    motion leaves such a place at once it is the only one, but a method that solves by slopes may take another.
+    """
+    undefined = undefined_force(f, f.accelerations, table)
+    if undefined is not None or not f.walls_of(f.problem.accelerations or ()):
+        return undefined
+    steep = _steep(f, table)
+    if any(steep) and choice.method not in BY_SLOPES:
+        steep &= _steep(f, _a_little_later(f, table))
+    for name, is_steep in zip(f.problem.coordinates, steep, strict=True):
+        if is_steep:
+            quantity = f"the force on {name}: its slope is infinite at the start, where more than one motion may begin"
+            return Outcome("singular", 0, table[str(MOMENT)], quantity, None, "begin beside it")
+    return None
+
+
+def _a_little_later(f: Formulas, table: Mapping[str, float]) -> Numbers:
+    """q + v s + f s^2/2 and v + f s."""
+    moved = dict(table)
+    for k, force in enumerate(f.evaluator("accelerations", lambda: f.accelerations)(table)):
+        moved[f"q{k}"] += LATER * (table[f"v{k}"] + LATER * force / 2)
+        moved[f"v{k}"] += LATER * force
+    return moved
+
+
+def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
+    """Of each force, whether it changes as a power below 1 of the distance: along q_k, v_k or oblique to them all."""
+    names = [f"{letter}{k}" for letter in "qv" for k in range(f.size)]
+    forces = f.evaluator("accelerations", lambda: f.accelerations)
+    oblique = np.random.default_rng(0).normal(size=(4, len(names)))
+    steep = np.zeros(f.size, dtype=bool)
+    for way in (*np.eye(len(names)), *-np.eye(len(names)), *oblique):
+        places = [dict(zip(names, size * way, strict=True)) for size in (0.0, *NEARER)]
+        values = np.array([forces({**table} | {x: table[x] + place[x] for x in names}) for place in places])
+        with np.errstate(all="ignore"):
+            first, last = -np.diff(np.log10(np.abs(values[1:] - values[0])), axis=0) / NEARER_BY
+        steep |= (last > FLAT) & (last < STRAIGHT) & (np.abs(first - last) < SAME_POWER)
+    return steep
 
 
 def vanishing(f: Formulas, table: Mapping[str, float]) -> tuple[str, float]:

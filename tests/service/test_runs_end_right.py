@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
@@ -385,3 +386,38 @@ def test_a_lagrangian_of_the_scene_that_ends_is_not_said_to_be_another_one() -> 
     found = methods(OSCILLATOR | {"system": system, "time": 2, "step": 0.02, "methods": ["stormer-verlet"]})
     assert found["stormer-verlet"]["outcome"] == "singular"
     assert "free Lagrangian" not in found["stormer-verlet"]["stopped"]["remedy"]
+
+
+ROOTS = [("sqrt(x)", 0), ("6*x^(1/3)", 0), ("-sqrt(abs(x))", 0), ("sqrt(x')", 0)]
+
+
+def begun_at_rest(force: str, velocity: float, method: str) -> dict[str, Any]:
+    initial = {"positions": {"x": 0}, "velocities": {"x": velocity}}
+    scene = {"system": {"equations": [f"x'' = {force}"]}, "initial": initial, "step": 0.1, "time": 1}
+    return methods(scene | {"methods": [method]})[method]
+
+
+@pytest.mark.parametrize("method", ["adaptive", "stiff", "reference"])
+@pytest.mark.parametrize(("force", "velocity"), ROOTS)
+def test_no_run_chooses_one_of_many_motions(force: str, velocity: float, method: str) -> None:
+    """x'' = sqrt(x) has x = 0 and x = (t - s)^4/144 from x = x' = 0 (Peano's example for the second order)."""
+    found = begun_at_rest(force, velocity, method)
+    assert found["outcome"] == "singular"
+    assert "more than one motion" in found["stopped"]["quantity"]
+
+
+@pytest.mark.parametrize("force", ["sqrt(x)", "6*x^(1/3)", "1 + sqrt(x)"])
+def test_what_leaves_the_root_at_once_is_the_one_motion(force: str) -> None:
+    """v dv = f dx gives the time as an integral over x; the method that solves by slopes lost the velocity here."""
+    energy = {"sqrt(x)": lambda x: 4 / 3 * x**1.5, "6*x^(1/3)": lambda x: 9 * x ** (4 / 3)}.get(
+        force, lambda x: 2 * x + 4 / 3 * x**1.5
+    )
+    found = begun_at_rest(force, 1, "adaptive")
+    passed, _ = quad(lambda u: 3 * u**2 / math.sqrt(1 + energy(u**3)), 0, found["final"]["positions"]["x"] ** (1 / 3))
+    assert abs(passed - 1) < 1e-9
+    assert begun_at_rest(force, 1, "stiff")["outcome"] == "singular"
+
+
+@pytest.mark.parametrize("force", ["abs(x)", "sqrt(x^2)", "x*sqrt(x)", "x*log(1 + abs(x))"])
+def test_a_kink_or_a_weaker_root_has_one_motion(force: str) -> None:
+    assert begun_at_rest(force, 0, "adaptive")["final"]["positions"] == {"x": 0.0}
