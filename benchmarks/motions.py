@@ -1,4 +1,4 @@
-"""Which motions can be hamiltonised: each document of docs/questions/motions.ndjson, as docs/open-questions.md has it.
+"""Which motions can be given a Hamiltonian: each document of docs/questions/motions.ndjson, as docs/open-questions.md has it.
 
 For each the question about L(q, q') is settled alone, for its order and dimensions, then `solve` answers all of it.
 """
@@ -23,7 +23,16 @@ from inverse_service.service.documents.nonholonomic import solve_nonholonomic
 from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
 
 QUESTIONS, PAGE = Path("docs/questions/motions.ndjson"), Path("docs/open-questions.md")
-HEAD = ("motion", "can it be hamiltonised?", "proof", "order", "dimensions", "freedom in L", "decision, s", "all, s")
+HEAD = (
+    "motion",
+    "can it be given a Hamiltonian?",
+    "proof",
+    "order",
+    "dimensions",
+    "freedom in L",
+    "decision, s",
+    "all, s",
+)
 _DEGREES = 3
 _WORDS = {"variational": "**yes**", "not_variational": "no", "undetermined": "open"}
 

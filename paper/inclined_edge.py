@@ -79,7 +79,7 @@ def inclined_edge(folder: Path, progress: Progress) -> tuple[Statement, ...]:
     return (
         Statement(
             "inclined-edge", "section 5, the knife edge on an inclined plane",
-            "Whether it can be hamiltonised is left open.",
+            "Whether it can be given a Hamiltonian is left open.",
             finding(off < 1e-10 and outcomes == {"completed"}),
             "It can: the variational integrator of a Lagrangian whose motions on the constraint are those of the knife "
             "edge follows the nonholonomic motion through every cos(phi) = 0. At alpha = 0 and 1 it is nearer to the "

@@ -227,25 +227,25 @@ async def written_response(
     request: Request, job: Job, engine: Engine, media_type: str, headers: Mapping[str, str]
 ) -> Response:
     """A solved job in this form; raises Refusal where writing it takes too long."""
-    form = MEDIA_TYPES[media_type]
+    form, place = MEDIA_TYPES[media_type], f"{str(request.base_url).rstrip('/')}/results/{job.id}"
     outcome = await engine.run_quick(
-        client_of(request), written_task, engine.store.address, job.id, form, seconds=LONG_DEADLINE
+        client_of(request), written_task, engine.store.address, job.id, form, place, seconds=LONG_DEADLINE
     )
     if outcome.status in LIMITS:
         raise Refusal(503, "busy", "To write this takes too long; take the result as JSON, or try again later.")
     return Response(value_of(outcome), 200, dict(headers), media_type)
 
 
-def written_task(store: str, id: str, form: str) -> Outcome:
+def written_task(store: str, id: str, form: str, address: str) -> Outcome:
     """A stored result as text, LaTeX or a SymPy program; SymPy is imported in workers only."""
-    return guard(_written, json.loads(stored_answer(store, id)[1]), form)
+    return guard(_written, json.loads(stored_answer(store, id)[1]), form, address)
 
 
-def _written(result: dict[str, object], form: str) -> str:
+def _written(result: dict[str, object], form: str, address: str) -> str:
     if form == "sympy":
         text: str = importlib.import_module("inverse_service.sympy").from_result(result).to_code(form)
         return text
     from inverse_service.service.documents.latex_page import latex_page
     from inverse_service.service.documents.text_page import text_page
 
-    return text_page(result, True) if form == "text" else latex_page(result, True)
+    return text_page(result, True) if form == "text" else latex_page(result, True, address)

@@ -35,7 +35,7 @@ def test_the_answer_is_about_the_motion_alone() -> None:
     assert found["nonholonomic"] is None
     answer = found["any_associated"]
     assert (answer["verdict"], answer["checked"]) == ("variational", "valid")
-    assert answer["statement"] == "This motion can be hamiltonised, by an associated system."
+    assert answer["statement"] == "This motion can be given a Hamiltonian, by an associated system."
     assert answer["freedom"] == "2 functions of 1 variable"
     assert len(answer["lagrangian"]["transverse_momenta"]) == 1
     assert check_plain(found)["verdict"] == "valid"
@@ -119,7 +119,7 @@ def test_both_kinds_of_document_about_one_motion_have_one_answer() -> None:
     assert answers[0]["freedom"] == answers[1]["freedom"] == "2 functions of 3 variables"
 
 
-def test_a_sleigh_cannot_be_hamiltonised_and_says_so_first() -> None:
+def test_a_sleigh_cannot_be_given_a_hamiltonian_and_says_so_first() -> None:
     sleigh = {
         "coordinates": ["phi", "x", "y"],
         "lagrangian": "((x'-a*sin(phi)*phi')^2+(y'+a*cos(phi)*phi')^2)/2+J*phi'^2/2",
@@ -129,7 +129,7 @@ def test_a_sleigh_cannot_be_hamiltonised_and_says_so_first() -> None:
     }
     found = solve_document(sleigh, SolveOptions(time_limit=600))["any_associated"]
     assert (found["verdict"], found["verdict_with_time"], found["checked"]) == ("not_variational",) * 2 + ("valid",)
-    assert found["statement"] == "This motion cannot be hamiltonised, by any associated system."
+    assert found["statement"] == "This motion cannot be given a Hamiltonian, by any associated system."
     assert found["certificate"]["question"] == "time_dependent"  # it covers L(q, q') too
     assert any("2-form that does has a vertical vector" in step["text"] for step in found["explanation"])
 
@@ -163,5 +163,5 @@ def test_where_a_motion_is_defined_is_part_of_its_proof(potential: str) -> None:
     result = solve({"lagrangian": free, "constraints": "z' = y*x'", "associated": "any"})
     answer = result["any_associated"]
     assert answer["certificate"]["conditions"] == ["x > 0"]
-    assert answer["statement"] == "This motion cannot be hamiltonised, by any associated system, where x > 0."
+    assert answer["statement"] == "This motion cannot be given a Hamiltonian, by any associated system, where x > 0."
     assert check(dict(result))["verdict"] == "valid"

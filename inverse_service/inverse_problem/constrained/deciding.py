@@ -1,4 +1,4 @@
-"""Whether a motion on constraints can be hamiltonised at all: the constrained card settled for one motion."""
+"""Whether a motion on constraints can be given a Hamiltonian at all: the constrained card settled for one motion."""
 
 from __future__ import annotations
 

@@ -34,7 +34,8 @@ def finding_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> 
         steps.append(
             said(
                 f"{how}, {len(found.rows)} equations leave a rank below {k} in every solution: no associated system is "
-                "variational."
+                "variational.",
+                about=("prolonged", "associated") if found.along is None else ("associated",),
             )
         )
     elif found.symbol is not None:
@@ -42,7 +43,8 @@ def finding_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> 
             said(
                 f"Prolonged to order {found.order} the system is involutive at degree {found.degree}, with solutions "
                 f"of rank {found.ranks[0]}; the derivatives of l alone have rank {found.ranks[1]}. "
-                "So there is such a Lagrangian near the generic point."
+                "So there is such a Lagrangian near the generic point.",
+                about=("prolonged", "involutive"),
             )
         )
     return tuple(steps)

@@ -40,7 +40,7 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
         said(
             f"The Helmholtz conditions, prolonged to order {order}, leave a space of Taylor polynomials of the "
             f"multiplier of dimensions {dimensions} in degrees 0 to {degree}; it no longer shrinks.",
-            about=("multiplier", "Helmholtz"),
+            about=("multiplier", "Helmholtz", "prolonged"),
         ),
         said(
             f"Its symbol in degree {degree} has dimension {decision.symbol.dimension} and passes Cartan's test "

@@ -27,7 +27,7 @@ from inverse_service.service.documents.preparing import inward, is_motion, is_no
 from inverse_service.service.documents.reading import read_json
 
 TIME_LIMIT = 60.0  # of processor time: what a busy machine does decides no verdict
-OPEN_MOTION = "Whether this motion can be hamiltonised by any associated system is open."
+OPEN_MOTION = "Whether this motion can be given a Hamiltonian by any associated system is open."
 NEVER_CHECKED = "LaTeX, names and sentences of any part, where det g is 0 (conditions A != 0), the branch that H has"
 AS_WRITTEN = (
     "The accelerations are too long to be solved for, and L does not give the equations as they are written, "

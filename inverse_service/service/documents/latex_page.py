@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from inverse_service import __version__
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_latex import lines_of_latex, to_latex
 from inverse_service.expressions.reader import read_formula
@@ -35,11 +36,12 @@ SPECIAL = {
 }  # fmt: skip
 
 
-def latex_page(result: dict[str, Any], explain: bool) -> str:
-    """The whole document, ending with a newline."""
-    lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb}", r"\sloppy", r"\begin{document}"]
+def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
+    """The whole document, ending with a newline; `address` is where the result stands, if it stands anywhere."""
+    lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb,url}", r"\sloppy", r"\begin{document}"]
+    end = [_source(result, address), r"\end{document}"]
     if is_forward_result(result):
-        return "\n".join([*lines, *forward_latex(result), r"\end{document}"]) + "\n"
+        return "\n".join([*lines, *forward_latex(result), *end]) + "\n"
     if result.get("nonholonomic") is not None:
         lines += [escaped(result["any_associated"]["statement"])] if result.get("any_associated") else []
         lines += nonholonomic_latex(result["nonholonomic"])
@@ -53,7 +55,14 @@ def latex_page(result: dict[str, Any], explain: bool) -> str:
         lines += special_cases_latex(result["special_cases"])
     lines += _further(result)
     # The comma after a formula on lines of its own stands in its last line.
-    return _AFTER_A_DISPLAY.sub(r"\2\1", "\n".join([*lines, r"\end{document}"])) + "\n"
+    return _AFTER_A_DISPLAY.sub(r"\2\1", "\n".join([*lines, *end])) + "\n"
+
+
+def _source(result: Mapping[str, Any], address: str) -> str:
+    """Which program in which version found it, and where it can be read again."""
+    made = result.get("provenance") or {}
+    program = escaped(f"{made.get('program', 'inverse-service')} {made.get('version', __version__)}")
+    return rf"\paragraph{{}} Found by {program}{rf': \url{{{address}}}' if address else ''}."
 
 
 def _cases(result: dict[str, Any]) -> Iterator[str]:

@@ -83,7 +83,7 @@ def _verdict(one: dict[str, Any]) -> str:
 def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
     for one in reports:
         yield ""
-        yield f"Hamiltonisation by the {one['associated']} system, {one['label']}:"
+        yield f"Hamiltonized by the {one['associated']} system, {one['label']}:"
         yield f"  L = {_short(one['lagrangian']['text'])}"
         if one["hamiltonian"] is not None:
             yield f"  H = {_short(one['hamiltonian']['text'])}"

@@ -184,13 +184,14 @@ def _statement(answer: MotionAnswer) -> str:
         kind = "" if answer.lagrangian is None else answer.lagrangian.kind
         by = f"the {kind} associated system" if kind not in ("", "own") else "an associated system"
         time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
-        return f"This motion can be hamiltonised, by {by}{time}."
+        return f"This motion can be given a Hamiltonian, by {by}{time}."
     if answer.verdict == answer.verdict_with_time == "not_variational":
         conditions = answer.certificates[0].get("conditions") if answer.certificates else None
         where = f", where {' and '.join(conditions)}" if conditions else ""
-        return f"This motion cannot be hamiltonised, by any associated system{where}."
+        return f"This motion cannot be given a Hamiltonian, by any associated system{where}."
     if answer.verdict == "not_variational":
-        return "This motion cannot be hamiltonised by any L(q, q'); with a Lagrangian that depends on time it is open."
+        no = "This motion cannot be given a Hamiltonian by any L(q, q')"
+        return f"{no}; with a Lagrangian that depends on time it is open."
     return OPEN_MOTION
 
 

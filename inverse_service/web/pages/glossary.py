@@ -65,9 +65,16 @@ TERMS = (
         "R^j_kl = dPhi^j_k/dv^l - dPhi^j_l/dv^k",
     ),
     Term(
+        "prolonged", "prolonged",
+        "Equations for functions are prolonged by all their derivatives up to some order. At a point these are linear "
+        "equations on the Taylor coefficients of the functions, and may say more about the first of them than the "
+        "equations themselves do.",
+    ),
+    Term(
         "involutive", "involutive",
         "The system of equations for g hides no further consequences: every value of g that is left at a point "
-        "belongs to a solution near it (Cartan's test).",
+        "belongs to a solution near it. Cartan's test shows it by counting the Taylor coefficients of the highest "
+        "degree (the symbol) that are still free; its characters are these numbers, one direction after the other.",
     ),
     Term(
         "associated", "associated system",

@@ -277,7 +277,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         advice=advice_for(found, look.time_limit),
         matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
         languages=["sympy"] if system and system["functions"] else LANGUAGES,
-        exports=exports(found, address),
+        exports=exports(found, address, job["id"]),
         timing=answers.timing(found["provenance"]),
         can_simulate=can_simulate() and system is not None,
     )
@@ -349,9 +349,9 @@ class Export:
     text: str
 
 
-def exports(result: Mapping[str, Any], address: str) -> list[Export]:
-    """Every form that this result has; the JSON is a link of its own, being long."""
-    found = [Export("latex", "LaTeX", latex_page(dict(result), explain=True))]
+def exports(result: Mapping[str, Any], address: str, identifier: str) -> list[Export]:
+    """Every form that this result has; the JSON is a link of its own, being long. `address`: of this service."""
+    found = [Export("latex", "LaTeX", latex_page(dict(result), True, f"{address}/results/{identifier}"))]
     if result["system"] is not None:
         given = result["system"]["given"]
         found.append(Export("python", "Python", python_call(given, address)))

@@ -46,12 +46,13 @@ from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 ASSOCIATED = (
-    ("first", "first", "the forces of constraint, with the constraints used to write them in r1\u2032 and r2\u2032"),
+    ("first", "first", "the forces of constraint, written in the velocities that are left free"),
     ("second", "second", "the same forces, written in the velocities that the constraints determine"),
     (
         "third",
         "third",
-        "(r2\u2032, s\u2032) turned by a rotation with the angle of r1: systems of the paper\u2019s class only",
+        "the velocities turn like an arrow, as of a knife edge with the angle \u03c6: x\u2033 = \u2212\u03c6\u2032y\u2032, y\u2033 = "
+        "\u03c6\u2032x\u2032; for some systems only",
     ),
     ("any", "any", "whether any has a Lagrangian at all: the motion alone"),
 )

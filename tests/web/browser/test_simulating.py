@@ -28,7 +28,7 @@ def test_a_nonholonomic_system_is_understood_and_its_second_system_solved(
     expect(at.page.locator("#understood dd").nth(0)).to_contain_text("z")
     expect(at.page.locator("#understood h3", has_text="Constraints")).to_be_visible()
     at.page.get_by_role("button", name="Find out").click()
-    expect(at.page.locator(".verdict.variational h1")).to_contain_text("This motion can be hamiltonised")
+    expect(at.page.locator(".verdict.variational h1")).to_contain_text("This motion can be given a Hamiltonian")
     expect(at.page.locator(".verdict.variational")).to_contain_text("The equations of the second associated system")
     expect(at.page.get_by_role("heading", name="The constrained system")).to_be_visible()
     expect(at.page.get_by_role("heading", name="The motion in phase space")).to_be_visible()

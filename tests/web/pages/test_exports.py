@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 
-from inverse_service import catalogue
+from inverse_service import __version__, catalogue
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
 from inverse_service.web.pages.result_tasks import curl_of, exports, python_call
@@ -21,8 +21,11 @@ def test_calls_hold_the_document() -> None:
 def test_the_latex_of_a_motion_with_constraints_has_all_that_the_page_shows() -> None:
     document = {**catalogue.document("nonholonomic-particle"), "associated": "second"}
     latex = next(
-        e.text for e in exports(documents.solve_document(document, SolveOptions()), "http://h") if e.key == "latex"
+        e.text
+        for e in exports(documents.solve_document(document, SolveOptions()), "http://h", "a_1")
+        if e.key == "latex"
     )
     for formula in (r"\dot{z} + x \dot{y} = 0", "L = ", "H = ", "p_{x} = ", "p_{z} + p_{y} = 0"):
         assert formula in latex
     assert latex.count("{") == latex.count("}")
+    assert rf"Found by inverse-service {__version__}: \url{{http://h/results/a_1}}." in latex
