@@ -62,7 +62,8 @@ def _source(result: Mapping[str, Any], address: str) -> str:
     """Which program in which version found it, and where it can be read again."""
     made = result.get("provenance") or {}
     program = escaped(f"{made.get('program', 'inverse-service')} {made.get('version', __version__)}")
-    return rf"\paragraph{{}} Found by {program}{rf': \url{{{address}}}' if address else ''}."
+    place = rf": \url{{{address}}}" if address else ""
+    return rf"\paragraph{{}} Found by {program}{place}."
 
 
 def _cases(result: dict[str, Any]) -> Iterator[str]:
