@@ -1,4 +1,4 @@
-"""Which motions can be given a Hamiltonian: each document of docs/questions/motions.ndjson, as docs/open-questions.md has it.
+"""Which motions can be given a Hamiltonian: docs/questions/motions.ndjson, as docs/open-questions.md has it.
 
 For each the question about L(q, q') is settled alone, for its order and dimensions, then `solve` answers all of it.
 """

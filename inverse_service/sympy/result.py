@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.errors import InputError
+from inverse_service.service.documents.text_page import first_answer
 
 if TYPE_CHECKING:
     from inverse_service.sympy.names import Table
@@ -376,7 +377,7 @@ def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
     if error := result.get("error"):
         row |= {"verdict": "error", "reason": error["detail"]}
     for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")):
-        row[letter] = (result.get(key) or {}).get("text")
+        row[letter] = (first_answer(result).get(key) or {}).get("text")
     space, system = result.get("solution_space") or {}, result.get("system") or {}
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}

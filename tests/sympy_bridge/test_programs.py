@@ -144,8 +144,9 @@ def test_many_systems_and_their_table() -> None:
     assert found[0].lagrangian is not None
     assert found[2]["error"]["status"] == 422
     rows = table([found[0], found[1], found[3]])
-    verdicts = [row["verdict"] for row in (rows if isinstance(rows, list) else rows.to_dict("records"))]
-    assert verdicts == ["variational", "variational", "not_variational"]
+    rows = rows if isinstance(rows, list) else rows.to_dict("records")
+    assert [row["verdict"] for row in rows] == ["variational", "variational", "not_variational"]
+    assert rows[1]["L"] == "exp(t)*(x'^2 - x^2)/2"
 
 
 REFUSED = [

@@ -125,6 +125,11 @@ def guessed_words(result: Mapping[str, Any]) -> list[str]:
     return [f"not declared, {'; '.join(parts)}"] if parts else []
 
 
+def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The answer that a reader meets first: of a result, or of what has no Lagrangian itself."""
+    return answers_of(result, result)[0][0] if result.get("lagrangian") else result
+
+
 def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:
     """The answers on a branch in a reader's order, each with whether it is on L(t, q, q').
 

@@ -13,6 +13,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.mechanics.document_names import GUESS
+from inverse_service.service.documents.text_page import first_answer
 from inverse_service.service.jobs.batch_output import answer_line
 from inverse_service.service.jobs.model import BatchAnswer
 from inverse_service.web.asking import FACTORS
@@ -158,7 +159,8 @@ def row_of(answer: BatchAnswer) -> Row:
     name = "\u2013" if found["id"] is None else str(found["id"])
     if "error" in found:
         return Row(answer.number, name, "failed", found["detail"], "")
-    lagrangian = found.get("lagrangian")
+    first = first_answer(found)
+    lagrangian = first.get("lagrangian")
     text = f"L = {lagrangian['text']}" if lagrangian else found.get("reason", "")
     # Results of other kinds have no verdict.
-    return Row(answer.number, name, found.get("verdict") or "done", text, proof_of(found) or "")
+    return Row(answer.number, name, found.get("verdict") or "done", text, proof_of(first) or "")

@@ -27,6 +27,10 @@ LAGRANGIANS = {
     "rayleigh": "natural, with friction",
     "rayleigh_general": "any, with any friction D(q, q')",
 }
+# What can only be chosen on the form, not typed.
+CHOSEN: dict[str, tuple[str, ...]] = {
+    "associated": ASSOCIATED, "time": ("no", "yes"), "special_cases": ("yes",), "kinds": tuple(LAGRANGIANS),
+}  # fmt: skip
 REVEALED = ("hint", "answer")
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
@@ -239,7 +243,19 @@ def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:
     if not (query.get("equations") or query.get("lagrangian")):
         return None
     fields = dict.fromkeys(FIELDS, "") | {name: query.get(name, "") for name in LINKED}
+    for name, allowed in CHOSEN.items():
+        fields[name] = " ".join(value for value in _names(fields[name]) if value in allowed)
     return fields | {"kind": "equations" if fields["equations"] else "nonholonomic"}
+
+
+def left_out_of_link(query: Mapping[str, str]) -> list[str]:
+    """A sentence for each value in a link that the form has no choice for."""
+    return [
+        f"This link asks for {name}={value}, which does not exist and is left out; there is {', '.join(allowed)}."
+        for name, allowed in CHOSEN.items()
+        for value in _names(query.get(name, ""))
+        if value not in allowed
+    ]
 
 
 def lean_fields(document: Mapping[str, Any]) -> dict[str, str]:

@@ -27,6 +27,7 @@ from inverse_service.web.pages.documents import (
     fields_of_link,
     is_whole,
     lean_fields,
+    left_out_of_link,
     link_of_fields,
     revealed_of_link,
 )
@@ -51,8 +52,8 @@ ASSOCIATED = (
     (
         "third",
         "third",
-        "the velocities turn like an arrow, as of a knife edge with the angle \u03c6: x\u2033 = \u2212\u03c6\u2032y\u2032, y\u2033 = "
-        "\u03c6\u2032x\u2032; for some systems only",
+        "the velocities turn like an arrow, as x\u2033 = \u2212\u03c6\u2032y\u2032, y\u2033 = \u03c6\u2032x\u2032 "
+        "of a knife edge; for some systems only",
     ),
     ("any", "any", "whether any has a Lagrangian at all: the motion alone"),
 )
@@ -103,7 +104,8 @@ async def form(request: Request) -> HTMLResponse:
     patience = None if query else AT_ONCE * engine.is_reading
     judged = await own_judged(request, fields, query["own"]) if linked and query.get("own") else None
     found = await understand(request, fields, patience)
-    return solve_page(fields, reveal=revealed_of_link(query), own=judged, **found)
+    notes = left_out_of_link(query)
+    return solve_page(fields, reveal=revealed_of_link(query), own=judged, notes=notes, **found)
 
 
 @router.post("/own")
@@ -200,7 +202,7 @@ async def understand(request: Request, fields: dict[str, str], patience: float |
 def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTMLResponse:
     """The page with the form filled in."""
     nonholonomic = fields["kind"] == "nonholonomic"
-    shown: dict[str, Any] = {"problem": None, "understood": None, "reveal": (), "own": None} | values
+    shown: dict[str, Any] = {"problem": None, "understood": None, "reveal": (), "own": None, "notes": ()} | values
     return page(
         "solve.html",
         status,

@@ -51,6 +51,15 @@ def test_a_link_with_kinds_fills_the_boxes(service: str) -> None:
     page = httpx.get(f"{service}/?equations=x''=-x&kinds=finsler&clock=x").text
     assert 'value="finsler" checked' in page
     assert 'id="clock" name="clock" value="x"' in page
+    assert "does not exist" not in page
+
+
+def test_a_link_that_asks_for_what_does_not_exist_says_so_and_asks_the_rest(service: str) -> None:
+    page = httpx.get(f"{service}/?equations=x''=-x&kinds=finsler+finnish&time=maybe").text
+    assert "This link asks for kinds=finnish, which does not exist and is left out; there is natural," in page
+    assert "This link asks for time=maybe" in page
+    assert 'value="finsler" checked' in page
+    assert "Please change this" not in page
 
 
 def test_a_lagrangian_may_begin_with_its_letter_and_places_stay() -> None:
