@@ -40,6 +40,7 @@ from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.motion import reading_class
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome
 from inverse_service.inverse_problem.search.tidy import tidied
+from inverse_service.inverse_problem.search.written_masses import with_written_masses
 from inverse_service.linear_pde.deciding import MOST_UNKNOWNS, Limits
 from inverse_service.mechanics.second_order_system import (
     MOST_BRANCHES,
@@ -318,8 +319,17 @@ def _by_lagrangian(work: Work, decision: Decision, highest: float = math.inf) ->
     if work.outcome.found is None:
         return None
     found = work.outcome.found
-    answer = replace(_proposed(work, decision, found.lagrangians[0]), checked="valid")
+    answer = replace(_proposed(work, decision, _as_written(work, decision, found.lagrangians[0])), checked="valid")
     return completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]), decision.with_time)
+
+
+def _as_written(work: Work, decision: Decision, tree: Expression) -> Expression:
+    """The confirmed Lagrangian, or its multiple with the masses of the equations as written where that is confirmed."""
+    system = work.analysis.system
+    given = tuple(on_branch(equation, system) for equation in work.options.given)
+    multiple = with_written_masses(tree, system, given)
+    form = None if multiple is None else tidied(multiple, system)
+    return form if form is not None and is_confirmed(work, form, decision.with_time) else tree
 
 
 def _proposed(work: Work, decision: Decision, tree: Expression) -> Answer:

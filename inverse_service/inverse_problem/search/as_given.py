@@ -61,6 +61,15 @@ def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[Expression] =
     return whole if sign > 0 else tree_of({key: -value for key, value in terms_of(whole).items()})
 
 
+def written_masses(system: SecondOrderSystem, given: Sequence[Expression]) -> list[list[Terms]] | None:
+    """dE_i/dq''_j of the equations in an order in which it is symmetric; None where there is none.
+
+    InputError where an acceleration does not enter linearly, TooManyTerms where a sum is long.
+    """
+    equations = _in_order(_equations(system, given))
+    return None if equations is None else equations.matrix
+
+
 def _solved(system: SecondOrderSystem) -> list[Expression]:
     pairs = zip(system.coordinates, system.accelerations, strict=True)
     return [subtract(Acceleration(name), f) for name, f in pairs]

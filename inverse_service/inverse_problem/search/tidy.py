@@ -5,7 +5,7 @@ Trigonometric functions of arctangents become algebraic: cos(k atan u) + i sin(k
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from fractions import Fraction
 from functools import partial
@@ -113,7 +113,7 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
         return tree
     kept = _velocity_sums(tree)
     others = [_merged(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
-    return _as_written(min([tree, *others], key=_size), system)
+    return _as_written(min([tree, *others], key=_preference), system)
 
 
 def _as_written(tree: Expression, system: SecondOrderSystem) -> Expression:
@@ -188,9 +188,9 @@ def _velocity_sums(tree: Expression) -> int:
 
 def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:
     found = []
-    parameters = frozenset(Symbol(name) for name in system.parameters)
-    grouped = (partial(_grouped, system), partial(_by_parameters, parameters))
-    for form in (collect, collected_inside, _with_common_factor, *grouped):
+    constants = partial(_by_parameters, _parameters(system))
+    common, rates = partial(_with_common_factor, constants), partial(_by_rates, system, constants)
+    for form in (collect, collected_inside, common, partial(_grouped, system), constants, rates):
         try:
             found.append(form(tree))
         except _FAILED:
@@ -201,6 +201,11 @@ def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression
 def _size(tree: Expression) -> int:
     """The nodes; a minus sign counts nothing, but much before a bracket."""
     return sum(1 for _ in walk(tree)) + sum(map(_sign, walk(tree)))
+
+
+def _preference(tree: Expression) -> tuple[int, int]:
+    """Fewer nodes first, then fewer terms."""
+    return _size(tree), len(tree.terms) if isinstance(tree, Sum) else 1
 
 
 def _sign(node: Expression) -> int:
@@ -217,8 +222,8 @@ def collected_inside(tree: Expression) -> Expression:
     return min(tree, collect(tree), key=_size) if isinstance(tree, Sum) else tree
 
 
-def _with_common_factor(tree: Expression) -> Expression:
-    """An exponential of t that all terms share before a bracket: e^(ct) (x'^2 - x^2)/2."""
+def _with_common_factor(form: Callable[[Expression], Expression], tree: Expression) -> Expression:
+    """An exponential of t that all terms share before a bracket, kinetic terms in that form: e^(ct) (x'^2 - x^2)/2."""
     terms = terms_of(tree)
     content, shared, _ = split_content(terms) if terms else (Fraction(0), EMPTY, tree)
     common: Monomial = frozenset((p, e) for p, e in shared if _is_exponential_of_time(p))
@@ -227,7 +232,8 @@ def _with_common_factor(tree: Expression) -> Expression:
     content = content if content == Fraction(1, 2) else Fraction(1)
     rest = {times(key, common, -1): value / content for key, value in terms.items()}
     moving = {key: value for key, value in rest.items() if any(has_velocity(p) for p, _ in key)}
-    inside = add(tree_of(moving), tree_of({key: value for key, value in rest.items() if key not in moving}))
+    kinetic = min(tree_of(moving), form(tree_of(moving)), key=_preference)
+    inside = add(kinetic, tree_of({key: value for key, value in rest.items() if key not in moving}))
     return multiply(number(content), monomial_tree(common), inside)
 
 
@@ -246,15 +252,36 @@ def _by_parameters(parameters: frozenset[Symbol], tree: Expression) -> Expressio
     return add(*(multiply(c, monomial_tree(key)) for c, key in zip(coefficients, groups, strict=True)))
 
 
+def _by_rates(system: SecondOrderSystem, constants: Callable[[Expression], Expression], tree: Expression) -> Expression:
+    """The sum over products of velocities, each part in its own shortest form; without them by parameters only."""
+    groups: dict[Monomial, Terms] = {}
+    for key, value in _without_squares(terms_of(tree), _parameters(system)).items():
+        groups.setdefault(frozenset(item for item in key if has_velocity(item[0])), {})[key] = value
+    parts = []
+    for rates, inner in groups.items():
+        plain = tree_of(inner)
+        forms = [plain, constants(plain), *([_by_letters(system, inner)] if rates else [])]
+        parts.append(min(forms, key=_preference))
+    return add(*parts)
+
+
 def _grouped(system: SecondOrderSystem, tree: Expression) -> Expression:
     """The sum over velocities and parameters of their coefficients, each in its shortest form."""
-    parameters = frozenset(Symbol(name) for name in system.parameters)
+    return _by_letters(system, _without_squares(terms_of(tree), _parameters(system)))
+
+
+def _by_letters(system: SecondOrderSystem, terms: Terms) -> Expression:
+    parameters = _parameters(system)
     groups: dict[Monomial, Terms] = {}
-    for key, value in _without_squares(terms_of(tree), parameters).items():
+    for key, value in terms.items():
         outer: Monomial = frozenset(item for item in key if has_velocity(item[0]) or item[0] in parameters)
         groups.setdefault(outer, {})[key - outer] = value
     budget = Budget(_TERMS, end(), _WORK)
     return add(*(_part(outer, inner, system, budget) for outer, inner in groups.items()))
+
+
+def _parameters(system: SecondOrderSystem) -> frozenset[Symbol]:
+    return frozenset(Symbol(name) for name in system.parameters)
 
 
 def _without_squares(terms: Terms, parameters: frozenset[Symbol]) -> Terms:
@@ -268,7 +295,8 @@ def _part(outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrd
     plain = tree_of(inner)
     moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
     constant, rates = monomial_tree(outer - moving), monomial_tree(moving)
-    whole = multiply(constant, plain, rates)
+    content, common, rest = split_content(inner) if moving else (Fraction(1), EMPTY, plain)
+    whole = multiply(number(content), constant, monomial_tree(common), rest, rates)
     if len(inner) == 1 and next(iter(inner)) == EMPTY:
         return whole
     names = system.coordinates

@@ -71,8 +71,8 @@ def quotient(tree: Expression) -> Expression:
 
 
 def shortest(forms: Sequence[Expression]) -> Expression:
-    """The smallest of some equal trees; the first of those of the same size."""
-    return min(forms, key=size)
+    """The smallest of some equal trees; of those of the same size the first with the fewest terms."""
+    return min(forms, key=lambda form: (size(form), len(form.terms) if isinstance(form, Sum) else 1))
 
 
 @lru_cache(maxsize=512)
@@ -115,6 +115,17 @@ def exact_quotient(tree: Expression) -> Expression:
         return factored([tree], list(letters), Budget(_TERMS, end(), _WORK))[0]
     except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
         return tree
+
+
+def exponentials_above(tree: Expression) -> Expression:
+    """exp(-u) for 1/exp(u)."""
+    match rebuild(tree, exponentials_above):
+        case Power(Apply("exp", argument), Number(value)) if value < 0:
+            return Apply("exp", multiply(number(value), argument))
+        case Power(Product(factors), Number(value)) if value.denominator == 1:
+            return multiply(*(exponentials_above(power(factor, value)) for factor in factors))
+        case other:
+            return other
 
 
 def inside(tree: Expression) -> Expression:

@@ -33,6 +33,7 @@ from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
 from inverse_service.mechanics.legendre.forms import (
     cancelled,
+    exponentials_above,
     inside,
     negated,
     related,
@@ -247,7 +248,7 @@ def _closed(
     for block, found in zip(parts.blocks, chosen, strict=True):
         rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
     chained = tuple(rates[name] for name in names)
-    energies = [_placed(found.branch.hamiltonian, table) for found in chosen]
+    energies = [exponentials_above(_placed(found.branch.hamiltonian, table)) for found in chosen]
     return replace(
         implicit,
         hamiltonian=without_cancelling(inside(_collected_if_shorter(add(*energies, negated(parts.free))))),
