@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from functools import lru_cache
+from typing import TypeGuard
 
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -16,10 +17,12 @@ from inverse_service.expressions.tree import (
     Number,
     Power,
     Product,
+    Sum,
     Symbol,
     Velocity,
     add,
     multiply,
+    negate,
     number,
     power,
     rebuild,
@@ -126,3 +129,28 @@ def monomial_tree_of(factors: Iterable[Expression]) -> Expression:
 def separate_tree(monomial: Monomial) -> Expression:
     """The product with each atom's power on its own: exp(u)^-1 and not exp(-u)."""
     return multiply(*(power(base, exponent) for base, exponent in monomial))
+
+
+def minus_inside(tree: Expression) -> Expression:
+    """Each term -(a - b) c of a sum as (b - a) c, -c/(a - b) as c/(b - a)."""
+    if isinstance(tree, Sum):
+        return add(*map(minus_inside, tree.terms))
+    match tree:
+        case Product((Number(value), *factors)) if value < 0:
+            for place, factor in enumerate(factors):
+                base, exponent = (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, ONE)
+                if _is_difference(base) and isinstance(exponent, Number) and exponent.value % 2 == 1:
+                    turned = power(add(*map(negate, base.terms[::-1])), exponent)
+                    return multiply(number(-value), *factors[:place], turned, *factors[place + 1 :])
+    return tree
+
+
+def _is_difference(tree: Expression) -> TypeGuard[Sum]:
+    """Whether it is a sum of a term with a plus and one with a minus."""
+    signs = [_is_negative(term) for term in tree.terms] if isinstance(tree, Sum) else []
+    return len(signs) == 2 and any(signs) and not all(signs)
+
+
+def _is_negative(term: Expression) -> bool:
+    factor = term.factors[0] if isinstance(term, Product) else term
+    return isinstance(factor, Number) and factor.value < 0

@@ -16,6 +16,7 @@ from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import end
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.collecting_trees import minus_inside
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
@@ -113,7 +114,7 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
         return tree
     kept = _velocity_sums(tree)
     others = [_merged(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
-    return _as_written(min([tree, *others], key=_preference), system)
+    return minus_inside(_as_written(min([tree, *others], key=_preference), system))
 
 
 def _as_written(tree: Expression, system: SecondOrderSystem) -> Expression:

@@ -14,7 +14,7 @@ from itertools import islice
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.collecting_trees import merge_powers
+from inverse_service.expressions.collecting_trees import merge_powers, minus_inside
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     ZERO,
@@ -248,7 +248,7 @@ def _closed(
     for block, found in zip(parts.blocks, chosen, strict=True):
         rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
     chained = tuple(rates[name] for name in names)
-    energies = [exponentials_above(_placed(found.branch.hamiltonian, table)) for found in chosen]
+    energies = [minus_inside(exponentials_above(_placed(found.branch.hamiltonian, table))) for found in chosen]
     return replace(
         implicit,
         hamiltonian=without_cancelling(inside(_collected_if_shorter(add(*energies, negated(parts.free))))),
