@@ -132,7 +132,7 @@ def separate_tree(monomial: Monomial) -> Expression:
 
 
 def minus_inside(tree: Expression) -> Expression:
-    """Each term -(a - b) c of a sum as (b - a) c, -c/(a - b) as c/(b - a)."""
+    """Each term -(a - 1) c of a sum as (1 - a) c, -c/(a - 1) as c/(1 - a); other numbers than 1 alike."""
     if isinstance(tree, Sum):
         return add(*map(minus_inside, tree.terms))
     match tree:
@@ -146,9 +146,10 @@ def minus_inside(tree: Expression) -> Expression:
 
 
 def _is_difference(tree: Expression) -> TypeGuard[Sum]:
-    """Whether it is a sum of a term with a plus and one with a minus."""
-    signs = [_is_negative(term) for term in tree.terms] if isinstance(tree, Sum) else []
-    return len(signs) == 2 and any(signs) and not all(signs)
+    """Whether it is a sum of two terms, one with a plus and one with a minus, one of them a number."""
+    terms = tree.terms if isinstance(tree, Sum) else ()
+    signs = {_is_negative(term) for term in terms}
+    return len(terms) == len(signs) == 2 and any(isinstance(term, Number) for term in terms)
 
 
 def _is_negative(term: Expression) -> bool:
