@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from inverse_service.codegen.algebra import STEP, WHOLE_STEP
+from inverse_service.codegen.algebra import ALPHA, STEP, WHOLE_STEP
 from inverse_service.codegen.emission import Emitter
 from inverse_service.codegen.implicit import Blocks
 from inverse_service.codegen.llvm_writer import LlvmWriter
@@ -318,6 +318,10 @@ class AdaptiveKernel(Kernel):
         self.blocks.active = None
         zero = w.number(0.0)
         self.blocks.stop_unless(w.compare("==", w.read("left"), zero), TOO_MANY, w.read("length"))
+        # A motion that ends at this very point of the grid, as x'' = x'^2 at t = 1/x'(0): the time itself is not known
+        # to more than the tolerance.
+        known = w.binary("*", self.emitter.value(ALPHA), w.absolute(self._whole_step))
+        self.blocks.stop_unless(w.compare(">", w.absolute(w.read(TRIAL)), known), TOO_SHORT, w.read(TRIAL))
         self._end_step()
 
     def _arrived(self) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import symengine
 from numpy.typing import NDArray
 
 from inverse_service.codegen.algebra import ZERO, Formula, real_value
@@ -145,11 +146,19 @@ def _checked(
 def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, float]) -> Outcome | None:
     """The outcome where a force has no value at the start, through which no step would notice it, or none passes."""
     for name, formula in zip(f.problem.coordinates, forces, strict=False):
-        if not math.isfinite(real_value(formula, table)):
+        if not math.isfinite(real_value(formula, table)) or _divides_by_zero(formula, table):
             begin = table[str(MOMENT)]
             quantity = f"the force on {name} at the start, t = {begin:.12g}, which has no value"
             return Outcome("off_domain", 0, begin, quantity, None, BEGIN_ELSEWHERE)
     return None
+
+
+def _divides_by_zero(formula: Formula, table: Mapping[str, float]) -> bool:
+    """Whether it divides by what is 0 there, or takes its logarithm: atan(v/x) has a number in doubles at x = 0."""
+    powers = formula.atoms(symengine.Pow)
+    divided = [power.args[0] for power in powers if power.args[1].is_Number and power.args[1].is_negative]
+    divided += [logarithm.args[0] for logarithm in formula.atoms(symengine.log)]
+    return any(real_value(base, table) == 0 for base in divided)
 
 
 def no_one_motion(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> Outcome | None:

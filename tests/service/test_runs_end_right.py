@@ -391,7 +391,7 @@ def test_a_lagrangian_of_the_scene_that_ends_is_not_said_to_be_another_one() -> 
 ROOTS = [("sqrt(x)", 0), ("6*x^(1/3)", 0), ("-sqrt(abs(x))", 0), ("sqrt(x')", 0)]
 
 
-def begun_at_rest(force: str, velocity: float, method: str) -> dict[str, Any]:
+def begun_at_zero(force: str, velocity: float, method: str) -> dict[str, Any]:
     initial = {"positions": {"x": 0}, "velocities": {"x": velocity}}
     scene = {"system": {"equations": [f"x'' = {force}"]}, "initial": initial, "step": 0.1, "time": 1}
     return methods(scene | {"methods": [method]})[method]
@@ -401,7 +401,7 @@ def begun_at_rest(force: str, velocity: float, method: str) -> dict[str, Any]:
 @pytest.mark.parametrize(("force", "velocity"), ROOTS)
 def test_no_run_chooses_one_of_many_motions(force: str, velocity: float, method: str) -> None:
     """x'' = sqrt(x) has x = 0 and x = (t - s)^4/144 from x = x' = 0 (Peano's example for the second order)."""
-    found = begun_at_rest(force, velocity, method)
+    found = begun_at_zero(force, velocity, method)
     assert found["outcome"] == "singular"
     assert "more than one motion" in found["stopped"]["quantity"]
 
@@ -412,12 +412,33 @@ def test_what_leaves_the_root_at_once_is_the_one_motion(force: str) -> None:
     energy = {"sqrt(x)": lambda x: 4 / 3 * x**1.5, "6*x^(1/3)": lambda x: 9 * x ** (4 / 3)}.get(
         force, lambda x: 2 * x + 4 / 3 * x**1.5
     )
-    found = begun_at_rest(force, 1, "adaptive")
+    found = begun_at_zero(force, 1, "adaptive")
     passed, _ = quad(lambda u: 3 * u**2 / math.sqrt(1 + energy(u**3)), 0, found["final"]["positions"]["x"] ** (1 / 3))
     assert abs(passed - 1) < 1e-9
-    assert begun_at_rest(force, 1, "stiff")["outcome"] == "singular"
+    assert begun_at_zero(force, 1, "stiff")["outcome"] == "singular"
 
 
 @pytest.mark.parametrize("force", ["abs(x)", "sqrt(x^2)", "x*sqrt(x)", "x*log(1 + abs(x))"])
 def test_a_kink_or_a_weaker_root_has_one_motion(force: str) -> None:
-    assert begun_at_rest(force, 0, "adaptive")["final"]["positions"] == {"x": 0.0}
+    assert begun_at_zero(force, 0, "adaptive")["final"]["positions"] == {"x": 0.0}
+
+
+@pytest.mark.parametrize("method", ["adaptive", "stiff", "reference", "runge-kutta", "heyoka"])
+@pytest.mark.parametrize(
+    ("force", "velocity", "end"), [("x'^2", 1, 1), ("x'^2", 2, 0.5), ("2*x'^2/(1 + x)", 1, 1), ("2*x^3", 1, 1)]
+)
+def test_a_motion_that_ends_with_the_run_is_not_completed(force: str, velocity: float, end: float, method: str) -> None:
+    """x' = 1/(1 - t) from x'(0) = 1, and x = 1/(1 - t) of x'' = 2 x^3: infinite at the last point of the grid."""
+    place = 1 if force == "2*x^3" else 0
+    initial = {"positions": {"x": place}, "velocities": {"x": velocity}}
+    scene = {"system": {"equations": [f"x'' = {force}"]}, "initial": initial, "step": end / 50, "time": end}
+    found = methods(scene | {"methods": [method]})[method]
+    assert found["outcome"] != "completed"
+    assert found.get("final", {"t": 0})["t"] < end
+
+
+@pytest.mark.parametrize("method", ["adaptive", "reference", "runge-kutta", "stiff"])
+@pytest.mark.parametrize("force", ["atan(x'/x)", "exp(-1/x^2)", "tanh(1/x)", "atan(log(x))", "1/(1 + 1/x^2)"])
+def test_no_run_begins_where_its_formula_has_no_value(force: str, method: str) -> None:
+    """In doubles 1/0 is infinite and atan(1/0) a number, for x < 0 of the wrong sign."""
+    assert begun_at_zero(force, -1, method)["outcome"] == "off_domain"
